@@ -20,6 +20,7 @@ from .traces import stop_of
 SCANNED_STEPS = np.geomspace(0.25, 3.5, 45)  # in standard deviations of the output
 OFFSETS = (0.0, 0.5)
 KEPT_STEPS = 3
+HIDDEN = 0.35  # remnant ahead of levels, in steps, that hides them
 PLAY = 0.5  # logarithm of the mean distance of jumps from the command, either way
 AMPLITUDE, STEPS = 3.0, 30.0  # standard deviations of the output, and most jumps on the way there
 SHARES, FINER_SHARES = np.linspace(0.0, 0.95, 20), np.linspace(-0.03, 0.03, 7)
@@ -377,7 +378,7 @@ class Quantised(StaticMap):
         step = Parameter("step", self.unit, 0.05, 6.0, steps, "distance between levels")
         if self.form == "behind":
             remnant = Parameter(
-                "remnant", ONE, 0.15, 0.35, (0.2,), "remnant ahead of the levels, in steps"
+                "remnant", ONE, 0.15, HIDDEN, (0.2,), "remnant ahead of the levels, in steps"
             )
             return (step, offset, remnant)
         if self.form == "uneven":
@@ -387,6 +388,7 @@ class Quantised(StaticMap):
             )
         return (step, offset)
 
+    unseen_at = {"remnant": HIDDEN}  # which leaves an offset
     softness = 0.0  # of corners, in steps
 
     @property

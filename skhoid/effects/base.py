@@ -74,6 +74,9 @@ class Effect(Composable, BaseEstimator):
         and all are tried.
     neutral : dict of str to float
         Values of parameters at which it does nothing, if there are any.
+    unseen_at : dict of str to float
+        Values of parameters, which are bounds, at which nothing shows of what its name says; a
+        search does not name it there.
     free_form : bool
         Whether its shape is estimated: see :class:`FreeForm`.
     within : tuple of str
@@ -130,6 +133,7 @@ class Effect(Composable, BaseEstimator):
     noise: ClassVar[str] = ""
     choices: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     neutral: Mapping[str, float] = {}
+    unseen_at: Mapping[str, float] = {}
     free_form: ClassVar[bool] = False
     within: ClassVar[tuple[str, ...]] = ()
 

@@ -14,7 +14,6 @@ from .record import Record
 from .smooth_curve import LEVEL, SLOPE, SmoothCurve
 
 N_KNOTS = 11
-N_FINE = 20  # knots, at least, of a curve that is shown
 FEWEST = 4  # knots of a curve
 TAIL = 0.005  # share of a signal beyond the outermost knots
 USUAL = 0.3  # size of a curve, relative to the scale of its parameters, before data say more
@@ -172,10 +171,9 @@ class FreeForm(Effect):
         return self.with_choices(knots=quantile_knots(self.watched(record)))
 
     def with_more_knots(self) -> Any:
-        """The form with further knots half-way between, until there are enough for its details."""
+        """The form with a further knot half-way between any two."""
         knots = np.asarray(self.knots)
-        while knots.size < N_FINE:
-            knots = np.sort(np.r_[knots, (knots[1:] + knots[:-1]) / 2])
+        knots = np.sort(np.r_[knots, (knots[1:] + knots[:-1]) / 2])
         return self.with_choices(knots=tuple(knots.tolist()))
 
     def coefficients(self, at_knots: np.ndarray) -> dict[str, float]:

@@ -20,6 +20,8 @@ WORSE = 1.02  # times the squares, at most, by which a smoother curve may simula
 SMALLEST = 1e-3  # of the scale of the parameters: a straight line
 ROUGHER = 10.0  # times the spread, of a curve that smoothing takes little from
 FACTOR = 10.0  # by which a round may change the spread, at most
+N_FINE = 20  # knots, at least, of a curve that is shown
+CROWDED = 0.7  # effective degrees of freedom per coefficient of a curve that asks for more knots
 
 
 class Posterior(NamedTuple):
@@ -86,19 +88,35 @@ def smoothed(model: Model, names: Collection[str]) -> Model:
     return model.refined(criterion, max_iter=4)
 
 
-def in_detail(model: Model, name: str) -> Model:
+def in_detail(model: Model, name: str, least: int = N_FINE) -> Model:
     """A model at the least error of simulation, with more knots of a free form that has a curve.
 
-    Between few knots a curve cannot bend: what it misses there is no error that its posterior
-    knows. With many its smoothness is chosen by the likelihood alone.
+    As many at least, by further ones half-way between. Between few knots a curve cannot bend: what
+    it misses there is no error that its posterior knows. With many its smoothness is chosen by the
+    likelihood alone.
     """
     effect = dict(model.effects.steps)[name]
     if not isinstance(effect, FreeForm) or not effect.free or effect.spread is None:
         return model
-    finer = effect.with_more_knots()
-    if finer.knots == effect.knots:
-        return model
-    values = model.values()
+    finer, before = effect, None
+    while len(finer.knots or ()) < least and finer.knots != before:
+        before, finer = finer.knots, finer.with_more_knots()
+    return model if finer.knots == effect.knots else with_finer(model, name, finer)
+
+
+def crowded(model: Model, name: str) -> bool:
+    """Whether the data use most coefficients of a curve."""
+    criterion = Criterion(model.simulator.record)
+    criterion.set_noise(criterion.remnant_model(model.output))
+    dof = posterior_of(model, criterion).dof
+    own = [one.startswith(f"{name}__") for one in model.simulator.names]
+    return bool(dof[own].sum() > CROWDED * sum(own))
+
+
+def with_finer(model: Model, name: str, finer: FreeForm) -> Model:
+    """The model with the same curve on other knots, and fitted."""
+    effect, values = dict(model.effects.steps)[name], model.values()
+    assert isinstance(effect, FreeForm)
     own = np.array([values[f"{name}__{p.name}"] for p in effect.free])
     at_knots = effect.curve(effect.curve.basis @ own, np.asarray(finer.knots))
     found = finer.coefficients(at_knots)

@@ -310,6 +310,9 @@ def without_name(candidate: Candidate) -> str:
     effect = dict(model.effects.steps)[candidate.name]
     sizes = [p.name for p in effect.free if p.name in effect.neutral or not effect.neutral]
     values, ends, unknown = model.values(), model.at_bound(), model.undetermined()
+    for name, value in effect.unseen_at.items():
+        if own + name in ends and np.isclose(values[own + name], value, rtol=AT_BOUND):
+            return f"nothing shows of it with {name} = {value:g}"
     lost = [name for name in sizes if own + name in unknown]
     at_end = [n for n in sizes if own + n in ends and not natural(values[own + n])]
     if not sizes or {*lost, *at_end} != {*sizes}:

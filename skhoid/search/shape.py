@@ -18,11 +18,11 @@ from ..greybox.likelihood import TOLERATED, settled
 from ..greybox.model import Model
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel
-from ..greybox.smoothing import in_detail
+from ..greybox.smoothing import N_FINE, crowded, in_detail
 from ..summaries import Summary, TextTable, number
 from .all_runs import on_rows_of
 from .band import curve_with_band
-from .candidates import AS_GOOD, Candidate
+from .candidates import AS_GOOD, LEAST_GAIN, Candidate
 from .formulas import Fitted, formula_of
 from .forward import Search, output_error_fit
 from .held_out import held_out
@@ -34,6 +34,7 @@ from .shapes import Shaped
 SHOWN = 3  # nearest names in a sentence
 NEAR = 0.7  # distance of a curve that has half of the power in common
 POINTS = 9  # of a curve in a table
+MOST_KNOTS = 81  # of a curve
 AXES = {  # what a curve is a function of, on an axis; others are names of channels
     "e": "error e",
     "u": "output u",
@@ -347,19 +348,31 @@ def shape_of(
 
 
 def detailed(search: Search, found: Candidate) -> Candidate:
-    """The best form with knots enough for its details, unless held-out rows speak against them."""
+    """The best form with knots enough for its details, unless held-out rows speak against them.
+
+    Where the data use most of them, as for a gain that vanishes for seconds, more are tried.
+    """
     assert found.model is not None
     before = output_error_fit(found.model)
-    plain = in_detail(before, found.name)
+
+    def vaf_of(model: Model) -> float:
+        return vaf_of_output(search.record, held_out(model, search.criterion, search.folds))
+
+    plain, least = before, N_FINE
+    vaf = start = vaf_of(before)
+    while least <= MOST_KNOTS:
+        finer = in_detail(plain, found.name, least)
+        if finer is not plain:
+            asked = -AS_GOOD if least == N_FINE else LEAST_GAIN * search.share
+            if not (new := vaf_of(finer)) - vaf > asked:
+                break
+            plain, vaf = finer, new
+        if not crowded(plain, found.name):
+            break
+        least = 2 * len(getattr(dict(plain.effects.steps)[found.name], "knots", ())) - 1
     if plain is before:
         return found
-    vafs = [
-        vaf_of_output(search.record, held_out(one, search.criterion, search.folds))
-        for one in (before, plain)
-    ]
-    more = vafs[1] - vafs[0]
-    if not more > -AS_GOOD:
-        return found
+    more = vaf - start
     criterion = Criterion(search.record)
     criterion.set_noise(criterion.remnant_model(plain.output))
     model = plain.refined(criterion)

@@ -251,10 +251,17 @@ def first_stands(rival: Candidate, found: SearchNumbers) -> bool:
 
 
 def excess_asked(one: Candidate, found: SearchNumbers) -> float:
-    """Points by which a form must exceed all effects that were found to speak against them."""
+    """Points by which a form must exceed all effects that were found to speak against them.
+
+    One with fewer numbers, such as those at which stretches begin and end, need not exceed them.
+    """
     if len(found.added) > 1:
         return -AS_GOOD
-    return found.share * (LEAST_GAIN if elsewhere(one.effect, found) else BESIDE_ONE[0])
+    if not elsewhere(one.effect, found):
+        return found.share * BESIDE_ONE[0]
+    named, form = found.path.model, one.model
+    plainer = form is not None and form.n_parameters < named.n_parameters
+    return -AS_GOOD if plainer else found.share * LEAST_GAIN
 
 
 def elsewhere(form: Any, found: SearchNumbers) -> bool:
