@@ -59,6 +59,7 @@ def extended(
     last: dict[tuple[str, Dimension], float] = {}
     enough = LEAST_COARSE_GAIN * coarse.power
     below = before - enough if worth else np.inf
+    scan = Scan(rough, name, effect, coarse)
 
     def with_(variant: Effect, record: Record) -> Simulator:
         return Simulator(core, Effects([*parent.effects.steps, (name, variant)]), record)
@@ -69,7 +70,7 @@ def extended(
         if is_shade and before - least < enough:
             break
         simulator = with_(variant, coarse.record)
-        scan = Scan(rough, name, variant, coarse)
+        scan = scan.of(variant)
         values = [*variant.scanned(scan, coarse.record), *variant.starts(record)]
         starts = [start_beside(rough, simulator, name, v) for v in values]
         if effect.place == "delay":
