@@ -39,20 +39,27 @@ def extended(
     *,
     start: Mapping[str, float] | None = None,
     worth: float = 0.0,
+    rough: Model | None = None,
 ) -> Model:
     """A fitted model with one more effect, from the best of its variants and starts.
 
     ``start`` has a user's values, by full names, that are tried too.
     Variants and starts are explored under the ``coarse`` criterion. The fit is followed
     to the end only where that shows a gain: of twice the share ``worth`` of the power, or of as
-    much as that after some iterations.
+    much as that after some iterations. ``rough`` is what :func:`explored_from` returned for the
+    parent, in a search: without it, what other parameters gain on the rows of ``coarse`` counts as
+    gain of the effect.
     """
     record = replace(parent.simulator.record, prediction=parent.output)
     core = parent.simulator.core
-    before = coarse.sse(Simulator(core, parent.effects, coarse.record).run(parent.theta))
+    if rough is None:
+        rough = Model(Simulator(core, parent.effects, coarse.record), parent.fit)
+    before = coarse.sse(rough.output)
     explored: list[tuple[float, int, Effect, Fit]] = []
     last: dict[tuple[str, Dimension], float] = {}
     enough = LEAST_COARSE_GAIN * coarse.power
+    below = before - enough if worth else np.inf
+    scan = Scan(rough, name, effect, coarse)
 
     def with_(variant: Effect, record: Record) -> Simulator:
         return Simulator(core, Effects([*parent.effects.steps, (name, variant)]), record)
@@ -63,19 +70,19 @@ def extended(
         if is_shade and before - least < enough:
             break
         simulator = with_(variant, coarse.record)
-        scan = Scan(parent, name, variant, coarse)
+        scan = scan.of(variant)
         values = [*variant.scanned(scan, coarse.record), *variant.starts(record)]
-        starts = [start_beside(parent, simulator, name, v) for v in values]
+        starts = [start_beside(rough, simulator, name, v) for v in values]
         if effect.place == "delay":
             starts = [restarted(simulator, coarse, start) for start in starts]
         starts += [start_given(simulator, one, start) for one in starts[:1] if start]
         for other in parent.other_cores:
-            starts += [start_beside(parent, simulator, name, v, other) for v in values]
+            starts += [start_beside(rough, simulator, name, v, other) for v in values]
         if last:  # what the last variant found, where its parameters have the same units
             known = [(last.get(key), i) for i, key in enumerate(_keys(simulator))]
             again = [np.array([s[i] if v is None else v for v, i in known]) for s in starts]
             starts = [*np.unique(np.clip(again, simulator.low, simulator.high), axis=0), *starts]
-        fit = best_of(simulator, coarse, starts, explore=True).fit
+        fit = best_of(simulator, coarse, starts, explore=True, below=below).fit
         if effect.place == "output" and before > HIDDEN * coarse.power_about_mean:
             # It hides the output from least squares, so the parent is far off.
             spread = core.spread(coarse.record, coarse.record.input)
@@ -132,6 +139,13 @@ def extended(
     most = least * np.exp(AS_GOOD / criterion.n)
     near = [item for item in finished if item[1].sse <= most]
     return min(near, key=lambda item: item[0])[1]
+
+
+def explored_from(parent: Model, coarse: Criterion) -> Model:
+    """The parent at its own minimum of a coarse criterion, beside which candidates start there."""
+    simulator = Simulator(parent.simulator.core, parent.effects, coarse.record)
+    fit = minimise(simulator, coarse, parent.theta, max_iter=8, tol=2e-4)
+    return Model(simulator, fit, parent.other_cores)
 
 
 def _keys(simulator: Simulator) -> list[tuple[str, Dimension]]:

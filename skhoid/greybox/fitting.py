@@ -24,6 +24,7 @@ STEP = 1e-4  # of finite differences, relative
 COARSE_STEP = 5e-3  # where the response is not smooth
 WORTHWHILE = 1e-4  # share of the squares that a common scale must save
 SEARCHED = 0.02  # relative accuracy of parameters where the response is not smooth
+FAR = 3.0  # times what a step promises, that it may save
 MEMORY = 2.0  # s, over which scores may correlate
 NO_CHANGE = 1e-14  # of the squares that the most influential parameter changes
 ALL = slice(None)
@@ -157,7 +158,8 @@ class Fit:
     """Parameters at a minimum, and the normal equations there.
 
     ``beside`` is the part of the covariance due to choices that could have been made differently,
-    ``jointly`` whether the noise model was estimated along with the parameters.
+    ``jointly`` whether the noise model was estimated along with the parameters, ``hopeless``
+    whether the fit ended as it would not have saved what was asked.
     """
 
     theta: np.ndarray
@@ -167,6 +169,7 @@ class Fit:
     gradient: np.ndarray
     beside: np.ndarray | None = None
     jointly: bool = False
+    hopeless: bool = False
 
     def covariance(self, free: np.ndarray) -> np.ndarray:
         """Covariance of the parameters; those not ``free`` (at a bound) have none."""
@@ -206,6 +209,7 @@ def minimise(
     fixed: np.ndarray | None = None,
     prior: Prior | None = None,
     at_start: Sums | None = None,
+    below: float = np.inf,
 ) -> Fit:
     """Levenberg-Marquardt with bounds by projection and finite differences.
 
@@ -213,6 +217,8 @@ def minimise(
     is not smooth, its scale is solved for at the start, whatever is ``fixed``. The cost of a
     ``prior``, by default that of the effects, adds to the sum of squares that is minimised, not to
     that of the fit. ``at_start`` is for a start whose sums are known, where the response is smooth.
+    A smooth fit ends where even several times what a step promises would not lead ``below`` a sum
+    of squares.
     """
     low, high = simulator.low, simulator.high
     theta = np.clip(theta, low, high)
@@ -226,7 +232,7 @@ def minimise(
         prior = simulator.prior.weighing(sse / max(criterion.n, 1))
     if not simulator.smooth:
         theta, sse = rescaled(simulator, criterion, theta, sse)
-    better = True
+    better, hopeless = True, False
     for i in range(max_iter):
         if i or at_start is None:
             normal, gradient = normal_equations(simulator, criterion, theta)
@@ -251,6 +257,9 @@ def minimise(
             except np.linalg.LinAlgError:
                 damping *= 10
                 continue
+            if simulator.smooth and sse - FAR * (gradient @ step) > below:
+                hopeless = True
+                break
             trial = np.clip(theta + step, low, high)
             new = sse_at(simulator, criterion, trial)
             gain = sse - new + prior.cost(theta) - prior.cost(trial)
@@ -264,7 +273,7 @@ def minimise(
         damping = max(damping / 6, 1e-9)
         if gain < tol * sse:
             break
-    return Fit(theta, sse, criterion.n, normal, gradient)
+    return Fit(theta, sse, criterion.n, normal, gradient, hopeless=hopeless)
 
 
 def rescaled(

@@ -142,23 +142,32 @@ def best_of(
     starts: Iterable[np.ndarray],
     *,
     explore: bool = False,
+    below: float = np.inf,
 ) -> Model:
-    """Minimise from several starts: a few iterations from each, then on from the best."""
-    end = {"max_iter": 8, "tol": 2e-4} if explore else {"max_iter": 20, "tol": 1e-5}
-    starts = list(starts)
-    most = N_SCREENED if simulator.smooth else N_SCREENED_COARSELY
-    if len(starts) > most:
-        starts.sort(key=lambda s: scaled_sse(simulator, criterion, s))
-        starts = starts[:most]
-    if len(starts) > N_STARTS_KEPT:
-        first = 1 if len(starts) > MANY else N_TRIED
+    """Minimise from several starts: a few iterations from each, then on from the best.
+
+    Starts that would not lead ``below`` a sum of squares are followed no further.
+    """
+    most, tol = (8, 2e-4) if explore else (20, 1e-5)
+    points = [np.asarray(start, dtype=float) for start in starts]
+    n_screened = N_SCREENED if simulator.smooth else N_SCREENED_COARSELY
+    if len(points) > n_screened:
+        points.sort(key=lambda s: scaled_sse(simulator, criterion, s))
+        points = points[:n_screened]
+    fits: list[Fit] = []
+    if len(points) > N_STARTS_KEPT:
+        first = 1 if len(points) > MANY else N_TRIED
         tried = [
-            minimise(simulator, criterion, np.asarray(s, dtype=float), max_iter=first, tol=1e-3)
-            for s in starts
+            minimise(simulator, criterion, point, max_iter=first, tol=1e-3, below=below)
+            for point in points
         ]
         tried.sort(key=lambda fit: fit.sse)
-        starts = [fit.theta for fit in tried[:N_STARTS_KEPT]]
-    fits = [minimise(simulator, criterion, np.asarray(s, dtype=float), **end) for s in starts]  # type: ignore[arg-type]
+        fits = [fit for fit in tried[:N_STARTS_KEPT] if fit.hopeless]
+        points = [fit.theta for fit in tried[:N_STARTS_KEPT] if not fit.hopeless]
+    fits += [
+        minimise(simulator, criterion, point, max_iter=most, tol=tol, below=below)
+        for point in points
+    ]
     return Model(simulator, min(fits, key=lambda fit: fit.sse))
 
 

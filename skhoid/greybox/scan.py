@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -36,6 +37,12 @@ class Scan:
         self.explores = coarse.rate < coarse.record.criterion_rate
         self.by_seconds: dict[float, tuple[Simulator, Criterion]] = {}
         self.by_lead: dict[tuple[float, float], tuple[np.ndarray, np.ndarray]] = {}
+
+    def of(self, variant: Effect) -> Scan:
+        """The scan of another variant, with what is the same for all that has been computed."""
+        other = copy(self)
+        other.variant, other.by_seconds = variant, {}
+        return other
 
     @cached_property
     def ordinary(self) -> dict[str, float]:

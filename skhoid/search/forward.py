@@ -18,7 +18,7 @@ from ..effects.composition import Effects
 from ..effects.record import Record
 from ..greybox.base import vaf_of_output
 from ..greybox.cores import Core
-from ..greybox.extend import beside_each_other, extended
+from ..greybox.extend import beside_each_other, explored_from, extended
 from ..greybox.fitting import Criterion, Fit, minimise, sse_at
 from ..greybox.model import Model, in_order, without
 from ..greybox.simulator import Simulator
@@ -127,7 +127,9 @@ class Search:
         tried = [c for c in candidates if not c.reason]
         added = [(c.name, c.effect) for c in tried]
         with self.progress.step(2 * len(tried)):  # fitted, and refined
-            for c, found in zip(tried, self._each(self._extended, added, parent), strict=True):
+            rough = explored_from(parent, self.coarse)
+            done = self._each(self._extended, added, parent, rough)
+            for c, found in zip(tried, done, strict=True):
                 c.model = self._model(found, parent)
             return self.judged(parent, candidates)
 
@@ -160,9 +162,12 @@ class Search:
         start = min(starts, key=lambda theta: sse_at(simulator, self.criterion, theta))
         return effects, minimise(simulator, self.criterion, start)
 
-    def _extended(self, added: tuple[str, Effect], parent: Model) -> tuple[Effects, Fit]:
+    def _extended(
+        self, added: tuple[str, Effect], parent: Model, rough: Model
+    ) -> tuple[Effects, Fit]:
         worth = HOPELESS / 2 * self.share
-        model = extended(parent, *added, self.criterion, self.coarse, worth=worth)
+        criteria = self.criterion, self.coarse
+        model = extended(parent, *added, *criteria, worth=worth, rough=rough)
         return model.effects, model.fit
 
     def _model(self, found: tuple[Effects, Fit], parent: Model) -> Model:
