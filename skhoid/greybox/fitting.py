@@ -266,6 +266,10 @@ def minimise(
             if gain > 0:
                 better = True
                 break
+            moved = trial - theta
+            promised = moved @ (2 * gradient - normal @ moved)
+            if not simulator.exact and promised < tol * sse:
+                break  # by derivatives whose errors are larger; shorter steps promise less
             damping *= 8
         if not better:
             break

@@ -50,6 +50,9 @@ ROUNDS_AMONG_JUMPS = 3
 ALIKE = 1.0  # of n log(SSE), by which minima side by side may differ
 SAME = 0.1  # of n log(SSE), from a minimum, where a fit will end there too
 NEEDED = 8.0  # of n log(SSE), that a gain on the error rate or another minimum must save
+# Squares of a gain over its variance, at which it saves much more than that: it saves a tenth of
+# them at least.
+CLEARLY_NEEDED = 500.0
 SHORT_LEAD = 0.05  # s, from which to seek how large a gain may be that was left out
 SOUGHT, CLOSE, FARTHER = 4, 0.2, 3.0  # tries; relative accuracy; times as far, at most
 
@@ -198,7 +201,7 @@ def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
     held = np.zeros(model.theta.size, dtype=bool)
     beside = np.zeros((held.size, held.size))
     free = best
-    if extra and best[1][extra].any():
+    if extra and best[1][extra].any() and not clearly_needed(simulator, best[1], extra):
         held[extra] = True
         plain = [np.where(held, 0.0, start) for start in [best[1], *starts]]
         without = best_from(plain, held)
@@ -232,14 +235,31 @@ def beyond_chance(simulator: Simulator, theta: np.ndarray, held: np.ndarray) -> 
     tests in econometrics, 1978); what exceeds that is taken for a bias.
     """
     in_loop = likeliest_in_loop(simulator, theta, held)
-    criterion = Criterion(simulator.record, rate=JOINT_RATE)
-    noise = autoregression(residual_at(simulator, criterion, theta), criterion.known)
-    if in_loop is None or noise is None:
+    criterion = joint_criterion(simulator, theta)
+    if in_loop is None or criterion is None:
         return np.zeros((theta.size, theta.size))
-    criterion.set_noise(noise)
     change = in_loop[0] - theta
     chance = np.abs(in_loop[1] - variances(simulator, criterion, theta, held))
     return _outer(np.sign(change) * np.sqrt(np.maximum(change**2 - chance, 0.0)))
+
+
+def joint_criterion(simulator: Simulator, theta: np.ndarray) -> Criterion | None:
+    """The criterion with the noise model of some parameters; None where there is none."""
+    criterion = Criterion(simulator.record, rate=JOINT_RATE)
+    noise = autoregression(residual_at(simulator, criterion, theta), criterion.known)
+    if noise is None:
+        return None
+    criterion.set_noise(noise)
+    return criterion
+
+
+def clearly_needed(simulator: Simulator, theta: np.ndarray, positions: list[int]) -> bool:
+    """Whether a gain at some position is so many standard errors large that it must be kept."""
+    criterion = joint_criterion(simulator, theta)
+    if criterion is None:
+        return False
+    variance = variances(simulator, criterion, theta, np.zeros(theta.size, dtype=bool))[positions]
+    return bool((theta[positions] ** 2 > CLEARLY_NEEDED * variance)[variance > 0.0].any())
 
 
 def variances(

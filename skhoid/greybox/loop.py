@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -65,10 +66,17 @@ class Loop:
         """Change of the controlled output caused by a change of the output."""
         change = change.copy()
         change[: self.begin] = 0.0
-        if max(len(self.b), len(self.a)) > SECOND_ORDER:
+        if self._second_order is None:
             return lfilter(self.b, self.a, change, axis=0)
+        return _kernels.greybox.filtered(_kernels.gate(change), *self._second_order)
+
+    @cached_property
+    def _second_order(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Coefficients for the kernel; None where they are too many."""
+        if max(len(self.b), len(self.a)) > SECOND_ORDER:
+            return None
         b, a = (np.pad(c / self.a[0], (0, SECOND_ORDER - len(c))) for c in (self.b, self.a))
-        return _kernels.greybox.filtered(_kernels.gate(change), b, a[1:])
+        return b, a[1:]
 
 
 class LoopSimulator:
@@ -78,6 +86,8 @@ class LoopSimulator:
     through the loop's own sensitivity, which for a linear model ends after two sweeps. The same
     sensitivity turns derivatives of the open answer into derivatives of the loop.
     """
+
+    exact = False  # one sensitivity stands for all times and amplitudes
 
     def __init__(self, core: Core, effects: Effects, record: Record, loop: Loop):
         assert record.y is not None
@@ -156,9 +166,11 @@ class LoopSimulator:
             for _ in range(round(SWEEPS / step)):
                 simulator = self._open(error)
                 answer = simulator.run(theta)
-                change = answer + self._noise - self._columns.y
-                left = self._error - self.loop.moved(change) - error
-                size = float(np.sqrt(np.mean(left**2))) / self._spread
+                change = answer + self._noise
+                change -= self._columns.y  # in place, as room for signals takes time too
+                left = self._error - self.loop.moved(change)
+                left -= error
+                size = float(np.sqrt(np.vdot(left, left) / left.size)) / self._spread
                 size = size if np.isfinite(size) else np.inf
                 worse = best is not None and size > SLOW**step * best[0]
                 if best is None or size < best[0]:
@@ -167,8 +179,10 @@ class LoopSimulator:
                 if size < SAME or not np.isfinite(size) or stuck == PATIENCE:
                     break
                 change = left if sensitivity is None else sensitivity.of(left)
-                error = error + step * change
-                error = np.clip(error, -LARGEST * self._spread, LARGEST * self._spread)
+                change *= step
+                change += error
+                most = LARGEST * self._spread
+                error = np.clip(change, -most, most, out=change)
         assert best is not None
         size, self._inside, self._answer, self._last = best
         found = size <= SOLVED

@@ -60,6 +60,8 @@ class Simulator:
     simulated a few at a time, see :meth:`parts`, and only their output is kept.
     """
 
+    exact = True  # whether differences of ``run_with_change`` are those of ``run``
+
     def __init__(self, core: Core, effects: Effects, record: Record):
         self.core, self.effects, self.record = core, effects, record
         self.parameters: list[FreeParameter] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -84,7 +84,8 @@ def leftovers(
         for rate in (None, RATES[0]):
             if not np.isfinite(inside.output).all():  # from where the last rate ended, too
                 return sorted(found, key=lambda item: -item.points)
-            of_rate = _found(inside, judge.folds, rate)
+            asked = {key_of(i) for i in found if i.where in IN_LOOP and i.points > 0}
+            of_rate = _found(inside, judge.folds, rate, asked)
             points = {key_of(i): i.points for i in of_rate}
             found = [
                 replace(item, points=min(item.points, points.get(key_of(item), 0.0)))
@@ -95,14 +96,23 @@ def leftovers(
     return sorted((item for item in found if item.points > 0), key=lambda item: -item.points)
 
 
-def _found(model: Model, folds: Sequence[HeldOutRows], rate: float | None = None) -> list[Leftover]:
+def _found(
+    model: Model,
+    folds: Sequence[HeldOutRows],
+    rate: float | None = None,
+    asked: Container[tuple[str, str, str]] | None = None,
+) -> list[Leftover]:
+    """What families find, at a rate; only those ``asked`` for, by :func:`key_of`; None: all."""
     record = model.simulator.record
     criterion = Criterion(record, rate=rate)
     criterion.set_noise(criterion.remnant_model(model.output))
     base = model.refined(criterion, max_iter=4)
     own = derivatives(base.simulator, criterion, base.theta)
     found = []
-    for where, at, description, columns in _families(base):
+    for where, at, description, computed in _families(base):
+        if asked is not None and (where, at, description) not in asked:
+            continue
+        columns = computed()
         if not len(columns):
             continue
         thin = np.stack([c[:: criterion.thin] for c in columns]) * criterion.known
@@ -192,12 +202,12 @@ def _more(gains: Gains, name: str, shape: np.ndarray) -> np.ndarray:
     return getattr(gains, name) * (1 + 0.05 * shape)
 
 
-# Where, at what, in words, and the changes of the output that it could make.
-Family = tuple[str, str, str, list[np.ndarray]]
+# Where, at what, in words, and what computes the changes of the output that it could make.
+Family = tuple[str, str, str, Callable[[], list[np.ndarray]]]
 
 
 def _families(model: Model) -> Iterator[Family]:
-    """Families one after the other: each takes the room of a dozen outputs."""
+    """Families one after the other: each takes the room of a dozen outputs, once computed."""
     simulator = model.simulator
     closed = simulator if isinstance(simulator, LoopSimulator) else None
     record = simulator.record if closed is None else closed.record_inside
@@ -219,7 +229,7 @@ def _families(model: Model) -> Iterator[Family]:
         "amplitude",
         record.inputs[0],
         "the response depends on the size or the sign of the error",
-        [
+        lambda: [
             with_probe("input", lambda e, _, k=k: e + 0.1 * np.maximum(e - k, 0))
             for k in knots(error)
         ],
@@ -228,14 +238,14 @@ def _families(model: Model) -> Iterator[Family]:
         "amplitude",
         "output",
         "the output departs from the model by its own size",
-        [np.maximum(output - k, 0) for k in knots(output)],
+        lambda: [np.maximum(output - k, 0) for k in knots(output)],
     )
     rate = differentiated(output, record.dt)
     yield (
         "amplitude",
         "rate of the output",
         "the output departs from the model by its own rate",
-        [remembered(np.maximum(rate - k, 0), LAGGED, record) for k in knots(rate)],
+        lambda: [remembered(np.maximum(rate - k, 0), LAGGED, record) for k in knots(rate)],
     )
     t = record.t
     ends = np.linspace(float(t.min()), float(t.max()), PIECES)
@@ -245,7 +255,7 @@ def _families(model: Model) -> Iterator[Family]:
         "time",
         "gain",
         "the gains change during the run",
-        [
+        lambda: [
             with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
             for o in ("error", "rate")
             for s in shapes
@@ -255,7 +265,7 @@ def _families(model: Model) -> Iterator[Family]:
         "time",
         "level",
         "the output has an offset that varies during the run",
-        [np.broadcast_to(s, output.shape).copy() for s in shapes],
+        lambda: [np.broadcast_to(s, output.shape).copy() for s in shapes],
     )
     for name in record.channels:
         if name not in record.inputs:
@@ -264,7 +274,7 @@ def _families(model: Model) -> Iterator[Family]:
         "frequency",
         record.inputs[0],
         "the linear dynamics differ",
-        [
+        lambda: [
             with_probe("path", lambda c, r, s=s: c.plus(0.1 * r.delayed(error, s)), False)
             for s in record.time_unit * np.linspace(0.0, 2.0, LAGS)
         ],
@@ -286,7 +296,7 @@ def _families_of_channel(
         "channel",
         name,
         f"the output responds to {name}",
-        [
+        lambda: [
             with_probe("path", lambda c, r, s=s, z=z: c.plus(0.1 * r.delayed(z, s)), False)
             for s, z in [
                 *((s, centred) for s in seconds),
@@ -299,7 +309,7 @@ def _families_of_channel(
             "channel",
             name,
             f"the output follows {name} without a delay",
-            [
+            lambda: [
                 with_probe("sum", lambda u, r, s=s: u + 0.1 * r.delayed(centred, s), False)
                 for s in record.time_unit * np.linspace(0.0, 0.4, SHAKEN_LAGS)
             ],
@@ -312,7 +322,7 @@ def _families_of_channel(
             "channel",
             name,
             f"the gains follow {name}",
-            [
+            lambda: [
                 with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
                 for s in (size, size * np.abs(size), size**2)
                 for o in ("error", "rate")

@@ -36,9 +36,10 @@ def judge_of(output=(0.0,)):
 def test_linear_responses_count_for_what_they_explain_at_both_rates(monkeypatch, inside, left):
     by_rate = dict(zip((None, RATES[0]), inside, strict=True))
 
-    def found(model, folds, rate=None):
+    def found(model, folds, rate=None, asked=None):
         if model == "model":
             return [item("channel", 3.0), item("amplitude", 2.5)]
+        assert {where for where, _, _ in asked} <= {"channel"}  # others are not computed there
         return [] if by_rate[rate] is None else [item("channel", by_rate[rate])]
 
     monkeypatch.setattr(leftover, "_found", found)
