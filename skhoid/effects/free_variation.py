@@ -240,6 +240,7 @@ class FreeOffset(_Varying):
     formula = "u + curve(t)"
     tex = r"u' = u + \mathrm{curve}(t)"
     source = "Wood (2017)"
+    within = ("free_map",)  # whose curves have a level
     what = "the level of the output"
     y_word = "offset"
     channel = None

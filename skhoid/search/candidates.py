@@ -78,9 +78,9 @@ class Candidate:
 
         For linear effects the loop decides, and asks more of a response to the target. Where the
         loop cannot be solved, a jointly estimated noise model decides; for nonlinear effects a loop
-        that speaks against them counts as well. The loop is blind to what only the remnant excites,
-        such as feedback that the target cannot tell from another gain: then the gain must be large,
-        and likely.
+        that speaks against them counts as well. The loop is blind to paths that only the remnant
+        excites, such as feedback that the target cannot tell from another gain: then the gain must
+        be large, and likely.
         """
         judged = self.in_loop
         if judged is None:
@@ -96,7 +96,8 @@ class Candidate:
             least = LEAST_IF_BETTER if judged.gain >= CLEAR else CERTAIN
             return judged.delta_bic <= least or judged.gain < LEAST_IN_LOOP
         if np.isnan(self.joint) or not judged.bends:
-            much = self.gain >= MUCH and likely > MUCH_DELTA_BIC and judged.gain > -BLIND
+            blind = self.effect.place == "path" and judged.gain > -BLIND
+            much = blind and self.gain >= MUCH and likely > MUCH_DELTA_BIC
             return judged.refutes and not much
         return self.joint - judged.against <= judged.asked
 

@@ -256,9 +256,9 @@ class Search:
         """The model without an effect: fitted from where it is, or as the search had it."""
         fewer = without(model, name, core)
         known = self._parents.get(frozenset(fewer.effects.names))
-        if known is not None and known.sse < fewer.sse:
-            return in_order(known, fewer.effects.names)
-        return fewer
+        if known is None or {*known.simulator.names} - {*model.simulator.names}:
+            return fewer  # the same effects may have had other choices then
+        return in_order(known, fewer.effects.names) if known.sse < fewer.sse else fewer
 
     def refit(self, model: Model) -> float:
         """Held-out VAF of a model refitted without each fold's rows."""

@@ -83,7 +83,10 @@ def best_of(search: Search, step: SearchStep) -> Candidate | None:
 
 
 def hints_of(search: Search, parent: Model) -> list[Hint]:
-    """Forms at every place where they apply, those first that explain most of held-out rows."""
+    """Forms at every place where they apply, those first that explain most of held-out rows.
+
+    Of those that explain about as much, the likeliest: a level is less than a map that has one.
+    """
     record = replace(search.record, prediction=parent.output)
     criterion = Criterion(search.record)
     criterion.set_noise(criterion.remnant_model(parent.output))
@@ -110,7 +113,13 @@ def hints_of(search: Search, parent: Model) -> list[Hint]:
                 if result is not None:
                     found.append(Hint(variant, *result))
                 search.record.forget()  # one channel after the other
-    return sorted(found, key=lambda hint: -hint.points)
+    most = max([hint.points for hint in found if np.isfinite(hint.points)], default=0.0)
+
+    def order(hint: Hint) -> tuple[float, float]:
+        near = most - AS_GOOD < hint.points < np.inf
+        return -(most if near else hint.points), -hint.delta_bic
+
+    return sorted(found, key=order)
 
 
 def hinted(
