@@ -33,7 +33,7 @@ class Fitted:
     def __init__(self, values, undetermined=(), at_bound=()):
         self._values, self._undetermined, self._at_bound = values, undetermined, at_bound
         free = [SimpleNamespace(name="gain"), SimpleNamespace(name="time")]
-        own = SimpleNamespace(free=free, neutral={"time": 0.0}, free_form=False)
+        own = SimpleNamespace(free=free, neutral={"time": 0.0}, unseen_at={}, free_form=False)
         self.effects = SimpleNamespace(steps=[("preview", own)])
 
     def values(self):
@@ -46,8 +46,8 @@ class Fitted:
         return list(self._at_bound)
 
 
-def candidate(name="preview", **options):
-    own = SimpleNamespace(name=name, neutral={}, free_form=False)
+def candidate(name="preview", place="path", **options):
+    own = SimpleNamespace(name=name, place=place, neutral={}, free_form=False)
     return Candidate(name, own, **options)
 
 
@@ -67,6 +67,14 @@ def test_a_name_where_they_determine_what_it_does():
 def test_no_name_where_its_numbers_end_at_a_bound():
     model = Fitted(VALUES, at_bound=["K_e", "preview__time"])
     assert without_name(candidate(model=model)) == "time at the bound"
+
+
+def test_no_name_where_nothing_shows_of_it():
+    model = Fitted(VALUES, at_bound=["preview__gain"])
+    model.effects.steps[0][1].unseen_at = {"gain": 0.4}
+    assert without_name(candidate(model=model)) == "nothing shows of it with gain = 0.4"
+    model.effects.steps[0][1].unseen_at = {"gain": 0.1}  # the other bound
+    assert without_name(candidate(model=model)) == ""
 
 
 def test_a_name_where_only_others_end_there():
@@ -141,6 +149,11 @@ def passing(name="higher_order", **options):
         ({"joint": 10.0, "in_loop": InLoop(90.0, 15.0, 0.2)}, False),
         ({"joint": 10.0, "in_loop": InLoop(90.0, 15.0, 0.5)}, True),
         ({"joint": 450.0, "gain": 19.0, "in_loop": InLoop(90.0, 3.0, 0.0)}, True),  # blind
+        # ... of which dynamics are not: the target excites them
+        (
+            {"place": "inside", "joint": 450.0, "gain": 19.0, "in_loop": InLoop(90.0, 3.0, 0.0)},
+            False,
+        ),
         ({"joint": 450.0, "gain": 4.0, "in_loop": InLoop(90.0, 3.0, 0.0)}, False),
         ({"joint": 450.0, "gain": 19.0, "in_loop": InLoop(90.0, 3.0, -0.5)}, False),
         ({"joint": 50.0, "in_loop": InLoop(90.0, -5.0, -0.1, True)}, True),
