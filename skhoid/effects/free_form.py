@@ -54,6 +54,8 @@ class FreeForm(Effect):
         of its unit.
     at_rest : float
         What to add to the curve where people see it: 1 for a factor.
+    least : float
+        Below which nothing changes, where people see the curve.
     shrinks : bool
         Whether level and slope are known to be small too.
 
@@ -74,6 +76,7 @@ class FreeForm(Effect):
     largest: ClassVar[float] = 50.0
     usual: ClassVar[float] = USUAL
     at_rest: ClassVar[float] = 0.0
+    least: ClassVar[float] = -np.inf
     shrinks: ClassVar[bool] = False
     kept: ClassVar[tuple[int, ...]] = (LEVEL, SLOPE)
     knots: tuple[float, ...] | None

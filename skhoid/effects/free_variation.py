@@ -116,6 +116,7 @@ class FreeGain(_Varying):
     what = "the gains"
     y_word = "factor on the gains"
     at_rest = 1.0
+    least = 0.0
 
     def __init__(
         self,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..effects.free_variation import TIME
 from ..greybox.fitting import Criterion, covariance_of
 from ..greybox.model import Model
 from ..greybox.smoothing import change_if_rougher, posterior_of
@@ -33,17 +34,19 @@ def curve_with_band(
     criterion = Criterion(simulator.record)
     criterion.set_noise(criterion.remnant_model(model.output))
     own = [i for i, n in enumerate(simulator.names) if n.startswith(f"{name}__")]
-    at = np.linspace(effect.knots[0], effect.knots[-1], n_points)
+    first = effect.knots[0]
+    if effect.over == TIME:  # before rows count, nothing tells it
+        record = simulator.record
+        first = max(first, float(record.t[record.known.any(axis=1)].min()))
+    at = np.linspace(first, effect.knots[-1], n_points)
     design = effect.design(at)
     value = effect.at_rest + design @ model.theta[own]
     covariance = covariance_of(simulator, criterion, model.fit, simulator.prior)
     half = half_width(design, np.nan_to_num(covariance)[np.ix_(own, own)])
     for change in (change_if_rougher(model, name, criterion), change_if_slower(model)):
         half = half + np.abs(design @ change[own])
-    curve = pd.DataFrame(
-        {"value": value, "low": value - half, "high": value + half},
-        index=pd.Index(at, name=effect.over),
-    )
+    shown = {"value": value, "low": value - half, "high": value + half}
+    curve = pd.DataFrame(shown, index=pd.Index(at, name=effect.over)).clip(lower=effect.least)
     return curve, float(posterior_of(model, criterion).dof[own].sum())
 
 

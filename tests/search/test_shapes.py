@@ -1,12 +1,15 @@
 """The shape of what has no name: found where it acts, with a band, and not where nothing is."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from support.shapes import Fechner, searched
 
-from skhoid.effects import FreeMap, TimeVaryingDelay
+from skhoid.effects import FreeMap, FreeOffset, Lapses, TimeVaryingDelay
 from skhoid.effects.catalogue import BY_NAME
-from skhoid.search.shapes import group_of
+from skhoid.search.candidates import LEAST_GAIN
+from skhoid.search.shapes import AS_GOOD, excess_asked, group_of
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +64,38 @@ def test_a_name_at_the_wrong_place_is_a_stand_in():
     search, _, _ = searched(change, seed=2, effects=["tv_gain", "gain_drift"])
     assert search.best_effects_ == ["unknown"]
     assert (search.shape_.id, search.shape_.over) == ("free_delay", "time")
+
+
+@pytest.mark.slow
+def test_a_gain_that_vanishes_for_seconds_is_shown_in_detail():
+    away = Lapses(depth=1.0, shift=0.0, intervals=[(10.0, 12.0), (21.0, 24.0), (53.0, 55.0)])
+    search, _, _ = searched(away, channels=("e", "x", "f_t"), effects=["bias"])
+    shape = search.shape_
+    assert (shape.id, shape.over) == ("free_gain", "time")
+    assert shape.closed > 0.85
+    inside, outside = shape.curve.loc[22.0:23.0, "value"], shape.curve.loc[30.0:50.0, "value"]
+    assert inside.max() < 0.3 * outside.mean()
+    assert shape.curve["low"].min() >= 0.0  # as the gains
+    assert shape.curve.index[0] > 0.5  # not before rows count
+
+
+def test_a_plainer_form_elsewhere_need_not_explain_more():
+    """As of stretches found in the data, each of whose ends counts."""
+
+    def asked(form, n_of_form, n_named, name="lapses"):
+        effects = SimpleNamespace(steps=[(name, BY_NAME[name]())])
+        model = SimpleNamespace(effects=effects, n_parameters=n_named)
+        found = SimpleNamespace(added=[name], path=SimpleNamespace(model=model), share=0.5)
+        fitted = SimpleNamespace(n_parameters=n_of_form)
+        return excess_asked(SimpleNamespace(effect=form, model=fitted), found)
+
+    assert asked(FreeMap(at="error"), 15.0, 40) == -AS_GOOD
+    assert asked(FreeMap(at="error"), 15.0, 9) == LEAST_GAIN / 2
+    assert asked(FreeMap(at="command"), 15.0, 40) > LEAST_GAIN / 2  # where lapses act too
+
+
+def test_an_offset_goes_before_a_map_that_has_a_level():
+    assert FreeMap.name in FreeOffset.within
 
 
 def test_places_that_data_cannot_tell_apart_are_one():
