@@ -266,8 +266,7 @@ def minimise(
             if gain > 0:
                 better = True
                 break
-            moved = trial - theta
-            promised = moved @ (2 * gradient - normal @ moved)
+            promised = step @ (2 * gradient - normal @ step)
             if not simulator.exact and promised < tol * sse:
                 break  # by derivatives whose errors are larger; shorter steps promise less
             damping *= 8

@@ -358,18 +358,15 @@ def detailed(search: Search, found: Candidate) -> Candidate:
     def vaf_of(model: Model) -> float:
         return vaf_of_output(search.record, held_out(model, search.criterion, search.folds))
 
-    plain, least = before, N_FINE
-    vaf = start = vaf_of(before)
-    while least <= MOST_KNOTS:
-        finer = in_detail(plain, found.name, least)
-        if finer is not plain:
-            asked = -AS_GOOD if least == N_FINE else LEAST_GAIN * search.share
-            if not (new := vaf_of(finer)) - vaf > asked:
-                break
-            plain, vaf = finer, new
-        if not crowded(plain, found.name):
+    plain, vaf = before, vaf_of(before)
+    start = vaf
+    while (few := _n_knots(plain, found.name) < N_FINE) or crowded(plain, found.name):
+        least = max(N_FINE, 2 * _n_knots(plain, found.name) - 1)
+        finer = in_detail(plain, found.name, least) if least <= MOST_KNOTS else plain
+        asked = -AS_GOOD if few else LEAST_GAIN * search.share
+        if finer is plain or not (new := vaf_of(finer)) - vaf > asked:
             break
-        least = 2 * len(getattr(dict(plain.effects.steps)[found.name], "knots", ())) - 1
+        plain, vaf = finer, new
     if plain is before:
         return found
     more = vaf - start
@@ -378,6 +375,10 @@ def detailed(search: Search, found: Candidate) -> Candidate:
     model = plain.refined(criterion)
     effect = dict(model.effects.steps)[found.name]
     return replace(found, model=model, effect=effect, vaf=found.vaf + more, gain=found.gain + more)
+
+
+def _n_knots(model: Model, name: str) -> int:
+    return len(getattr(dict(model.effects.steps)[name], "knots", None) or ())
 
 
 def fitted_shape(
