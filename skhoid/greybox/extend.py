@@ -58,7 +58,7 @@ def extended(
     explored: list[tuple[float, int, Effect, Fit]] = []
     last: dict[tuple[str, Dimension], float] = {}
     enough = LEAST_COARSE_GAIN * coarse.power
-    below = before - enough if worth else np.inf
+    below = before - min(enough, worth * coarse.power) if worth else np.inf
     scan = Scan(rough, name, effect, coarse)
 
     def with_(variant: Effect, record: Record) -> Simulator:
