@@ -31,12 +31,14 @@ pytest_collect_file = Sybil(
 
 SLOW_PAGES = {  # whose examples search, simulate or start processes for many seconds
     "document.py",
+    "effect-in-depth.md",
     "find-what-is-missing.md",
     "hidden-change.md",
     "index.md",
     "monte-carlo.md",
     "own-study.md",
     "follow.md",
+    "from-shape-to-name.md",
     "thesis-studies.md",
     "report.md",
     "scale-out.md",

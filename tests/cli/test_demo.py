@@ -116,6 +116,7 @@ def test_diagnose_with_an_arx_core(run_json, biased_file):
     assert [p["parameter"] for p in found["baseline"]] == ["a1", "b0", "b1", "b2"]
 
 
+@pytest.mark.slow
 def test_diagnose_the_bundled_recordings(run_json):
     found = diagnose(run_json, "--effects", "dead_zone", "bias")
     assert (found["n_runs"], found["inputs"], found["units"]["x"]) == (4, ["f_t"], "px")

@@ -29,6 +29,7 @@ def gap_file(tmp_path):
     return str(path)
 
 
+@pytest.mark.slow
 def test_a_shape_is_written_as_an_effect(capsys, gap_file):
     words = ["diagnose", gap_file, "--effects", "bias", "--no-pictures"]
     assert main([*words, "--sketch", "small_errors.py"]) == 0

@@ -85,6 +85,7 @@ def test_a_channel_that_is_not_there_is_named(effect):
         OperatorRegressor(effects=effect).fit(X, y)
 
 
+@pytest.mark.slow
 def test_a_response_is_to_what_departs_from_the_mean_of_its_channel():
     X, y = runs(0)
     late = np.convolve(np.roll(X["other"], 40), np.ones(10) / 10, "same")
@@ -97,6 +98,7 @@ def test_a_response_is_to_what_departs_from_the_mean_of_its_channel():
     np.testing.assert_allclose(found[1], found[0], atol=0.01 * np.abs(found[0]).max())
 
 
+@pytest.mark.slow
 def test_without_a_channel_each_is_tried_and_the_likeliest_kept():
     X, y = runs(0)
     late = np.convolve(np.roll(X["other"], 40), np.ones(10) / 10, "same")

@@ -53,6 +53,7 @@ def test_a_response_to_a_channel_is_found_with_its_lag():
     assert abs(np.trapezoid(response, at) - 0.3) < 0.08
 
 
+@pytest.mark.slow
 def test_dynamics_that_are_there_already_stay_away():
     X, y = make_tracking_runs(condition="C1", n_runs=4, remnant_intensity=0.1, random_state=1)
     model, plain = (OperatorRegressor(effects=e).fit(X, y) for e in (FreeDynamics(), None))
@@ -102,6 +103,7 @@ def test_motion_that_the_loop_does_not_move_may_act_at_once():
     assert not shakes("motion_alone", no_target)
 
 
+@pytest.mark.slow
 def test_what_shakes_the_output_is_found_without_a_delay():
     X, y = shaken(3, 0.3)
     fitted = {

@@ -60,6 +60,7 @@ def test_chains_pass_nothing_better_than_they_report(wrong):
     assert (np.diag(covariance) > 0).all()
 
 
+@pytest.mark.slow
 def test_a_fit_seeks_and_has_the_covariance_of_chains(wrong):
     model, criterion, own = wrong
     fit = Model(model.simulator, model.fit, model.other_cores)

@@ -211,7 +211,9 @@ def moving(tmp_path_factory):
     return *frames, y
 
 
-@pytest.mark.parametrize("name", MORE)
+@pytest.mark.parametrize(
+    "name", [pytest.param(m, marks=pytest.mark.slow) if m == "search" else m for m in MORE]
+)
 def test_channels_that_nobody_asks_for_take_no_room(name, moving):
     """All of them are looked at by a check or a search, but one after the other."""
     few, many, y = moving

@@ -141,6 +141,7 @@ def test_a_search_that_stops_at_max_effects_says_so(hidden_data):
     assert "a larger max_effects" in search.summary()
 
 
+@pytest.mark.slow
 def test_an_effect_that_is_left_out_is_not_replaced_by_a_wrong_one():
     data = recorded(inner=lambda e: e - np.clip(e, -0.6, 0.6), remnant=0.05)
     search = searched(data, ["asym_gain", "bias", "gain_drift", "extra_lag", "lapses"])

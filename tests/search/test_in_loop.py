@@ -38,6 +38,7 @@ def searched(text, seed, effects=RIVALS, **options):
     return EffectSearchCV(OperatorRegressor(), effects=effects, controlled_element=text).fit(X, y)
 
 
+@pytest.mark.slow
 def test_nothing_is_named_of_a_person_who_answers_the_error():
     found = searched("1/s", 1, **SHORT)
     assert named(found) == []

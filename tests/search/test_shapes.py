@@ -59,6 +59,7 @@ def test_nothing_has_no_shape():
     assert "free form" not in search.summary()
 
 
+@pytest.mark.slow
 def test_a_name_at_the_wrong_place_is_a_stand_in():
     change = TimeVaryingDelay(change=0.15, rate=1.0, time=40.0)
     search, _, _ = searched(change, seed=2, effects=["tv_gain", "gain_drift"])
