@@ -10,7 +10,7 @@ from support.searching import search_of
 
 from skhoid import EffectSearchCV, OperatorRegressor
 from skhoid.effects import Dimension, Effect, Parameter
-from skhoid.search import candidates
+from skhoid.search import candidates, forward
 from skhoid.search.candidates import (
     LEAST_DELTA_BIC,
     LEAST_GAIN,
@@ -23,7 +23,7 @@ from skhoid.search.candidates import (
     weigh_likely,
     without_name,
 )
-from skhoid.search.forward import output_error_fit, share_about_mean
+from skhoid.search.forward import Search, output_error_fit, share_about_mean
 from skhoid.search.in_loop import InLoop
 
 
@@ -510,3 +510,28 @@ def test_confused_are_those_of_about_the_same_delta_bic():
     found.append(passing("d", delta_bic=99.0, refused="a bound"))
     mark_confused(found)
     assert [c.confused_with for c in found] == [["b"], ["a"], [], []]
+
+
+@pytest.mark.parametrize(
+    ("names", "sse", "is_known"),
+    [
+        (["K_e", "bias__level"], 1.0, True),
+        (["K_e", "bias__level"], 3.0, False),  # worse
+        (["K_e", "bias__level", "bias__time"], 1.0, False),  # another form of it, with more numbers
+    ],
+)
+def test_one_effect_fewer_is_as_the_search_had_it_where_that_has_the_same_numbers(
+    names, sse, is_known, monkeypatch
+):
+    def fitted(names, sse):
+        simulator = SimpleNamespace(names=names)
+        return SimpleNamespace(
+            simulator=simulator, effects=SimpleNamespace(names=["bias"]), sse=sse
+        )
+
+    more = fitted(["K_e", "bias__level", "dead_zone__width"], 0.5)
+    without, known = fitted(["K_e", "bias__level"], 2.0), fitted(names, sse)
+    monkeypatch.setattr(forward, "without", lambda *args: without)
+    monkeypatch.setattr(forward, "in_order", lambda model, names: model)
+    search = SimpleNamespace(_parents={frozenset(["bias"]): known})
+    assert (Search.fewer(search, more, "dead_zone", {}) is known) == is_known

@@ -2,13 +2,16 @@
 
 import json
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from support.shapes import a_shape, nothing_near
 
-from skhoid.effects import Bias, FreeMap
+from skhoid.effects import Bias, FreeHysteresis, FreeMap
 from skhoid.plotting import ShapeDisplay
+from skhoid.search import shape
+from skhoid.search.candidates import Candidate
 from skhoid.search.shape import NO_FORM, sentence_of, told_shape
 
 
@@ -96,3 +99,16 @@ def test_it_draws_itself():
     display = shape.plot()
     assert isinstance(display, ShapeDisplay)
     np.testing.assert_array_equal(display.line_.get_ydata(), shape.curve["value"])
+
+
+def test_a_form_whose_knots_cannot_grow_is_shown_as_it_is(monkeypatch):
+    form = FreeHysteresis(knots=(0.1, 0.2))
+    model = SimpleNamespace(effects=SimpleNamespace(steps=[("free", form)]))
+    monkeypatch.setattr(shape, "output_error_fit", lambda model: model)
+    monkeypatch.setattr(shape, "held_out", lambda *args: None)
+    monkeypatch.setattr(shape, "vaf_of_output", lambda *args: 50.0)
+    monkeypatch.setattr(shape, "in_detail", lambda model, *args: model)
+    monkeypatch.setattr(shape, "crowded", lambda *args: True)
+    search = SimpleNamespace(record=None, criterion=None, folds=None, share=1.0)
+    found = Candidate("free", form, model=model)
+    assert shape.detailed(search, found) is found
