@@ -56,9 +56,19 @@ class Hint:
 def forms_judged(search: Search, parent: Model, hints: Sequence[Hint]) -> SearchStep:
     """The most hopeful free forms for a parent, judged as effects with names are.
 
-    ``parent`` is at the least error of simulation, and ``hints`` are those of it.
+    ``parent`` is at the least error of simulation, and ``hints`` are those of it. From what is far
+    from linear one Gauss-Newton step does not lead to the fit of a fold: those are refitted.
     """
-    return search.judged(parent, candidates_of(search, parent, hints[:FOLLOWED]))
+    candidates = candidates_of(search, parent, hints[:FOLLOWED])
+    step = search.judged(parent, candidates)
+    far = [c for hint, c in zip(hints, candidates, strict=False) if np.isinf(hint.points)]
+    for one in far:
+        assert one.model is not None
+        one.vaf = search.refit(one.model)
+        one.gain = one.vaf - step.refitted_vaf
+    if far:
+        step.rank()
+    return step
 
 
 def candidates_of(
