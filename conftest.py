@@ -42,6 +42,7 @@ SLOW_PAGES = {  # whose examples search, simulate or start processes for many se
     "thesis-studies.md",
     "report.md",
     "scale-out.md",
+    "shape.py",
     "track-a-change.md",
 }
 

@@ -130,6 +130,7 @@ def echo(X, size):
     return np.concatenate(parts)
 
 
+@pytest.mark.slow
 def test_dynamics_that_no_name_has_are_found():
     """The whole response, on a new run without remnant.
 

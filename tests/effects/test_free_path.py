@@ -40,6 +40,7 @@ def with_response(seed, gain, lag):
     return X.assign(other=other), y + gain * spread
 
 
+@pytest.mark.slow
 def test_a_response_to_a_channel_is_found_with_its_lag():
     X, y = with_response(0, 0.3, 0.4)
     model = OperatorRegressor(effects=FreePath(channel="other")).fit(X, y)
