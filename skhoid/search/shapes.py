@@ -65,7 +65,7 @@ def forms_judged(search: Search, parent: Model, hints: Sequence[Hint]) -> Search
     for one in far:
         assert one.model is not None
         one.vaf = search.refit(one.model)
-        one.gain = one.vaf - step.refitted_vaf
+        one.gain = one.vaf - max(step.vaf, step.refitted_vaf)
     if far:
         step.rank()
     return step
