@@ -266,9 +266,8 @@ def minimise(
             if gain > 0:
                 better = True
                 break
-            promised = step @ (2 * gradient - normal @ step)
-            if not simulator.exact and promised < tol * sse:
-                break  # by derivatives whose errors are larger; shorter steps promise less
+            if not simulator.exact and step @ (2 * gradient - normal @ step) < tol * sse:
+                break  # promised by derivatives whose errors are larger; shorter steps promise less
             damping *= 8
         if not better:
             break

@@ -358,8 +358,8 @@ def detailed(search: Search, found: Candidate) -> Candidate:
     def vaf_of(model: Model) -> float:
         return vaf_of_output(search.record, held_out(model, search.criterion, search.folds))
 
-    plain, vaf = before, vaf_of(before)
-    start = vaf
+    plain = before
+    start = vaf = vaf_of(before)
     while (few := _n_knots(plain, found.name) < N_FINE) or crowded(plain, found.name):
         least = max(N_FINE, 2 * _n_knots(plain, found.name) - 1)
         finer = in_detail(plain, found.name, least) if least <= MOST_KNOTS else plain

@@ -59,9 +59,10 @@ def forms_judged(search: Search, parent: Model, hints: Sequence[Hint]) -> Search
     ``parent`` is at the least error of simulation, and ``hints`` are those of it. From what is far
     from linear one Gauss-Newton step does not lead to the fit of a fold: those are refitted.
     """
-    candidates = candidates_of(search, parent, hints[:FOLLOWED])
+    hints = hints[:FOLLOWED]
+    candidates = candidates_of(search, parent, hints)
     step = search.judged(parent, candidates)
-    far = [c for hint, c in zip(hints, candidates, strict=False) if np.isinf(hint.points)]
+    far = [c for hint, c in zip(hints, candidates, strict=True) if np.isinf(hint.points)]
     for one in far:
         assert one.model is not None
         one.vaf = search.refit(one.model)

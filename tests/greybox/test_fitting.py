@@ -7,6 +7,7 @@ import pytest
 
 from skhoid.greybox import fitting
 from skhoid.greybox.fitting import AR_ORDER, remnant_model
+from skhoid.greybox.prior import Prior
 
 
 @pytest.mark.parametrize("known", [True, False])
@@ -16,16 +17,6 @@ def test_nothing_left_is_white(known):
     np.testing.assert_array_equal(model.scale, [1.0, 1.0])
     assert model.ar.shape == (AR_ORDER,)
     assert known == (not model.ar.any())
-
-
-class Plain:
-    """A prior that costs nothing."""
-
-    def normal_equations(self, theta):
-        return np.zeros((theta.size, theta.size)), np.zeros(theta.size)
-
-    def cost(self, theta):
-        return 0.0
 
 
 @pytest.mark.parametrize("exact", [True, False])
@@ -44,6 +35,6 @@ def test_where_a_bound_cuts_a_step_short_shorter_ones_are_tried(exact, monkeypat
     monkeypatch.setattr(fitting, "normal_equations", normal_equations)
     start, known = np.array([0.1, 0.0]), SimpleNamespace(n=10)
     assert sse_at(None, None, np.clip(best, 0.0, 10.0)) > sse_at(None, None, start)
-    fit = fitting.minimise(simulator, known, start, prior=Plain(), max_iter=50)
+    fit = fitting.minimise(simulator, known, start, prior=Prior(), max_iter=50)
     least = 0.99 * 5.0 - 6.0  # where the first is at its bound
     np.testing.assert_allclose(fit.theta, [0.0, -least], atol=0.05)

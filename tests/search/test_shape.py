@@ -102,12 +102,11 @@ def test_it_draws_itself():
 
 
 def test_a_form_whose_knots_cannot_grow_is_shown_as_it_is(monkeypatch):
-    form = FreeHysteresis(knots=(0.1, 0.2))
+    form = FreeHysteresis(knots=(0.1, 0.2), spread=1.0)
     model = SimpleNamespace(effects=SimpleNamespace(steps=[("free", form)]))
     monkeypatch.setattr(shape, "output_error_fit", lambda model: model)
     monkeypatch.setattr(shape, "held_out", lambda *args: None)
     monkeypatch.setattr(shape, "vaf_of_output", lambda *args: 50.0)
-    monkeypatch.setattr(shape, "in_detail", lambda model, *args: model)
     monkeypatch.setattr(shape, "crowded", lambda *args: True)
     search = SimpleNamespace(record=None, criterion=None, folds=None, share=1.0)
     found = Candidate("free", form, model=model)
