@@ -10,9 +10,11 @@ import numpy as np
 from .base import Effect
 from .core_kind import CoreKind
 from .dimension import Dimension, E, S, U
+from .error_scan import ErrorScan
 from .free_form import N_KNOTS, FreeForm
 from .operator_signals import N_PLACES
 from .record import Record, differentiated
+from .sensor import cores_by_signs
 from .smooth_curve import LEVEL, SLOPE
 from .static_map import PLACE_OF
 
@@ -52,7 +54,7 @@ class FreeMap(FreeForm):
     folded : bool or None, default=None
         Whether the curve has a linear part too, over outputs of either sign, as an output needs
         whose sign a sensor may not show; None tries it where a model without the map shows less
-        than half of the output.
+        than half of the output. It is zero at the greatest output, which gives the signal its size.
 
     References
     ----------
@@ -96,7 +98,7 @@ class FreeMap(FreeForm):
     @property
     def kept(self) -> tuple[int, ...]:  # type: ignore[override]
         if self.folded:
-            return (LEVEL, SLOPE)
+            return (SLOPE,)
         return () if self.where in OPPOSING else (LEVEL,)
 
     @property
@@ -144,13 +146,19 @@ class FreeMap(FreeForm):
         folded = self.with_choices(folded=True) if whole and hidden(record) else self
         return [folded.with_knots(record)]
 
+    def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
+        """Where the output may be folded, what moves it by signs that make its size smooth."""
+        if not self.folded or not self.free:
+            return []
+        (fold,) = self.starts(record)
+        return [{**fold, **core} for core in cores_by_signs(error_of, record)]
+
     def starts(self, record: Record) -> list[dict[str, float]]:
         """A straight line; where the output may be folded, its size without its sign."""
         if not self.folded or not self.free:
             return super().starts(record)
         at = np.asarray(self.knots)
-        values = np.linalg.solve(self.curve.basis, np.abs(at) - at)
-        return [{p.name: float(v) for p, v in zip(self.free, values, strict=True)}]
+        return [self.coefficients(np.abs(at) - at)]
 
     def with_knots(self, record: Record) -> Any:
         if self.knots is None and self.folded:
@@ -163,29 +171,35 @@ class FreeMap(FreeForm):
         return self.with_choices(knots=with_rest(knots, watched) if self.where == "rate" else knots)
 
     @property
-    def _rest(self) -> float:
-        """Where a force is zero: it has no level, which is the model's own."""
-        assert self.knots is not None
-        return min(max(0.0, self.knots[0]), self.knots[-1])
+    def _zero(self) -> float | None:
+        """Where the curve is zero: a force at rest, as its level is the model's own.
+
+        A fold where it is greatest: the model's gain and the map's could undo each other.
+        """
+        if self.knots is None or not (self.folded or self.where in OPPOSING):
+            return None
+        return self.knots[-1] if self.folded else min(max(0.0, self.knots[0]), self.knots[-1])
 
     def with_values(self, values: Mapping[str, float]) -> Any:
-        found = super().with_values(values)
-        if self.where not in OPPOSING:
+        found, zero = super().with_values(values), self._zero
+        if zero is None:
             return found
-        at_rest = float(self.curve(np.asarray(found.values), np.array([self._rest]))[0])
-        return found.with_choices(values=tuple(value - at_rest for value in found.values))
+        level = float(self.curve(np.asarray(found.values), np.array([zero]))[0])
+        return found.with_choices(values=tuple(value - level for value in found.values))
 
     def design(self, at: np.ndarray) -> np.ndarray:
-        found = super().design(at)
-        return found - super().design(np.array([self._rest])) if self.where in OPPOSING else found
+        found, zero = super().design(at), self._zero
+        return found if zero is None else found - super().design(np.array([zero]))
 
     def shaped(self, signal: Any, record: Record, curve: Callable[..., np.ndarray]) -> Any:
+        level = 0.0 if self._zero is None else curve(np.array([self._zero]))
         if self.where in OPPOSING:
             assert self.knots is not None
             low, high = self.knots[0], self.knots[-1]
-            places = np.linspace(low, high, N_PLACES)
-            force = curve(places) - curve(np.array([self._rest]))
+            force = curve(np.linspace(low, high, N_PLACES)) - level
             return signal.bent(force, low, high, of_rate=self.where == "rate")
+        if self.folded:
+            return signal + curve(signal) - level
         if self.where != "command":
             return signal + curve(signal)
         whole = signal.position + differentiated(signal.rate, record.dt)

@@ -49,33 +49,41 @@ class SensorMagnitude(Effect):
 
     def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         """The core fitted to the output with signs that make it smooth, and with its own signs."""
-        if record.y is None:
-            return []
-        known = record.known
-
-        def error(free_run: np.ndarray) -> float:
-            return float(np.sum((np.abs(free_run) - record.y)[known] ** 2))
-
-        found = []
-        lows = [share * record.sd("u") for share in LOW_MINIMA]
-        guesses = [smooth_signs(record.y), *(signs_by_minima(record.y, low) for low in lows)]
-        for signs in guesses:
-            signed = signs * record.y
-            for _ in range(N_ROUNDS):
-                rounds = error_of.refitted(signed)
-                if not rounds:
-                    return []
-                values, free_run = min(rounds, key=lambda one: error(one[1]))
-                found.append((error(free_run), values))
-                again = np.where(free_run < 0.0, -record.y, record.y)
-                if np.array_equal(again, signed):
-                    break
-                signed = again
-        found.sort(key=lambda one: one[0])
-        return [values for _, values in found[:N_KEPT]]
+        return cores_by_signs(error_of, record)
 
     def apply(self, signal: np.ndarray, record: Record) -> np.ndarray:
         return np.abs(signal)
+
+
+def cores_by_signs(error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
+    """Changes of a core that is linear in its parameters, fitted to an output without its signs.
+
+    From signs that make it smooth, then with the signs of the free run until they stay.
+    """
+    if record.y is None:
+        return []
+    known = record.known
+
+    def error(free_run: np.ndarray) -> float:
+        return float(np.sum((np.abs(free_run) - record.y)[known] ** 2))
+
+    found = []
+    lows = [share * record.sd("u") for share in LOW_MINIMA]
+    guesses = [smooth_signs(record.y), *(signs_by_minima(record.y, low) for low in lows)]
+    for signs in guesses:
+        signed = signs * record.y
+        for _ in range(N_ROUNDS):
+            rounds = error_of.refitted(signed)
+            if not rounds:
+                return []
+            values, free_run = min(rounds, key=lambda one: error(one[1]))
+            found.append((error(free_run), values))
+            again = np.where(free_run < 0.0, -record.y, record.y)
+            if np.array_equal(again, signed):
+                break
+            signed = again
+    found.sort(key=lambda one: one[0])
+    return [values for _, values in found[:N_KEPT]]
 
 
 def smooth_signs(y: np.ndarray) -> np.ndarray:

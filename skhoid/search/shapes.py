@@ -13,6 +13,7 @@ from ..effects.catalogue import FREE_FORMS
 from ..effects.composition import Effects
 from ..effects.free_form import FEWEST, FreeForm
 from ..effects.free_map import one_sided
+from ..effects.record import Record
 from ..greybox.extend import extended
 from ..greybox.fitting import Criterion, derivatives, scaled_inverse
 from ..greybox.model import Model
@@ -53,16 +54,14 @@ class Hint:
     delta_bic: float
 
 
-def forms_judged(search: Search, parent: Model, hints: Sequence[Hint]) -> SearchStep:
-    """The most hopeful free forms for a parent, judged as effects with names are.
+def forms_judged(search: Search, parent: Model, forms: list[Candidate]) -> SearchStep:
+    """Free forms for a parent, at the least error of simulation, judged as effects with names are.
 
-    ``parent`` is at the least error of simulation, and ``hints`` are those of it. From what is far
-    from linear one Gauss-Newton step does not lead to the fit of a fold: those are refitted.
+    From what is far from linear one Gauss-Newton step does not lead to the fit of a fold: those are
+    refitted.
     """
-    hints = hints[:FOLLOWED]
-    candidates = candidates_of(search, parent, hints)
-    step = search.judged(parent, candidates)
-    far = [c for hint, c in zip(hints, candidates, strict=True) if np.isinf(hint.points)]
+    step = search.judged(parent, forms)
+    far = [one for one in forms if one.model is not None and is_far(one.effect, search.record)]
     for one in far:
         assert one.model is not None
         one.vaf = search.refit(one.model)
@@ -70,6 +69,11 @@ def forms_judged(search: Search, parent: Model, hints: Sequence[Hint]) -> Search
     if far:
         step.rank()
     return step
+
+
+def is_far(form: Any, record: Record) -> bool:
+    """Whether a form begins far from what is linear."""
+    return any(form.starts(record)[0].values())
 
 
 def candidates_of(
@@ -110,7 +114,7 @@ def hints_of(search: Search, parent: Model) -> list[Hint]:
             for variant in one.variants(record):
                 if len(variant.knots) < FEWEST:
                     continue  # what does not move has no curve
-                if any(variant.starts(record)[0].values()):  # far from what is linear
+                if is_far(variant, record):
                     if one_sided(record):
                         found.append(Hint(variant, np.inf, np.inf))
                     continue
@@ -201,7 +205,9 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
         found, rival = beside_one_form(search, found, hints)
         verdict = decided(found, tries_all=tries_all)
     elif verdict.outcome == Outcome.NOTHING and (found.left or one_sided(search.record)):
-        shape = best_of(search, forms_judged(search, baseline, hints_of(search, baseline)))
+        hints = hints_of(search, baseline)[:FOLLOWED]
+        forms = candidates_of(search, baseline, hints)
+        shape = best_of(search, forms_judged(search, baseline, forms))
         if shape is None or shape.gain < BESIDE_ONE[0] * found.share:
             return Shaped(search, found, verdict)
         return Shaped(search, found, Verdict(unnamed(tries_all), [], []), shape)
@@ -211,7 +217,8 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
     if rival is None or parent is not baseline:
         if hints is None or parent is not baseline:
             hints = hints_of(search, parent)
-        step = forms_judged(search, parent, hints)
+        forms = candidates_of(search, parent, hints[:FOLLOWED])
+        step = forms_judged(search, parent, forms)
         rival = best_of(search, step)
         if rival is None:
             doubtful = [c for c in step.candidates if c.pays and c.joint > LEAST_DELTA_BIC]
@@ -247,7 +254,7 @@ def beside_one_form(
     if several and better:  # of which another may explain more of held-out rows
         n = len(tried)
         better = [*tried, *candidates_of(search, baseline, hints[n:FOLLOWED], n)]
-    rival = best_of(search, search.judged(baseline, better)) if better else None
+    rival = best_of(search, forms_judged(search, baseline, better)) if better else None
     if rival is None or rival.model is None:
         return found, None
     excess, one_cause = rival.gain - found.gained, False

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import decimate
+from scipy.signal import decimate, lfilter
 from support.places import RECORDINGS
 from support.synthetic import run_time
 
@@ -187,6 +187,39 @@ def test_the_speed_sensor_of_the_drives_shows_no_sign(record):
     shape = at + np.array(effect.values)
     assert cosine(shape - shape.mean(), np.abs(at) - np.abs(at).mean()) > 0.9
     assert vaf(model) > 97
+
+
+def test_a_fold_changes_nothing_where_it_is_greatest():
+    form = FreeMap(at="output", knots=(-2.0, -1.0, 0.0, 1.0, 2.0), folded=True)
+    assert len(form.parameters) == len(form.knots) - 1
+    assert np.abs(form.design(np.array([2.0]))).max() < 1e-12
+    (start,) = form.starts(None)
+    fold = form.with_values(start)
+    signal = np.array([-2.0, -0.5, 0.5, 1.5, 2.0])
+    by_values, by_coefficients = fold.apply(signal, None), form.apply(signal, None, **start)
+    np.testing.assert_allclose(by_coefficients, by_values, atol=1e-12)
+    np.testing.assert_allclose(fold.values, [4.0, 2.0, 0.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(by_values[[0, -1]], [2.0, 2.0], atol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "gain"), [(1, 0.02), (2, 1.0)])
+def test_a_sensor_without_sign_is_a_fold_over_the_range_of_its_output(seed, gain):
+    """Without a unit of its own the signal has that of what the sensor shows where it is greatest.
+
+    A fold of any other size would be as good, with curves where the output never is.
+    """
+    rng = np.random.default_rng(seed)
+    x = np.repeat(rng.choice([-1.0, 1.0], 60), rng.integers(3, 12, 60))
+    moved = lfilter([0.0, gain, 0.4 * gain], [1.0, -1.6, 0.75], x)
+    y = np.abs(moved) + 0.02 * np.std(moved) * rng.standard_normal(x.size)
+    model, effect = added(ARXRegressor(2, 2, 1), *table(x, y, 0.02), FreeMap(at="output"))
+    assert effect.folded
+    assert max(effect.knots) == pytest.approx(y.max())
+    at = np.array(effect.knots)
+    shape = at + np.array(effect.values)
+    assert cosine(shape - shape.mean(), np.abs(at) - np.abs(at).mean()) > 0.97
+    assert vaf(model) > 99
 
 
 @pytest.mark.slow
