@@ -30,19 +30,24 @@ pytest_collect_file = Sybil(
 
 
 SLOW_PAGES = {  # whose examples search, simulate or start processes for many seconds
+    "README.md",
+    "add-an-effect.md",
     "document.py",
     "effect-in-depth.md",
+    "effects.md",
     "find-what-is-missing.md",
     "hidden-change.md",
     "index.md",
-    "monte-carlo.md",
-    "own-study.md",
     "follow.md",
     "from-shape-to-name.md",
-    "thesis-studies.md",
+    "monte-carlo.md",
+    "noise-ceiling.md",
+    "own-study.md",
+    "read-the-ranking.md",
     "report.md",
     "scale-out.md",
     "shape.py",
+    "thesis-studies.md",
     "track-a-change.md",
 }
 

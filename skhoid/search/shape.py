@@ -24,7 +24,7 @@ from .all_runs import on_rows_of
 from .band import curve_with_band
 from .candidates import AS_GOOD, LEAST_GAIN, Candidate
 from .formulas import Fitted, formula_of
-from .forward import Search, output_error_fit
+from .forward import CLAIM, Search, output_error_fit
 from .held_out import held_out
 from .leftover import leftovers
 from .nearest import nearest_effects, nearest_table, recordings_for
@@ -185,7 +185,10 @@ class Shape:
     def _beside(self) -> str:
         """The model to which it was added, in words."""
         others = [effect.name for own, effect in self.estimator.effects_ if own != self.name]
-        return f"the model with {titles_of(others)}" if others else "the baseline"
+        delay, named = "", [name for name in others if name != CLAIM]
+        if CLAIM in others:  # estimated beside the shape: whether it is wrong nobody has tested
+            delay = " and a free delay" if named else "a free delay"
+        return f"the model with {titles_of(named)}{delay}" if others else "the baseline"
 
     def summary(self) -> Summary:
         """All of it in plain sentences, and the curve as a table.

@@ -32,6 +32,7 @@ def fitted_curve(model, name):
     return at, effect.curve(np.asarray(effect.values), at)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS, ids=NAMES)
 def test_what_was_found_can_be_stored_copied_and_given_again(form):
     X, y = runs(40)
@@ -63,6 +64,7 @@ def test_where_there_is_nothing_few_degrees_of_freedom_are_spent(form):
     assert curve_with_band(model, form.name)[1] < 3.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS, ids=NAMES)
 def test_an_arx_model_has_them_too(form):
     X, y = runs(5)

@@ -47,6 +47,7 @@ def test_a_gain_that_changes_is_found_over_time():
     assert np.max(np.abs((1 + curve) / scale - factor)) < 0.15  # remnant: sd 0.04 of three fits
 
 
+@pytest.mark.slow
 def test_a_delay_that_changes_is_found_over_time():
     _, at, curve = fitted(FreeDelay(), TimeVaryingDelay(change=0.12, rate=0.5, time=40.0))
     true = 0.12 / (1 + np.exp(-0.5 * (at - 40.0)))
@@ -54,6 +55,7 @@ def test_a_delay_that_changes_is_found_over_time():
     assert np.sqrt(np.mean(away**2)) < 0.02  # s
 
 
+@pytest.mark.slow
 def test_an_offset_that_wanders_is_found():
     bump = FreeOffset(
         knots=(0.0, 20.0, 35.0, 50.0, 82.0), values=(0.0, 0.0, 0.06, 0.0, 0.0), spread=1.0
@@ -63,6 +65,7 @@ def test_an_offset_that_wanders_is_found():
     assert np.sqrt(np.mean((curve - true) ** 2)) < 0.01  # deg, of a bump of 0.06
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("free", [FreeGain(), FreeDelay(), FreeOffset()])
 def test_where_nothing_changes_the_curve_is_hardly_there(free):
     model, _, curve = fitted(free, None)

@@ -1,5 +1,7 @@
 """Adding an effect to a model: what comes to nothing is not followed."""
 
+import pytest
+
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import CubicGain, GainDrift
 from skhoid.greybox.extend import explored_from, extended
@@ -40,6 +42,7 @@ def test_the_parent_is_at_its_own_minimum_of_the_coarse_criterion():
     assert rough.sse <= coarse.sse(rough.simulator.run(parent.theta))
 
 
+@pytest.mark.slow
 def test_an_effect_that_is_there_is_found_and_one_that_is_not_saves_nothing():
     parent, criterion = fitted_core(CubicGain(hardening=0.3, form="cubic"))
     there = searched(parent, CubicGain(), criterion)

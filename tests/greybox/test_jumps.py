@@ -35,6 +35,7 @@ def wrong():
     return model, Criterion(prepared.record, noise), own
 
 
+@pytest.mark.slow
 def test_evolution_leaves_a_wrong_minimum(wrong):
     model, criterion, own = wrong
     assert abs(model.theta[own[1]] - KINETIC) > 0.1
@@ -43,6 +44,7 @@ def test_evolution_leaves_a_wrong_minimum(wrong):
     assert apart.shape == (POPULATION, model.theta.size)
 
 
+@pytest.mark.slow
 def test_evolution_is_never_worse(wrong):
     model, criterion, own = wrong
     theta = model.theta.copy()

@@ -1,6 +1,7 @@
 """How smooth a free form is, chosen by marginal likelihood."""
 
 import numpy as np
+import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import CubicGain, FreeMap
@@ -54,6 +55,7 @@ def under_its_noise(model):
     return model.refined(criterion, max_iter=40, tol=1e-9), criterion
 
 
+@pytest.mark.slow
 def test_more_knots_show_what_bends_between_them():
     few = with_map(CubicGain(hardening=0.3, form="cubic"))
     many = in_detail(few, "map")
@@ -69,6 +71,7 @@ def test_more_knots_show_what_bends_between_them():
     assert np.std(curves[0] - curves[1]) < 0.2 * np.std(curves[0])
 
 
+@pytest.mark.slow
 def test_a_curve_moves_as_said_if_it_may_be_rougher():
     """Twin: fitted with a spread that is ten times as large."""
     model, criterion = under_its_noise(with_map(CubicGain(hardening=0.3, form="cubic")))

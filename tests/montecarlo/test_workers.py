@@ -126,6 +126,7 @@ def test_workers_that_all_die():
         list(results_of(list(range(40)), lambda job: os._exit(1), n_jobs=2))
 
 
+@pytest.mark.slow
 def test_an_error_of_the_study_itself_is_raised():
     with pytest.raises(ZeroDivisionError):
         list(results_of([1, 0], lambda job: 1 / job, n_jobs=2))

@@ -9,6 +9,8 @@ from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs, run_la
 from skhoid.greybox.base import vaf_of_output
 from skhoid.search.all_runs import AllRuns, held_columns
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def data():
@@ -80,7 +82,6 @@ def test_groups_keep_persons_together_in_all_runs(data):
     assert [columns.tolist() for columns, _ in held] == [[0, 2, 4], [1, 3, 5]]
 
 
-@pytest.mark.slow
 def test_up_to_max_rows_all_runs_are_looked_at(data):
     search = EffectSearchCV(OperatorRegressor(settling=1.0), effects=["bias"], max_effects=0)
     search.fit(*data)

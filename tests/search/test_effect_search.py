@@ -252,6 +252,7 @@ def pooled(predictions, column, known):
     return 100 * (1 - error @ error / (measured @ measured)), np.sqrt(np.mean(error**2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("search", ["found", "two", "clean"])
 def test_the_error_path_is_that_of_the_predictions(search, request):
     search = request.getfixturevalue(search)

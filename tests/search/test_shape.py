@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.shapes import a_shape, nothing_near
 
-from skhoid.effects import Bias, FreeHysteresis, FreeMap
+from skhoid.effects import Bias, FreeHysteresis, FreeMap, WrongDelay
 from skhoid.plotting import ShapeDisplay
 from skhoid.search import shape
 from skhoid.search.candidates import Candidate
@@ -32,6 +32,14 @@ def test_sentences_say_place_gain_names_and_what_to_do():
 def test_the_loop_and_the_effects_beside_are_said_where_there_are_any():
     first = a_shape([("bias", Bias())], gain_loop=5.84).sentences()[0]
     assert "by 9.9 points (in the closed loop by 5.8), 98 % of what the model with bias" in first
+
+
+def test_a_delay_beside_it_is_free_and_not_called_wrong():
+    wrong = ("wrong_delay", WrongDelay())
+    first = a_shape([wrong], gain_loop=5.84).sentences()[0]
+    assert "of what the model with a free delay leaves" in first
+    first = a_shape([wrong, ("bias", Bias())], gain_loop=5.84).sentences()[0]
+    assert "of what the model with bias and a free delay leaves" in first
 
 
 def test_where_no_name_is_near_none_is_said():

@@ -19,6 +19,7 @@ def hidden():
     return searched(Fechner(knee=0.15), effects=["bias", "tv_gain", "rate_limit"])
 
 
+@pytest.mark.slow
 def test_a_map_without_a_name_is_shown_where_it_acts(hidden):
     search, X, y = hidden
     shape = search.shape_
@@ -30,6 +31,7 @@ def test_a_map_without_a_name_is_shown_where_it_acts(hidden):
     assert "error" in shape.sentence
 
 
+@pytest.mark.slow
 def test_its_curve_is_the_true_one_and_lies_in_its_band(hidden):
     shape = hidden[0].shape_
     # Where nearly all data are: the outermost knots are quantiles of the error.
@@ -44,6 +46,7 @@ def test_its_curve_is_the_true_one_and_lies_in_its_band(hidden):
     assert 1.0 < shape.dof < 11.0
 
 
+@pytest.mark.slow
 def test_the_summary_tells_it(hidden):
     search = hidden[0]
     told = search.summary()

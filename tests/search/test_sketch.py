@@ -268,6 +268,7 @@ def search(hidden):
     return EffectSearchCV(OperatorRegressor(), effects=["gain_drift", "lapses"]).fit(*hidden)
 
 
+@pytest.mark.slow
 def test_from_shape_to_name(hidden, search, tmp_path):
     """The effect in the file closes the gap, and a search names it."""
     effect = imported(search.sketch_effect("my_wave", tmp_path))
