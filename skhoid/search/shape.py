@@ -185,10 +185,12 @@ class Shape:
     def _beside(self) -> str:
         """The model to which it was added, in words."""
         others = [effect.name for own, effect in self.estimator.effects_ if own != self.name]
-        delay, named = "", [name for name in others if name != CLAIM]
-        if CLAIM in others:  # estimated beside the shape: whether it is wrong nobody has tested
-            delay = " and a free delay" if named else "a free delay"
-        return f"the model with {titles_of(named)}{delay}" if others else "the baseline"
+        if not others:
+            return "the baseline"
+        words = [titles_of(named)] if (named := [name for name in others if name != CLAIM]) else []
+        if CLAIM in others:  # estimated beside the shape: whether the given one is wrong is open
+            words.append("a free delay")
+        return f"the model with {' and '.join(words)}"
 
     def summary(self) -> Summary:
         """All of it in plain sentences, and the curve as a table.
