@@ -94,7 +94,8 @@ class Likeness:
             points = np.clip(np.quantile(form.watched(record), levels), low, high)
         value = value - form.at_rest
         if form.over == "lag":
-            answer = departure_of(form, form, {}, record, gains)
+            of_pulse = form.with_choices(reference=0.0) if hasattr(form, "reference") else form
+            answer = departure_of(form, of_pulse, {}, record, gains)
             value, there = answer(grid), answer(points)
         else:
             there = form.curve(np.asarray(form.values), points)
@@ -258,11 +259,15 @@ def _answered(
     at: np.ndarray,
     gains: tuple[float, float],
 ) -> np.ndarray:
-    """The command that follows a pulse of the channel, or of the error."""
+    """What follows a pulse of the channel, or of the error: of the command, or of the output."""
     span = at[-1] - at[0]
     t = np.arange(min(at[0], 0.0) - span / 2, at[-1] + span / 2, record.dt)
     pulse = pulse_of(form, t)[:, None]
     channel = getattr(form, "channel", None)
+    if form.place == "sum":
+        assert channel is not None
+        more = effect.apply(0.0 * pulse, bare(record, t, **{channel: pulse}), **values)
+        return np.interp(at, t, more[:, 0])
     if channel is None:
         whole = Command(gains[0] * pulse, gains[1] * pulse, pulse, 0.0)
         alone = bare(record, t)

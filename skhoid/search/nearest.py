@@ -105,11 +105,12 @@ def candidates(form: FreeForm, record: Record) -> Iterator[Effect]:
         if effect.noise or effect.refusal_in(record, record.core):
             continue
         for one in effect.alternatives(record):
-            if one.place in places and _alike(form, one):
-                variants: list[Any] = one.variants(record)
-                yield from (
-                    _timed(form, v) for v in variants if v.place in places and _follows(form, v)
-                )
+            variants: list[Any] = one.variants(record)
+            yield from (
+                _timed(form, v)
+                for v in variants
+                if v.place in places and _alike(form, v) and _follows(form, v)
+            )
 
 
 def _alike(form: FreeForm, effect: Effect) -> bool:

@@ -267,18 +267,19 @@ def _by_table(name: str, shape: Shape) -> Iterator[str]:
     defaults = type(form)().get_params()
     given = {k: v for k, v in form.get_params().items() if k not in ("knots", "values", "spread")}
     own = [f"{k}={_literal(v)}" for k, v in given.items() if v != defaults[k]]
-    arguments = ", ".join([*own, "knots=KNOTS", "values=values"])
+    arguments = [*own, "knots=KNOTS", "values=values"]
     yield from _call(f"form = {type(form).__name__}(", arguments, ")")
     yield "        return form.apply(signal, record)"
 
 
-def _call(begin: str, arguments: str, end: str) -> Iterator[str]:
-    line = f"        {begin}{arguments}{end}"
+def _call(begin: str, arguments: Sequence[str], end: str) -> Iterator[str]:
+    joined = ", ".join(arguments)
+    line, inner = f"        {begin}{joined}{end}", f"            {joined}"
     if len(line) <= WIDTH:
         yield line
         return
     yield f"        {begin}"
-    yield f"            {arguments}"
+    yield from [inner] if len(inner) <= WIDTH else [f"            {one}," for one in arguments]
     yield f"        {end}"
 
 

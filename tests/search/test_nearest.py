@@ -23,6 +23,7 @@ from skhoid.effects import (
     Friction,
     GainDrift,
     HardeningStiffness,
+    MotionFeedback,
     Saturation,
     TimeVaryingDelay,
 )
@@ -93,12 +94,22 @@ def test_friction_of_a_machine(operator):
     assert found[0].distance < 0.02
 
 
-def test_a_response_to_a_channel(operator):
-    form = FreePath(channel="f_t").variants(operator)[0]
-    truth = Feedforward(form="gain", gain=0.5, delay=0.3)
+@pytest.mark.parametrize(
+    ("form", "truth"),
+    [
+        (FreePath(channel="f_t"), Feedforward(form="gain", gain=0.5, delay=0.3)),
+        (
+            FreePath(channel="motion_acc", at="output"),
+            MotionFeedback(form="feedthrough", gain=-0.5, delay=0.05),
+        ),
+    ],
+)
+@pytest.mark.parametrize("reference", [0.0, 2.0])
+def test_a_response_to_a_channel(form, truth, reference, operator):
+    form = form.variants(operator)[0].with_choices(reference=reference)
     knots = np.asarray(form.knots)
     width = np.diff(knots)[0] / 2
-    values = 0.5 * np.exp(-0.5 * ((knots - 0.3) / width) ** 2) / width / np.sqrt(2 * np.pi)
+    values = 0.5 * np.exp(-0.5 * ((knots - truth.delay) / width) ** 2) / width / np.sqrt(2 * np.pi)
     form = form.with_choices(values=tuple(values.tolist()))
     grid = np.linspace(knots[0], knots[-1], 101)
     value = form.curve(values, grid)

@@ -105,6 +105,7 @@ PLACES = [
     (FreeDelay(), fading),
     (FreeOffset(), fading),
     (FreePath(channel="f_t"), fading),
+    (FreePath(channel="motion_acc", at="output"), fading),
     (FreeDynamics(), fading),
     (FreeHysteresis(at="output"), weights),
     (FreeHysteresis(at="command"), weights),
