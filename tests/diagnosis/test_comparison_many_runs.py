@@ -125,6 +125,7 @@ def test_response_to_the_target_is_least_squares():
         assert_allclose(found, expected[None], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_windows_of_a_run_are_those_of_the_run_alone():
     X, y = table(noise(5))
     together = compare(Halved(), X, y, run_in=0.0).by_time

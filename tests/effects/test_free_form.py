@@ -49,6 +49,7 @@ def test_what_was_found_can_be_stored_copied_and_given_again(form):
     np.testing.assert_allclose(again.predict(new), simulated, atol=1e-3 * np.std(simulated))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS, ids=NAMES)
 def test_where_there_is_nothing_few_degrees_of_freedom_are_spent(form):
     """Of seeds 20 to 22 this is the first: 0.7 to 2.4 of eleven.

@@ -61,6 +61,7 @@ def test_words_and_places():
     assert "memory" in FreeHysteresis().sentence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", ["output", "command"])
 def test_play_is_found_as_a_shape(at):
     """A curve that rises to the gap and stays there, within 20 % of the gap."""
@@ -79,6 +80,7 @@ def test_nothing_has_no_memory():
     assert posterior_of(model, criterion).dof[-len(effect.knots) :].sum() < 2.0
 
 
+@pytest.mark.slow
 def test_a_fit_through_the_public_class():
     X, y = runs(Backlash(gap=0.05), n_runs=2)
     plain = ARXRegressor(2, 2, 20).fit(X, y)

@@ -89,6 +89,7 @@ def test_places_and_words(at):
     assert "force against the command" in effect.sentence
 
 
+@pytest.mark.slow
 def test_the_spring_of_a_limb_is_found_as_a_shape():
     """Within 30 % of its rms over the central 95 %, beside remnant of a tenth of the output.
 
@@ -127,6 +128,7 @@ def test_the_friction_of_a_limb_is_found_as_a_shape():
     assert np.std(bend(force_of(effect, at), at) - expected) < 0.2 * np.std(expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", ["spring", "rate"])
 def test_nothing_is_a_straight_line(at):
     X, y = make_tracking_runs(condition="C1", n_runs=2, remnant_intensity=0.1, random_state=3)

@@ -39,6 +39,7 @@ def test_each_acts_by_its_curve():
     np.testing.assert_allclose(offset, np.broadcast_to(curve, output.shape), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_gain_that_changes_is_found_over_time():
     change = TimeVaryingGain(K_e_change=0.8, K_edot_change=0.8, rate=0.5, time=40.0)
     _, at, curve = fitted(FreeGain(), change)

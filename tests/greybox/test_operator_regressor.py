@@ -140,6 +140,7 @@ def estimates():
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(TRUTH["C1"]))
 def test_standard_errors_are_those_of_the_estimates(estimates, name):
     value = np.array([e.loc[name, "value"] for e in estimates])

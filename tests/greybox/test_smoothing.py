@@ -28,6 +28,7 @@ def dof_of(model):
     return float(posterior_of(model, criterion).dof[own].sum())
 
 
+@pytest.mark.slow
 def test_the_data_decide_how_smooth_a_curve_is():
     bent, straight = with_map(CubicGain(hardening=0.3, form="cubic")), with_map(None)
     assert dof_of(straight) < 4.0 < dof_of(bent)
@@ -35,6 +36,7 @@ def test_the_data_decide_how_smooth_a_curve_is():
     assert spreads[0] > 3 * spreads[1]
 
 
+@pytest.mark.slow
 def test_a_given_spread_is_kept():
     model = with_map(CubicGain(hardening=0.3, form="cubic"), spread=0.01)
     assert dict(model.effects.steps)["map"].spread == 0.01

@@ -13,6 +13,8 @@ import pandas as pd
 import pytest
 from support.places import ROOT
 
+pytestmark = pytest.mark.slow
+
 BLIND = ROOT / "benchmarks" / "blind"
 SEED = 6  # no verdict's
 MODULES = ["curves", "effects_beyond", "generator", "loop", "scorer"]

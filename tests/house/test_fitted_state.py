@@ -192,6 +192,7 @@ def test_all_estimators_are_here():
     )
 
 
+@pytest.mark.slow
 @each_case
 @pytest.mark.parametrize("form", ["frame", "array"])
 def test_nothing_changes_with_parameters_that_are_set_after_the_fit(case, form):

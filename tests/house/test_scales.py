@@ -71,6 +71,7 @@ def scaled(model, c, d):
     return model, model.predict(X * c) / d, model.score(X * c, Y * d)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in EXACT]
 )

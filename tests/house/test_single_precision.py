@@ -22,6 +22,8 @@ from skhoid import (
 )
 from skhoid.diagnosis.identification import ModelChoice, identify
 
+pytestmark = pytest.mark.slow
+
 WIDE = 60  # columns, of which a model takes one or two
 MODELS = {
     "arx": ARXRegressor(2, 2, 7, inputs=["e"]),

@@ -59,6 +59,7 @@ def test_a_person_on_a_slow_clock_is_asked():
         assert sampling_time(slow(X, y, 10.0)[0], dt=10.0) == 10.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "level"),
     [

@@ -30,6 +30,7 @@ ELSE = [(0.5, -5), (0.0, 15)]
 OPEN = ["dead_zone", "extra_lag", CLAIM]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dead", "samples"),
     [(0.5, 10), *(pytest.param(*case, marks=pytest.mark.slow) for case in ELSE)],

@@ -4,6 +4,7 @@ import importlib.util
 import pickle
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -163,13 +164,14 @@ def test_no_formula_lies_within_the_band_of_a_rough_curve():
     assert shape(FreeMap(), lambda x: np.sin(9 * x), half=0.01).formula is None
 
 
-@pytest.mark.parametrize("table", [False, True], ids=["formula", "table"])
-@pytest.mark.parametrize(("form", "curve"), PLACES, ids=name_of)
-def test_a_file_is_tidy(form, curve, table, tmp_path):
-    path = written("my_effect", tmp_path, shape(form, curve, table=table))
+def test_files_are_tidy(tmp_path):
+    for number, ((form, curve), table) in enumerate(product(PLACES, [False, True])):
+        folder = tmp_path / f"effects{number}"
+        folder.mkdir()
+        written("my_effect", folder, shape(form, curve, table=table))
     for command in (["check", "--select", "E,F,W,I,B,UP,SIM,N"], ["format", "--check"]):
-        run = [sys.executable, "-m", "ruff", *command, "--isolated", "--line-length", "100", path]
-        done = subprocess.run(run, capture_output=True, text=True, check=False)
+        run = [sys.executable, "-m", "ruff", *command, "--isolated", "--line-length", "100"]
+        done = subprocess.run([*run, tmp_path], capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout
 
 
