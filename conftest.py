@@ -3,6 +3,7 @@
 import os
 import sys
 from doctest import ELLIPSIS, NORMALIZE_WHITESPACE
+from zlib import crc32
 
 import pytest
 from hypothesis import settings
@@ -52,12 +53,23 @@ SLOW_PAGES = {  # whose examples search, simulate or start processes for many se
 }
 
 
+def pytest_addoption(parser):
+    """Let slow tests be run in parts, each in minutes."""
+    parser.addoption("--part", metavar="K/N", help="of N parts of the files, only the Kth (1 to N)")
+
+
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items):
-    """Mark the examples of slow pages."""
+def pytest_collection_modifyitems(config, items):
+    """Mark the examples of slow pages, and keep the part of the files that was asked for."""
     for item in items:
         if item.path.name in SLOW_PAGES:
             item.add_marker(pytest.mark.slow)
+    if config.option.part:
+        part, parts = map(int, config.option.part.split("/"))
+        files = {item.path for item in items}
+        kept = {path for path in files if crc32(path.name.encode()) % parts == part - 1}
+        config.hook.pytest_deselected(items=[item for item in items if item.path not in kept])
+        items[:] = [item for item in items if item.path in kept]
 
 
 @pytest.fixture(autouse=True)
