@@ -37,6 +37,7 @@ def answers(model, X, y):
         yield f"{horizon} ahead", last.predict_ahead(passed, y, horizon)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
 @pytest.mark.parametrize("rows", [1, 7, 64])
 @pytest.mark.parametrize("name", MODELS)

@@ -47,6 +47,7 @@ def test_a_shape_is_written_as_an_effect(capsys, gap_file):
     )
 
 
+@pytest.mark.slow
 def test_without_a_shape_nothing_is_written(capsys, biased_file):
     words = ["diagnose", *biased_file, "--effects", "bias", "drift", "--no-pictures"]
     assert main([*words, "--sketch", "mine.py"]) == 0

@@ -46,6 +46,7 @@ def test_all_labs_have_recorded_the_same(tmp_path, rows, lab, capsys):
     assert (first - first[0]).tolist() == pytest.approx([0.0, 0.02, 0.04])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "lab",
     [lab if lab.name in FAST else pytest.param(lab, marks=pytest.mark.slow) for lab in LABS],

@@ -11,6 +11,8 @@ from skhoid import ARXRegressor, compare, make_tracking_runs, select_runs
 from skhoid.diagnosis.ceiling import consistent_ceiling
 from skhoid.exceptions import ShortRunError
 
+pytestmark = pytest.mark.slow
+
 PERIOD = 20.0  # s
 
 

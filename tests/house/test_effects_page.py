@@ -16,6 +16,8 @@ from skhoid.effects.catalogue import BY_NAME, CLASSES
 from skhoid.effects.composition import PLACES
 from skhoid.search.explanations import ANY_EXPERIMENT, EXPERIMENTS
 
+pytestmark = pytest.mark.slow
+
 DOCS = ROOT / "docs"
 NAMES = list(BY_NAME)
 

@@ -8,6 +8,8 @@ import pytest
 
 from skhoid.io import read_runs, write_runs
 
+pytestmark = pytest.mark.slow
+
 T = np.arange(3.0)
 ROLES = {"inputs": "e", "output": "u", "time": "t"}
 ROWS = "t,e,u\n0,1,2\n1,3,4\n"

@@ -26,6 +26,8 @@ from skhoid.arx.searches.folds import folds_of
 from skhoid.plotting import VAFContourDisplay
 from skhoid.runs import read_layout
 
+pytestmark = pytest.mark.slow
+
 quiet = pytest.mark.filterwarnings(
     "ignore::skhoid.RunCutWarning", "ignore::skhoid.MissingDataWarning"
 )
