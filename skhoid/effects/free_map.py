@@ -198,10 +198,8 @@ class FreeMap(FreeForm):
             low, high = self.knots[0], self.knots[-1]
             force = curve(np.linspace(low, high, N_PLACES)) - level
             return signal.bent(force, low, high, of_rate=self.where == "rate")
-        if self.folded:
-            return signal + curve(signal) - level
         if self.where != "command":
-            return signal + curve(signal)
+            return signal + curve(signal) - level
         whole = signal.position + differentiated(signal.rate, record.dt)
         return signal._replace(position=whole + curve(whole), rate=np.zeros_like(signal.rate))
 

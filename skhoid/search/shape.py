@@ -185,12 +185,11 @@ class Shape:
     def _beside(self) -> str:
         """The model to which it was added, in words."""
         others = [effect.name for own, effect in self.estimator.effects_ if own != self.name]
-        if not others:
-            return "the baseline"
-        words = [titles_of(named)] if (named := [name for name in others if name != CLAIM]) else []
+        named = [name for name in others if name != CLAIM]
+        words = [titles_of(named)] if named else []
         if CLAIM in others:  # estimated beside the shape: whether the given one is wrong is open
             words.append("a free delay")
-        return f"the model with {' and '.join(words)}"
+        return f"the model with {' and '.join(words)}" if words else "the baseline"
 
     def summary(self) -> Summary:
         """All of it in plain sentences, and the curve as a table.

@@ -98,6 +98,7 @@ PLACES = [
     (FreeMap(at="error"), cubic),
     (FreeMap(at="command"), cubic),
     (FreeMap(at="output"), cubic),
+    (FreeMap(at="output", folded=True), cubic),
     (FreeMap(at="spring"), cubic),
     (FreeMap(at="rate"), cubic),
     (FreeGain(), fading),
