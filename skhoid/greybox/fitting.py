@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 
 from .. import _kernels
+from ..effects.core_kind import CoreKind
 from ..effects.record import Record
 from .prior import NO_PRIOR, Prior
 from .simulator import Simulator
@@ -461,6 +462,8 @@ def _wide_sums(
         gram += slopes @ slopes.T
         by_row = (slopes * residual).reshape(size, *criterion.y[:, runs].shape)
         scores += long_run(by_row, lags)
+        if simulator.core.kind == CoreKind.ARX:  # of samples, whatever is between them
+            continue
         changes = [
             change_if_coarser(part, criterion, theta, output, runs),
             change_if_later(part, criterion, output, runs),

@@ -109,6 +109,7 @@ def fitted_states(responses: np.ndarray, residual: np.ndarray, known: np.ndarray
     return np.linalg.solve(gram + ridge, right[:, :, None])[:, :, 0].T
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a trial may run away
 def with_fitted_start(
     record: Record,
     core_output: np.ndarray,

@@ -57,6 +57,18 @@ def change_if_rougher(model: Model, name: str, criterion: Criterion) -> np.ndarr
     return change
 
 
+def change_if_finer(
+    model: Model, name: str, criterion: Criterion, finer: FreeForm, at: np.ndarray
+) -> np.ndarray:
+    """Change of a curve at points if it might be much rougher, and on the knots of another form."""
+    assert finer.spread is not None
+    rough = finer.with_choices(spread=ROUGHER * finer.spread)
+    simulator, start = on_other_knots(model, name, rough)
+    theta = minimise(simulator, criterion, start, max_iter=2).theta
+    own = np.array([one.startswith(f"{name}__") for one in simulator.names])
+    return np.asarray(rough.design(at) @ (theta - start)[own])
+
+
 def smoothed(model: Model, names: Collection[str]) -> Model:
     """A model with free forms that are as smooth as is most likely, at the minimum of that.
 
@@ -115,19 +127,22 @@ def crowded(model: Model, name: str) -> bool:
 
 def with_finer(model: Model, name: str, finer: FreeForm) -> Model:
     """The model with the same curve on other knots, and fitted."""
+    plain = Criterion(model.simulator.record)
+    simulator, start = on_other_knots(model, name, finer)
+    fit = minimise(simulator, plain, start, max_iter=8)
+    return smoothed(Model(simulator, fit, model.other_cores), [name]).refined(plain)
+
+
+def on_other_knots(model: Model, name: str, form: FreeForm) -> tuple[Simulator, np.ndarray]:
+    """A simulator with a form that has other knots, and the parameters of the same curve."""
     effect, values = dict(model.effects.steps)[name], model.values()
     assert isinstance(effect, FreeForm)
     own = np.array([values[f"{name}__{p.name}"] for p in effect.free])
-    at_knots = effect.curve(effect.curve.basis @ own, np.asarray(finer.knots))
-    found = finer.coefficients(at_knots)
+    found = form.coefficients(effect.curve(effect.curve.basis @ own, np.asarray(form.knots)))
     values |= {f"{name}__{key}": value for key, value in found.items()}
-    steps = [(one, finer if one == name else other) for one, other in model.effects]
-    core, record = model.simulator.core, model.simulator.record
-    simulator = Simulator(core, Effects(steps), record)
-    plain = Criterion(record)
-    start = np.array([values[one] for one in simulator.names])
-    fit = minimise(simulator, plain, start, max_iter=8)
-    return smoothed(Model(simulator, fit, model.other_cores), [name]).refined(plain)
+    steps = [(one, form if one == name else other) for one, other in model.effects]
+    simulator = Simulator(model.simulator.core, Effects(steps), model.simulator.record)
+    return simulator, np.array([values[one] for one in simulator.names])
 
 
 def chosen_spreads(

@@ -10,11 +10,12 @@ import pandas as pd
 from ..effects.free_variation import TIME
 from ..greybox.fitting import Criterion, covariance_of
 from ..greybox.model import Model
-from ..greybox.smoothing import change_if_rougher, posterior_of
+from ..greybox.smoothing import CROWDED, change_if_finer, change_if_rougher, posterior_of
 
 N_POINTS = 101
 N_DRAWS = 4000
 LEVEL = 0.95
+AT_A_KINK = 3.0  # times the change by half the distance of knots; twice if nothing kept it back
 
 
 def curve_with_band(
@@ -25,9 +26,10 @@ def curve_with_band(
     ``model`` is at the largest likelihood. The band is that of the posterior, enlarged so that it
     holds the whole curve: Ruppert, Wand and Carroll, Semiparametric regression (2003), section 6.5.
     The posterior has what parameters have too: a remnant that is not quite the noise model's, and
-    the accuracy of the simulation. Two more things are added at each point: what smoothing may
-    have taken from a bend that is sharper than the rest, which is how far the curve moves where it
-    may be much rougher, and how far it moves on rows at half the rate.
+    the accuracy of the simulation. More is added at each point: what smoothing may have taken from
+    a bend that is sharper than the rest, which is how far the curve moves where it may be much
+    rougher; how far it moves on rows at half the rate; and, where the data use most coefficients,
+    what few knots miss at a kink, by what further ones half-way between would change.
     """
     effect: Any = dict(model.effects.steps)[name]
     simulator = model.simulator
@@ -43,11 +45,16 @@ def curve_with_band(
     value = effect.at_rest + design @ model.theta[own]
     covariance = covariance_of(simulator, criterion, model.fit, simulator.prior)
     half = half_width(design, np.nan_to_num(covariance)[np.ix_(own, own)])
-    for change in (change_if_rougher(model, name, criterion), change_if_slower(model)):
-        half = half + np.abs(design @ change[own])
+    rougher = design @ change_if_rougher(model, name, criterion)[own]
+    half = half + np.abs(rougher) + np.abs(design @ change_if_slower(model)[own])
+    dof = float(posterior_of(model, criterion).dof[own].sum())
+    finer = effect.with_more_knots()
+    if dof > CROWDED * len(own) and finer.knots != effect.knots:
+        missed = change_if_finer(model, name, criterion, finer, at) - rougher
+        half = half + AT_A_KINK * np.abs(missed)
     shown = {"value": value, "low": value - half, "high": value + half}
     curve = pd.DataFrame(shown, index=pd.Index(at, name=effect.over)).clip(lower=effect.least)
-    return curve, float(posterior_of(model, criterion).dof[own].sum())
+    return curve, dof
 
 
 def half_width(design: np.ndarray, covariance: np.ndarray) -> np.ndarray:

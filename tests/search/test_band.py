@@ -1,9 +1,11 @@
 """Bands hold the curves: of maps and of gains that swing, over simulated operators."""
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.signal import lfilter
 
-from skhoid import OperatorRegressor, make_tracking_runs
+from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
 from skhoid.effects import FreeGain, FreeMap
 from skhoid.greybox.fitting import Criterion
 from skhoid.greybox.smoothing import in_detail
@@ -17,17 +19,21 @@ ERRORS = np.linspace(-4.0, 4.0, 41)
 LIMITED = FreeMap(knots=tuple(ERRORS), values=tuple(1.2 * np.tanh(ERRORS / 0.8) - ERRORS))
 
 
+def shown(estimator, X, y):
+    """Curve with its band of the free form that an estimator has, and degrees of freedom."""
+    name = estimator.effects.name
+    model = in_detail(estimator.first_fit(estimator.prepare(X, y)), name)
+    criterion = Criterion(model.simulator.record)
+    criterion.set_noise(criterion.remnant_model(model.output))
+    return curve_with_band(model.refined(criterion), name)
+
+
 def curve_of(hidden, seed):
     """Curve with its band and the truth, both as whole factors or maps of slope one."""
     X, y = make_tracking_runs(
         "C1", n_runs=2, remnant_intensity=0.1, effects=hidden, sampling_rate=50, random_state=seed
     )
-    form = type(hidden)()
-    estimator = OperatorRegressor(effects=form)
-    model = in_detail(estimator.first_fit(estimator.prepare(X, y)), form.name)
-    criterion = Criterion(model.simulator.record)
-    criterion.set_noise(criterion.remnant_model(model.output))
-    curve, dof = curve_with_band(model.refined(criterion), form.name)
+    curve, dof = shown(OperatorRegressor(effects=type(hidden)()), X, y)
     data = X.index.get_level_values("time") if hidden is SWING else X["e"]
     at = np.quantile(data.to_numpy(), LEVELS)
     said = np.interp(at, curve.index, curve["value"])
@@ -54,6 +60,27 @@ def test_bands_hold_the_whole_curve_and_are_not_idle(hidden):
     assert np.sum(off.max(axis=1) <= 1) >= N_SEEDS - 1
     # A band of a quarter of the width would hold hardly any.
     assert np.sum(off.max(axis=1) <= 1 / 4) <= 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [0.02, 0.1])
+def test_a_sensor_without_sign_has_a_narrow_band_that_holds_it(noise):
+    """An ARX model is one of samples: what is between them does not make its band wider."""
+    rng = np.random.default_rng(5)
+    x = np.repeat(rng.choice([-1.0, 1.0], 100), rng.integers(3, 12, 100))
+    size = np.abs(lfilter([0, 1.0, 0.4], [1, -1.6, 0.75], x))
+    y = size + noise * np.std(size) * rng.standard_normal(x.size)
+    time = pd.Index(np.arange(x.size) * 0.02, name="time")
+    form = FreeMap(at="output", folded=True)
+    curve, _ = shown(
+        ARXRegressor(2, 2, 1, effects=form), pd.DataFrame({"x": x}, time), pd.Series(y, time)
+    )
+    at, half = curve.index.to_numpy(), (curve["high"] - curve["low"]) / 2
+    off = np.abs(curve["value"] - (np.abs(at) - at))
+    kink = np.abs(at) < 0.05 * at[-1]  # no smooth curve bends as sharply
+    assert (off <= half + 1e-9)[~kink].mean() > 0.97
+    assert off[kink].max() < 0.05 * at[-1]
+    assert 0.1 < half.median() / (noise * np.std(size)) < 3.0
 
 
 def test_a_band_of_independent_points_is_that_of_the_largest_of_them():
