@@ -336,7 +336,8 @@ class EffectSearchCV(
     ) -> tuple[SearchNumbers, Verdict, Any]:
         """What a search finds, the verdict, and the best model; ``measured`` is y.
 
-        With a delay that was given, names and what is left are those of a free one.
+        With a delay that was given, names and what is left are those of a free one, unless that
+        alone is found and one effect beside the given delay explains clearly more.
         """
         recorded = search.record.y
         assert recorded is not None
@@ -354,8 +355,7 @@ class EffectSearchCV(
             all_runs = None if of_all else AllRuns(prepared.record, held)
             return numbers_of(search, path, best, prepared, measured, recorded, all_runs), best
 
-        given = GivenDelay.of(search, fitted) if most else None
-        if given is None:
+        def with_its_delay() -> tuple[SearchNumbers, Verdict, Any]:
             found, best = numbers(search, prepared, forward(search, fitted, most))
             ended = shaped(search, found, tries_all=self._tries_all())
             alone = ended.verdict.best_effects == ["unknown"] and ended.shape is None
@@ -367,13 +367,19 @@ class EffectSearchCV(
                     ended, best = again, of_both
             self.shape_ = fitted_shape(ended, model, prepared, measured)
             return ended.found, ended.verdict, best
+
+        given = GivenDelay.of(search, fitted) if most else None
+        if given is None:
+            return with_its_delay()
         freed, beside, baseline = given.freed(prepared, model)
-        most += len(baseline.effects) - len(fitted.effects)
-        free, _ = numbers(beside, freed, forward(beside, baseline, most))
+        more = most + len(baseline.effects) - len(fitted.effects)
+        free, _ = numbers(beside, freed, forward(beside, baseline, more))
         ended = shaped(beside, free, tries_all=self._tries_all())
         free = ended.found
-        self.shape_ = fitted_shape(ended, model, freed, measured)
         path = given.tested(free.path)
+        if given.stands(path):
+            return with_its_delay()
+        self.shape_ = fitted_shape(ended, model, freed, measured)
         found, best = numbers(search, prepared, path)
         found = replace(found, left=free.left, noises=free.noises, changes=free.changes)
         return found, with_given_delay(ended.verdict, free.path, path), best

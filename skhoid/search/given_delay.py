@@ -14,7 +14,7 @@ from ..greybox.model import Model, without
 from ..greybox.prepared import Prepared
 from ..greybox.protocol import SimulatedModel
 from ..greybox.simulator import Simulator
-from .candidates import Candidate, SearchStep
+from .candidates import LEAST_DELTA_BIC, Candidate, SearchStep
 from .forward import (
     CLAIM,
     Path,
@@ -94,6 +94,19 @@ class GivenDelay:
             if rises(search, path):
                 return path
         return in_gaining_order(search, path, first)
+
+    def stands(self, path: Path) -> bool:
+        """Whether one effect beside the given delay explains clearly more than another delay alone.
+
+        A free delay takes up much of what is fed back late, and leaves too little of it to find.
+        """
+        first = path.steps[0]
+        best, claim = first.best, next(c for c in first.candidates if c.name == self.name)
+        if path.added != [self.name] or best is None or best is claim or not best.linear_in_loop:
+            return False
+        first.judge(claim)
+        more = min(best.weight - claim.weight, best.joint - claim.joint)
+        return bool(more > LEAST_DELTA_BIC and best.gain > claim.gain)
 
     def _first_beside(self, free: SearchStep) -> SearchStep:
         """The first step with the given delay, from what that with a free one has found."""
