@@ -35,9 +35,10 @@ SMALL_STEP = 0.4
 SAME = 1e-4  # of the error's standard deviation
 SOLVED = 0.02  # of it, above which a loop counts as not solved
 LARGEST = 300.0  # times it, of an error
-MEMORY = 12.0  # s, of the loop's answer to a short pulse
+MEMORY = 12.0  # s, of the loop's answer to a short pulse, at first
 PULSE = 0.5  # standard deviations of the error
-RINGS = 0.5  # of a pulse, in the last sixth of the memory: no loop that settles
+QUIET = 0.01  # of a pulse, in the last sixth of the memory; a loop that rings more has a longer one
+RINGS = 0.5  # of a pulse, there: no loop that settles
 MOVED = 0.1  # relative change of a parameter, after which that answer is computed anew
 CURVED = 0.02  # of the output, by which the answer to a remnant and to its opposite differ
 FOLLOWS = 0.7  # share of a channel that x may leave, at most, if it moves with x
@@ -122,8 +123,7 @@ class LoopSimulator:
             runs = np.tile(np.arange(record.n_runs), self._draws)
             self._columns = record.part(runs, 1)
             self._noise = np.concatenate(list(np.moveaxis(remnant, 2, 0)), axis=1)
-        self._error = self._columns.input
-        self._inside = self._error.copy()
+        self._error = self._inside = self._columns.input
         self._chosen = False
 
     def _with_error(self, error: np.ndarray) -> Record:
@@ -147,14 +147,14 @@ class LoopSimulator:
         return self._output
 
     def _solve(self, theta: np.ndarray) -> None:
-        """Solve the loop from the last error, else from the measured one with its own sensitivity.
+        """Solve the loop from the last solution, else from the measured error with its sensitivity.
 
-        The first time in small steps too.
+        As long as nothing was found, in small steps too.
         """
         if self._solved(theta, self._inside):
             return
         self._pulse = None
-        if not self._solved(theta, self._error) and self._theta is None:
+        if not self._solved(theta, self._error) and self._inside is self._error:
             self._solved(theta, self._error, SMALL_STEP)
 
     def _solved(self, theta: np.ndarray, error: np.ndarray, step: float = 1.0) -> bool:
@@ -184,12 +184,12 @@ class LoopSimulator:
                 most = LARGEST * self._spread
                 error = np.clip(change, -most, most, out=change)
         assert best is not None
-        size, self._inside, self._answer, self._last = best
+        size, inside, self._answer, self._last = best
         found = size <= SOLVED
         nothing = np.full_like(self.record.input, np.nan)
         self._output = self._mean(self._answer) if found else nothing
-        if not found:
-            self._inside = self._error.copy()
+        if found:
+            self._inside = inside
         return found
 
     def _mean(self, signal: np.ndarray) -> np.ndarray:
@@ -204,20 +204,32 @@ class LoopSimulator:
             if np.all(np.abs(theta - before) <= MOVED * (np.abs(before) + 1e-3 * self.scale)):
                 return found
         n, at = len(error), len(error) // 3
-        length = min(round(MEMORY / self.record.dt), n - at)
         pulse = np.zeros_like(error)
         pulse[at] = PULSE * self._spread
         above, below = (self._open(error + s * pulse).run(theta) for s in (1, -1))
         with np.errstate(all="ignore"):
-            answer = ((above - below) / (2 * pulse[at, 0])).mean(axis=1)[at : at + length]
-            unit = np.r_[1.0, np.zeros(length - 1)]
-            around = fftconvolve(lfilter(self.loop.b, self.loop.a, unit), answer)[:length]
-            around[0] += 1.0
-            found = lfilter([1.0], around, unit) if np.isfinite(around).all() else None
-        settles = found is not None and np.abs(found[-length // 6 :]).max() < RINGS
-        sensitivity = Response.on(found, n) if found is not None and settles else None
+            answer = ((above - below) / (2 * pulse[at, 0])).mean(axis=1)[at:]
+        length = min(round(MEMORY / self.record.dt), n - at)
+        while True:
+            rung, rings = self._around(answer[:length])
+            if length == n - at or not QUIET < rings < RINGS:
+                break
+            length = min(2 * length, n - at)
+        sensitivity = Response.on(rung, n) if rings < RINGS else None
         self._pulse = theta.copy(), sensitivity
         return sensitivity
+
+    def _around(self, answer: np.ndarray) -> tuple[np.ndarray, float]:
+        """What a pulse becomes in the loop, and what of it is left in the last sixth."""
+        unit = np.r_[1.0, np.zeros(answer.size - 1)]
+        with np.errstate(all="ignore"):
+            around = fftconvolve(lfilter(self.loop.b, self.loop.a, unit), answer)[: answer.size]
+            around[0] += 1.0
+            if not np.isfinite(around).all():
+                return around, np.inf
+            found = lfilter([1.0], around, unit)
+        left = float(np.abs(found[-answer.size // 6 :]).max())
+        return found, left if np.isfinite(left) else np.inf
 
     def is_curved(self, theta: np.ndarray) -> bool:
         """Whether open-loop responses to a remnant and its opposite differ from that to none."""
