@@ -124,6 +124,19 @@ def test_run_solves_the_equation_of_the_loop(world, begin):
     np.testing.assert_allclose(again.run(theta), u, atol=1e-9)
 
 
+@pytest.mark.parametrize("times", [1.9, 2.0, 2.1, 2.2])
+def test_a_loop_that_rings_for_long_is_solved(times):
+    """Near the gain at which it no longer settles (2.25 to 2.3 times), within any trials."""
+    world = World("1/s", seconds=80.0)
+    person = replace(world.person, K_e=times * 2.0, K_edot=times * 0.1)
+    _, u = world.run(person)
+    simulator = world.simulator()
+    for _ in range(2):
+        found = simulator.run(theta_of(person))
+        np.testing.assert_allclose(found, u, atol=1e-4 * np.std(u))
+        assert np.isnan(simulator.run(theta_of(person) * [40, 40, 1, 1, 1])).all()
+
+
 def test_response_is_a_convolution():
     random = np.random.default_rng(0)
     signal, response = random.normal(size=(300, 2)), random.normal(size=70)
