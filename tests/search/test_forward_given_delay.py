@@ -7,9 +7,11 @@ import pytest
 from support.person_in_loop import answered, pursued
 
 from skhoid import EffectSearchCV, OperatorRegressor
-from skhoid.effects import DeadZone, WrongDelay
+from skhoid.effects import DeadZone, OutputFeedback, WrongDelay
+from skhoid.search.candidates import Candidate
 from skhoid.search.forward import CLAIM, LEAST_GAIN_OF_CLAIM, Search
 from skhoid.search.given_delay import GivenDelay, with_given_delay
+from skhoid.search.in_loop import InLoop
 from skhoid.search.verdict import Outcome, Verdict
 
 RATE = 60
@@ -162,6 +164,36 @@ def test_what_is_unknown_with_a_free_delay_is_with_a_given_one():
     found = with_given_delay(verdict, path_of(["dead_zone", "bias"]), path_of([CLAIM, "dead_zone"]))
     assert found.best_effects == [CLAIM, "dead_zone", "unknown"]
     assert found.stand_ins == ["bias"]
+
+
+@pytest.mark.parametrize(
+    ("joint", "gain", "bends", "added", "stands"),
+    [
+        (200.0, 5.0, False, [CLAIM], True),
+        (120.0, 5.0, False, [CLAIM], False),  # hardly likelier than another delay
+        (200.0, 1.0, False, [CLAIM], False),  # which gains more
+        (200.0, 5.0, True, [CLAIM], False),  # the loop does not decide
+        (200.0, 5.0, False, [CLAIM, "dead_zone"], False),  # found beside another delay
+        (200.0, 5.0, False, [], False),
+    ],
+)
+def test_a_given_delay_stands_where_one_effect_explains_clearly_more(
+    joint, gain, bends, added, stands
+):
+    claim = Candidate(CLAIM, WrongDelay(), delta_bic=200.0, joint=100.0, gain=1.5)
+    path = OutputFeedback()
+    in_loop = InLoop(80.0, 150.0, 1.5, bends)
+    best = Candidate(path.name, path, delta_bic=700.0, joint=joint, gain=gain, in_loop=in_loop)
+    first = SimpleNamespace(best=best, candidates=[best, claim], judge=lambda candidate: True)
+    given = GivenDelay(None, None, CLAIM, claim.effect, None)
+    assert given.stands(SimpleNamespace(steps=[first], added=added)) is stands
+
+
+def test_a_given_delay_does_not_stand_where_the_claim_is_the_best():
+    claim = Candidate(CLAIM, WrongDelay(), delta_bic=200.0, joint=100.0, gain=1.5)
+    first = SimpleNamespace(best=claim, candidates=[claim], judge=lambda candidate: True)
+    given = GivenDelay(None, None, CLAIM, claim.effect, None)
+    assert not given.stands(SimpleNamespace(steps=[first], added=[CLAIM]))
 
 
 @pytest.mark.slow
