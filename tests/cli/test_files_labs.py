@@ -12,7 +12,6 @@ from skhoid.cli import main
 from skhoid.io.guess import guess_columns
 
 FEW = ["--effects", "bias", "dead_zone"]
-FAST = ("units", "struct")
 
 
 @pytest.fixture(scope="module")
@@ -47,11 +46,7 @@ def test_all_labs_have_recorded_the_same(tmp_path, rows, lab, capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "lab",
-    [lab if lab.name in FAST else pytest.param(lab, marks=pytest.mark.slow) for lab in LABS],
-    ids=lambda lab: lab.name,
-)
+@pytest.mark.parametrize("lab", LABS, ids=lambda lab: lab.name)
 def test_diagnose_needs_no_option(tmp_path, rows, lab, capsys):
     path = lab.write(lab.frame(rows), tmp_path)
     assert main(["diagnose", str(path), *FEW, "--no-pictures", "--json"]) == 0
