@@ -1,7 +1,7 @@
 """True curves of hidden effects, and how near a curve of the answer comes to one.
 
-Constant and straight parts of a map are the linear operator's, so they do not count, nor does the
-mean of a gain or of a delay. A map's curve is what it adds to its argument.
+The gain of a map is the linear operator's, so it does not count, nor does the mean of a gain or of
+a delay. A map's curve is what it adds to its argument.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ QUANTILES = np.linspace(0.025, 0.975, 191)  # the central 95 % of the data
 POINTS = 2001
 BY_CHANNEL = {"scheduled_gain", "airspeed_gain", "workload_delay"}  # of the speed
 STRETCHED = ("command", "output")  # places of maps whose argument is in units of the answer
+FORCES = ("spring", "rate")
 JUMP = 0.1
 OFFSETS = {"bias", "drift", "wandering_offset"}
 
@@ -160,11 +161,10 @@ def _maps(w: Wiring, e_max: float, u_max: float) -> dict[str, tuple[np.ndarray, 
 def compare(curve: pd.DataFrame, true: TrueCurve, form: str, place: str) -> dict[str, Any]:
     """How near a curve with its band comes to the truth, in the central 95 % of the data.
 
-    A map's straight part is taken from the answer, and with it the gain: twice the map of the error
-    behind half the gain is the same. So the truth's map is scaled until its slope is one and that
-    of the answer's curve. Twice the command before the same output is the same too: there the
-    argument is scaled, to where both maps are nearest. Forces over the rate have a scale of
-    their own.
+    Only what no recording tells is taken from the answer, by least squares. Twice the map of the
+    error, or of a spring, behind half the gain is the same: there the truth's whole map is scaled.
+    Twice the command before the same output is the same too: there the argument is. A straight
+    force of the rate is the limb's damping. Forces are zero at rest.
 
     Parameters
     ----------
@@ -179,8 +179,8 @@ def compare(curve: pd.DataFrame, true: TrueCurve, form: str, place: str) -> dict
     -------
     grade : dict
         inside: whether the band holds the truth everywhere but at its jumps, where no smooth curve
-        can; share: of the data where it does; rms: distance over the size of what is not straight
-        (or not constant), jumps and all.
+        can; share: of the data where it does; rms: distance over the size of what is not
+        proportional (or not constant), jumps and all.
     """
     curve = curve.sort_index()
     at = curve.index.to_numpy(dtype=float)
@@ -192,12 +192,14 @@ def compare(curve: pd.DataFrame, true: TrueCurve, form: str, place: str) -> dict
     said, low, high = (np.interp(x, at, curve[name]) for name in ("value", "low", "high"))
     value = np.interp(x / scale, true.x, true.value)
     if form == "free_map":
-        straight = np.column_stack([np.ones_like(x), x])
-        of_truth, of_answer = (np.linalg.lstsq(straight, z, rcond=None)[0] for z in (value, said))
-        bent = value - straight @ of_truth
-        if place != "rate":
-            bent = bent * (1 + of_answer[1]) / of_truth[1]
-        expected = straight @ of_answer + bent
+        if place in FORCES:
+            value = value - np.interp(0.0, true.x, true.value)
+        if place == "rate":
+            expected = value + x * (x @ (said - value)) / (x @ x)
+        else:
+            gain = 1.0 if place in STRETCHED else value @ (x + said) / (value @ value)
+            expected = gain * value - x
+        bent = expected - x * (x @ expected) / (x @ x)
     elif form == "free_gain":
         expected = value * np.mean(said) / np.mean(value)
         bent = expected - np.mean(expected)
@@ -221,7 +223,7 @@ def _stretched(curve: pd.DataFrame, true: TrueCurve) -> float:
 
     def apart(log_scale: float) -> float:
         said = np.interp(np.exp(log_scale) * true.data, at, whole)
-        return float(np.var(said - value))
+        return float(np.mean((said - value) ** 2))
 
     tried = np.linspace(-3, 3, 121)
     best = tried[np.argmin([apart(one) for one in tried])]

@@ -105,16 +105,18 @@ def test_what_the_linear_operator_takes_does_not_count_in_a_map(trial):
     def grade(value, form="free_map", place="input"):
         return trial.curves.compare(table_of(x, value, 0.1), true, form, place)
 
-    slope = np.polyfit(true.data, true.data + true.data**2, 1)[0]
-    for gain in (0.5, 1, 2, 1 / slope):  # a curve is what the map adds to its argument
-        same = gain * (x + x**2) + 0.3 - x
-        assert grade(same)["inside"]
-        assert grade(same)["rms"] == pytest.approx(0, abs=0.01)
+    for gain in (0.5, 1, 2):  # a curve is what the map adds to its argument
+        same = gain * (x + x**2) - x
+        for place in ("input", "spring"):
+            assert grade(same, place=place)["inside"]
+            assert grade(same, place=place)["rms"] == pytest.approx(0, abs=0.01)
+            assert not grade(same + 0.3, place=place)["inside"]  # nothing else makes a level
     straight = grade(np.zeros_like(x))
     assert not straight["inside"]
-    assert straight["rms"] == pytest.approx(1, abs=0.05)
-    assert grade(1.5 * x**2)["rms"] == pytest.approx(0.5, abs=0.05)
-    assert grade(x**2, place="rate")["inside"]
+    assert straight["rms"] > 1
+    assert 0.1 < grade(1.5 * x**2)["rms"] < 0.5
+    assert grade(x**2 - 3 * x, place="rate")["inside"]
+    assert not grade(x**2 + 0.3, place="rate")["inside"]
     assert not grade(2 * x**2, place="rate")["inside"]
 
 
