@@ -23,6 +23,7 @@ SEEN_AHEAD = 1.0  # s, of a target that may have been shown in advance
 SHAKEN = 0.5  # s, of a body's and a stick's memory of what shakes them
 OF_TARGET = 0.02  # share of a channel by the target, above which the loop moves it
 LAGS_OF_TARGET = 16
+STRETCHES = 8  # of a run; every other one tells the rest, as the operator may change on the way
 FROM_OUTSIDE = ("f_t", "dist")  # roles of channels that the loop does not move
 
 
@@ -208,7 +209,7 @@ def shakes(name: str, record: Record) -> bool:
 
 
 def _follows_target(name: str, record: Record) -> bool:
-    """Whether answers to the target explain part of a channel in halves of runs left out."""
+    """Whether answers to the target explain part of a channel in stretches of runs left out."""
     targets = record.with_role("f_t")
     if not targets:
         return True
@@ -217,9 +218,10 @@ def _follows_target(name: str, record: Record) -> bool:
     columns = np.stack([record.delayed(target, lag)[rows] for lag in lags])
     columns = np.concatenate([columns, np.ones((1, columns.shape[1]))])
     moved = record.channel(name)[rows]
-    first = np.broadcast_to(np.arange(rows.shape[0])[:, None] < rows.shape[0] // 2, rows.shape)
+    stretch = np.arange(len(rows)) * STRETCHES // len(rows)
+    odd = np.broadcast_to(stretch[:, None] % 2 == 1, rows.shape)[rows]
     left = 0.0
-    for test in (first[rows], ~first[rows]):
+    for test in (odd, ~odd):
         fitted = np.linalg.lstsq(columns[:, ~test].T, moved[~test], rcond=None)[0]
         left += float(np.sum((moved[test] - fitted @ columns[:, test]) ** 2))
     return left < (1 - OF_TARGET) * float(np.sum((moved - moved.mean()) ** 2))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
-from skhoid.effects import FreeDynamics, FreePath
+from skhoid.effects import FreeDynamics, FreePath, TimeVaryingDelay
 from skhoid.effects.free_path import convolved, shakes
 from skhoid.effects.smooth_curve import SmoothCurve
 
@@ -102,6 +102,25 @@ def test_motion_that_the_loop_does_not_move_may_act_at_once():
     assert at_once[0].first_lag(record) == 0.0
     no_target = OperatorRegressor().prepare(X.drop(columns=["f_t", "x"]), y).record
     assert not shakes("motion_alone", no_target)
+
+
+def test_motion_that_the_loop_moves_otherwise_in_the_second_half_may_not():
+    """An operator whose delay changes half-way moves the vehicle, too."""
+    X, y = make_tracking_runs(
+        condition="C1",
+        effects=TimeVaryingDelay(change=0.2, rate=100.0, time=40.0),
+        n_runs=3,
+        remnant_intensity=0.4,
+        random_state=1,
+        channels=("e", "x", "f_t"),
+    )
+    twice = [np.gradient(np.gradient(run["x"], 0.01), 0.01) for _, run in X.groupby(level="run")]
+    shaking = np.random.default_rng(1).normal(size=len(X))
+    moved = np.concatenate(twice)
+    record = (
+        OperatorRegressor().prepare(X.assign(motion=moved + 0.5 * moved.std() * shaking), y).record
+    )
+    assert not shakes("motion", record)
 
 
 @pytest.mark.slow
