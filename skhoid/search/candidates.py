@@ -20,7 +20,8 @@ LEAST_DELTA_BIC = 25.0  # of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
 OF_TARGET = ("feedforward", "preview")  # what the remnant imitates most
 CLEAR, CERTAIN = 0.5, 100.0  # points and ΔBIC in the loop, that it imitates hardly ever
-MUCH, MUCH_DELTA_BIC = 5.0, 50.0  # gain and ΔBIC that count beside a loop that is blind
+MUCH = 5.0  # points, of what neither a likelihood nor the loop knows
+MORE, MORE_DELTA_BIC = 0.5, 60.0  # gain and ΔBIC that count beside a loop that is blind
 BLIND = 0.1  # points of VAF that are no loss in the loop
 LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a plainer one
 AS_GOOD = 0.05  # points
@@ -78,9 +79,9 @@ class Candidate:
 
         For linear effects the loop decides, and asks more of a response to the target. Where the
         loop cannot be solved, a jointly estimated noise model decides; for nonlinear effects a loop
-        that speaks against them counts as well. The loop is blind to paths that only the remnant
-        excites, such as feedback that the target cannot tell from another gain: then the gain must
-        be large, and likely.
+        that speaks against them counts as well. The loop is blind to what only the remnant excites,
+        such as feedback that the target cannot tell from another gain: what is no worse there
+        may be far more likely than any linear effect of nothing. Dynamics the target excites.
         """
         judged = self.in_loop
         if judged is None:
@@ -96,8 +97,8 @@ class Candidate:
             least = LEAST_IF_BETTER if judged.gain >= CLEAR else CERTAIN
             return judged.delta_bic <= least or judged.gain < LEAST_IN_LOOP
         if np.isnan(self.joint) or not judged.bends:
-            blind = self.effect.place == "path" and judged.gain > -BLIND
-            much = blind and self.gain >= MUCH and likely > MUCH_DELTA_BIC
+            blind = self.effect.place != "inside" and judged.gain > -BLIND
+            much = blind and self.gain >= MORE and likely > MORE_DELTA_BIC
             return judged.refutes and not much
         return self.joint - judged.against <= judged.asked
 

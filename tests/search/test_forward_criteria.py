@@ -154,7 +154,15 @@ def passing(name="higher_order", **options):
             {"place": "inside", "joint": 450.0, "gain": 19.0, "in_loop": InLoop(90.0, 3.0, 0.0)},
             False,
         ),
-        ({"joint": 450.0, "gain": 4.0, "in_loop": InLoop(90.0, 3.0, 0.0)}, False),
+        ({"joint": 70.0, "delta_bic": 150.0, "gain": 0.6, "in_loop": InLoop(90.0, 3.0, 0.0)}, True),
+        (
+            {"joint": 70.0, "delta_bic": 150.0, "gain": 0.4, "in_loop": InLoop(90.0, 3.0, 0.0)},
+            False,
+        ),
+        (
+            {"joint": 59.0, "delta_bic": 150.0, "gain": 4.0, "in_loop": InLoop(90.0, 3.0, 0.0)},
+            False,
+        ),
         ({"joint": 450.0, "gain": 19.0, "in_loop": InLoop(90.0, 3.0, -0.5)}, False),
         ({"joint": 50.0, "in_loop": InLoop(90.0, -5.0, -0.1, True)}, True),
         ({"joint": 50.0, "in_loop": InLoop(90.0, -25.0, 1.0, True)}, False),
