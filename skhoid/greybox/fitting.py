@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 
 from .. import _kernels
+from ..effects.composition import Effects
 from ..effects.core_kind import CoreKind
 from ..effects.record import Record
 from .prior import NO_PRIOR, Prior
@@ -24,6 +25,7 @@ EXPLORED_STEP = 0.04  # s
 STEP = 1e-4  # of finite differences, relative
 COARSE_STEP = 5e-3  # where the response is not smooth
 WORTHWHILE = 1e-4  # share of the squares that a common scale must save
+SOFT_CORNERS = 0.2  # in steps, of slopes where the response jumps
 SEARCHED = 0.02  # relative accuracy of parameters where the response is not smooth
 FAR = 3.0  # times what a step promises, that it may save
 MEMORY = 2.0  # s, over which scores may correlate
@@ -384,13 +386,15 @@ def covariance_of(
     """Covariance of an operator's parameters; NaN for those at a bound or without effect.
 
     It has these parts. Derivatives are differences over about a standard deviation, which are more
-    meaningful than the tangent of a stepped or jagged response. The noise model is estimated from
-    the same rows: in a closed loop the remnant is in the error too, and what one of both takes the
-    other lacks. Where whitened residuals are not white, a long-run covariance of the scores
-    enlarges the variances. How far the estimates would move at twice the sampling time counts as a
-    further standard deviation, and so does what is between samples (:func:`change_if_later`): the
-    accuracy of the simulation limits them whatever the noise. So do the last step of a search where
-    the response is not smooth, and what other choices in the fit would have changed.
+    meaningful than the tangent of a stepped or jagged response; of an output in steps the corners
+    are softened, since each row that jumps would tell more than any noise allows. The noise model
+    is estimated from the same rows: in a closed loop the remnant is in the error too, and what one
+    of both takes the other lacks. Where whitened residuals are not white, a long-run covariance of
+    the scores enlarges the variances. How far the estimates would move at twice the sampling time
+    counts as a further standard deviation, and so does what is between samples
+    (:func:`change_if_later`): the accuracy of the simulation limits them whatever the noise. So do
+    the last step of a search where the response is not smooth, and what other choices in the fit
+    would have changed.
     """
     theta = fit.theta
     free = (theta > simulator.low) & (theta < simulator.high)
@@ -399,9 +403,10 @@ def covariance_of(
     if not free.any():
         return covariance
     sigma = np.sqrt(sse_at(simulator, criterion, theta) / max(criterion.n - free.sum(), 1))
+    sloped = simulator if simulator.smooth else with_soft_corners(simulator)
     if not simulator.smooth:
-        diagonal = np.diag(_wide_sums(simulator, criterion, theta, sigma, diagonal).gram)
-    sums = _wide_sums(simulator, criterion, theta, sigma, diagonal)
+        diagonal = np.diag(_wide_sums(sloped, criterion, theta, sigma, diagonal).gram)
+    sums = _wide_sums(sloped, criterion, theta, sigma, diagonal)
     free &= felt(simulator, theta, np.diag(sums.gram)[: theta.size])
     known, _ = (prior or NO_PRIOR).weighing(sigma**2).normal_equations(theta)
     normal = sums.gram.copy()
@@ -429,6 +434,15 @@ def covariance_of(
             own = [i for i, n in enumerate(simulator.names) if n.startswith(f"{name}__")]
             covariance[own, own] += (SEARCHED * theta[own]) ** 2
     return covariance
+
+
+def with_soft_corners(simulator: Simulator) -> Simulator:
+    """A simulator whose effects that jump have soft corners, where they have such a form."""
+    steps = [
+        (name, effect if effect.smooth else effect.softened(SOFT_CORNERS) or effect)
+        for name, effect in simulator.effects.steps
+    ]
+    return Simulator(simulator.core, Effects(steps), simulator.record)
 
 
 class _WideSums(NamedTuple):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
+from skhoid.effects import Quantised
 from skhoid.greybox.fitting import (
     UNKNOWN_DELAY,
     Criterion,
@@ -85,3 +86,22 @@ def test_covariance_has_the_part_of_choices(fitted):
     chosen = replace(model.fit, beside=np.full((size, size), 2.0))
     found = covariance_of(model.simulator, criterion, chosen)
     np.testing.assert_allclose(found - plain, 2.0)
+
+
+@pytest.mark.slow
+def test_an_output_in_steps_has_intervals_like_any_other():
+    """A row that jumps must not tell more than remnant lets it."""
+    steps = Quantised(step=0.1, offset=0.0, at="output", form="sharp")
+    found = []
+    for seed in (1, 2, 3):
+        X, y = make_tracking_runs(
+            n_runs=2, remnant_intensity=0.15, effects=steps, random_state=seed
+        )
+        table = OperatorRegressor(effects=steps).fit(X, y).parameters_
+        names = ["K_e", "K_edot", "omega_nm", "zeta_nm", "tau_e"]
+        found.append((table.loc[names, "sd"] / table.loc[names, "value"]).to_numpy())
+    sd = np.array(found)
+    assert np.isfinite(sd).all()
+    assert (sd > 0.01).all()
+    assert (sd < 0.15).all()
+    assert (sd.max(axis=0) < 2.5 * sd.min(axis=0)).all()
