@@ -104,6 +104,7 @@ def test_motion_that_the_loop_does_not_move_may_act_at_once():
     assert not shakes("motion_alone", no_target)
 
 
+@pytest.mark.slow
 def test_motion_that_the_loop_moves_otherwise_in_the_second_half_may_not():
     """An operator whose delay changes half-way moves the vehicle, too."""
     X, y = make_tracking_runs(
