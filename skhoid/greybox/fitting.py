@@ -10,7 +10,6 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 
 from .. import _kernels
-from ..effects.composition import Effects
 from ..effects.core_kind import CoreKind
 from ..effects.record import Record
 from .prior import NO_PRIOR, Prior
@@ -403,7 +402,7 @@ def covariance_of(
     if not free.any():
         return covariance
     sigma = np.sqrt(sse_at(simulator, criterion, theta) / max(criterion.n - free.sum(), 1))
-    sloped = simulator if simulator.smooth else with_soft_corners(simulator)
+    sloped = simulator.with_soft_corners(SOFT_CORNERS)
     if not simulator.smooth:
         diagonal = np.diag(_wide_sums(sloped, criterion, theta, sigma, diagonal).gram)
     sums = _wide_sums(sloped, criterion, theta, sigma, diagonal)
@@ -434,15 +433,6 @@ def covariance_of(
             own = [i for i, n in enumerate(simulator.names) if n.startswith(f"{name}__")]
             covariance[own, own] += (SEARCHED * theta[own]) ** 2
     return covariance
-
-
-def with_soft_corners(simulator: Simulator) -> Simulator:
-    """A simulator whose effects that jump have soft corners, where they have such a form."""
-    steps = [
-        (name, effect if effect.smooth else effect.softened(SOFT_CORNERS) or effect)
-        for name, effect in simulator.effects.steps
-    ]
-    return Simulator(simulator.core, Effects(steps), simulator.record)
 
 
 class _WideSums(NamedTuple):

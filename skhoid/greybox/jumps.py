@@ -71,11 +71,9 @@ def _followed(model: Model, name: str, criterion: Criterion) -> Model | None:
     simulator = model.simulator
     theta = model.theta
     for amount in SOFT:
-        softened = dict(simulator.effects.steps)[name].softened(amount)
-        if softened is None:
+        soft = simulator.with_soft_corners(amount, only=name)
+        if soft is simulator:
             return None
-        steps = [(n, softened if n == name else e) for n, e in simulator.effects]
-        soft = Simulator(simulator.core, Effects(steps), simulator.record)
         theta = minimise(soft, criterion, theta, max_iter=8, tol=1e-4).theta
     sharp = minimise(simulator, criterion, theta, max_iter=4)
     return Model(simulator, min(sharp, model.fit, key=lambda fit: fit.sse), model.other_cores)

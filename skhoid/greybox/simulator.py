@@ -129,6 +129,18 @@ class Simulator:
     def __reduce__(self) -> tuple:
         return Simulator, (self.core, self.effects, self.record)
 
+    def with_soft_corners(self, amount: float, only: str | None = None) -> Any:
+        """With soft corners of effects that jump, or of one, that have them; else this itself."""
+        softened = {
+            name: effect.softened(amount)
+            for name, effect in self.effects
+            if not effect.smooth and only in (None, name)
+        }
+        if not any(softened.values()):
+            return self
+        steps = [(name, softened.get(name) or effect) for name, effect in self.effects]
+        return Simulator(self.core, Effects(steps), self.record)
+
     def on(self, record: Record) -> Any:
         """The same core and effects on another record."""
         return Simulator(self.core, self.effects, record)

@@ -81,7 +81,7 @@ class Candidate:
         loop cannot be solved, a jointly estimated noise model decides; for nonlinear effects a loop
         that speaks against them counts as well. The loop is blind to what only the remnant excites,
         such as feedback that the target cannot tell from another gain: what is no worse there
-        may be far more likely than any linear effect of nothing. Dynamics the target excites.
+        may be far more likely than any linear effect of nothing. To the limb it is not blind.
         """
         judged = self.in_loop
         if judged is None:
