@@ -54,6 +54,7 @@ from .search_numbers import SearchNumbers, numbers_of
 from .shape import fitted_shape, told_shape
 from .shapes import shaped
 from .sketch import SketchesEffects
+from .started import Started
 from .verdict import Verdict
 
 GUARD = 5.0  # s beside held-out blocks of a single run
@@ -279,32 +280,22 @@ class EffectSearchCV(
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
         X = as_table(X)
         with threadpool_limits(1):  # small products, which threads only slow down
-            model = clone(self.estimator)
-            if self.controlled_element is not None:
-                model.set_params(controlled_element=self.controlled_element)
-            prepared = in_domain(model.prepare(X, y), self.domain, getattr(model, "roles", None))
-            control = control_of(model, X, self.lost_control, self.domain)
+            started = self._started(X, y, groups, params)
+            model, prepared, lost = started.model, started.prepared, started.lost
+            control, known, some = started.control, started.known, started.some
             self._control = control
-            layout = prepared.grid.layout
-            lost = control.rows(layout.n_rows)
-            prepared = without_rows(prepared, lost, model.settling)
-            routed = self._routed(X, layout, groups, params)
-            known = prepared.known & ~lost
-            some = None if self.max_rows is None else some_runs(prepared.record, self.max_rows)
-            record = prepared.record if some is None else prepared.record.part(some, 1)
-            folds, held = self._folds(prepared, known, routed, some)
             search = Search(
                 prepared.core,
-                record,
+                started.record,
                 self._candidates(),
-                folds,
+                started.folds,
                 self.n_jobs,
                 Progress(self, context),
             )
             measured = as_output(y)
             kept = np.where(known, measured, np.nan)
             estimators = Estimators(model)
-            found, verdict, best = self._searched(search, estimators, prepared, kept, held)
+            found, verdict, best = self._searched(search, estimators, prepared, kept, started.held)
             if len(found.path.model.effects):  # choices made, numbers to be estimated
                 best.set_params(effects=found.path.model.effects)
             self.best_estimator_ = best
@@ -325,6 +316,23 @@ class EffectSearchCV(
             self.feature_names_in_ = model.feature_names_in_
         context.call_on_fit_task_end(estimator=self, X=X, y=y)
         return self
+
+    def _started(self, X: Any, y: Any, groups: Any, params: dict[str, Any]) -> Started:
+        """The model and its data, without stretches in which control was lost, and the folds."""
+        model = clone(self.estimator)
+        if self.controlled_element is not None:
+            model.set_params(controlled_element=self.controlled_element)
+        prepared = in_domain(model.prepare(X, y), self.domain, getattr(model, "roles", None))
+        control = control_of(model, X, self.lost_control, self.domain)
+        layout = prepared.grid.layout
+        lost = control.rows(layout.n_rows)
+        prepared = without_rows(prepared, lost, model.settling)
+        routed = self._routed(X, layout, groups, params)
+        known = prepared.known & ~lost
+        some = None if self.max_rows is None else some_runs(prepared.record, self.max_rows)
+        record = prepared.record if some is None else prepared.record.part(some, 1)
+        folds, held = self._folds(prepared, known, routed, some)
+        return Started(model, prepared, control, lost, known, some, record, folds, held)
 
     def _searched(
         self,

@@ -1,0 +1,5 @@
+"""Which effects people share."""
+
+from .search import GroupEffectSearch
+
+__all__ = ["GroupEffectSearch"]

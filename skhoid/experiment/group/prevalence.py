@@ -1,0 +1,207 @@
+"""How many people have which effect: evidence of each person, and a prevalence of the group.
+
+Random-effects model selection (Stephan et al., 2009, doi 10.1016/j.neuroimage.2009.03.025; for
+single effects that are there or not, as in the prevalence of Donhauser et al., 2018): the data of
+a person are more likely with some effects than with others, and how many people of the population
+have an effect is estimated along. Evidence adds up over people, and what is rare in the group asks
+for more evidence in one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+from scipy.special import expit, logit
+
+# Nothing gives effects of the catalogue a ΔBIC up to about this, in the loop and with a noise model
+# estimated along: models are never exactly right.
+OF_NOTHING = 12.0
+CAP = 6.0  # logarithm of the largest Bayes factor of one person: no record is beyond doubt
+LEAST_OF_NAMED = 3.0  # the same, the least of what a search named by all of its criteria
+LEAST_GAIN = 0.1  # points of VAF on held-out rows, below which nothing speaks for an effect
+GRID = (np.arange(400) + 0.5) / 400  # prevalence
+ROUNDS, TOLERANCE = 200, 1e-4  # of the logarithm of odds
+
+
+@dataclass(frozen=True)
+class PersonEvidence:
+    """What is known of one person: the effects that a search named, and the table of evidence."""
+
+    named: tuple[str, ...]
+    table: pd.DataFrame
+
+    @cached_property
+    def known(self) -> dict[str, dict[str, tuple[float, float]]]:
+        """Evidence and gain of each effect, by what it would stand in place of (or ``""``)."""
+        found: dict[str, dict[str, tuple[float, float]]] = {}
+        columns = (self.table[name] for name in ("instead_of", "effect", "evidence", "vaf_gain"))
+        for out, effect, evidence, gain in zip(*columns, strict=True):
+            if np.isfinite(evidence):
+                found.setdefault(str(out), {})[str(effect)] = float(evidence), float(gain)
+        return found
+
+    def states(self) -> list[tuple[frozenset[str], float]]:
+        """Sets of effects that may be the person's, with log Bayes factors over what was named.
+
+        What was named, with one effect more, without one, or with one in place of another.
+        """
+        base = frozenset(self.named)
+        found = [(base, 0.0)]
+        for out, known in self.known.items():
+            if not out:
+                found += [(base | {e}, log_factor(*known[e])) for e in known if e not in base]
+            elif out in base and out in known:
+                own = known[out][0]
+                found.append((base - {out}, -max(log_factor(*known[out]), LEAST_OF_NAMED)))
+                for other, (evidence, gain) in known.items():
+                    if other not in base and gain >= LEAST_GAIN:
+                        lead = float(np.clip((evidence - own) / 2, -CAP, CAP))
+                        found.append((base - {out} | {other}, lead))
+        return found
+
+    def knows(self, effect: str) -> bool:
+        """Whether the person's data can tell anything about an effect."""
+        return effect in self.named or any(effect in known for known in self.known.values())
+
+
+def log_factor(evidence: float, gain: float) -> float:
+    """Logarithm of the Bayes factor for an effect, from its ΔBIC and its gain on held-out rows.
+
+    exp(ΔBIC / 2) is the usual approximation (Kass and Raftery, 1995); what nothing has as well is
+    taken off before.
+    """
+    found = float(np.clip((evidence - OF_NOTHING) / 2, -CAP, CAP))
+    return found if gain >= LEAST_GAIN else min(found, 0.0)
+
+
+@dataclass(frozen=True)
+class Prevalence:
+    """The share of people who have an effect, and who they are.
+
+    ``has`` has the probability that each person has it (NaN where the data cannot tell), ``low``
+    and ``high`` are the ends of a credible interval of the share of the population.
+    """
+
+    effect: str
+    has: np.ndarray
+    share: float
+    low: float
+    high: float
+    posterior: np.ndarray
+
+    @property
+    def n_people(self) -> int:
+        return int(np.isfinite(self.has).sum())
+
+    @property
+    def n_with(self) -> int:
+        return int((self.has > 0.5).sum())
+
+    def more_than(self, share: float) -> float:
+        """Probability that more than a share of people have it."""
+        return float(self.posterior[share < GRID].sum())
+
+
+def prevalences(
+    people: Sequence[PersonEvidence], effects: Sequence[str], confidence: float = 0.95
+) -> list[Prevalence]:
+    """The prevalence of each effect, all estimated together.
+
+    Parameters
+    ----------
+    people : sequence of PersonEvidence
+        One for each person.
+    effects : sequence of str
+        Ids of the effects.
+    confidence : float, default=0.95
+        Of the intervals.
+
+    Returns
+    -------
+    found : list of Prevalence
+        In the order of the effects.
+    """
+    states = [person.states() for person in people]
+    members = [
+        np.array([[effect in state for effect in effects] for state, _ in one], dtype=bool)
+        for one in states
+    ]
+    weights = [np.array([weight for _, weight in one]) for one in states]
+    known = np.array([[person.knows(effect) for effect in effects] for person in people])
+    odds = np.zeros(len(effects))  # logarithms
+    factors = np.zeros((len(people), len(effects)))
+    for _ in range(ROUNDS):
+        has = np.array([_has(*one, odds) for one in zip(members, weights, strict=True)])
+        factors = np.clip(logit(has), -3 * CAP, 3 * CAP) - odds
+        posteriors = [_posterior(factors[known[:, e], e]) for e in range(len(effects))]
+        means = np.array([float(GRID @ p) for p in posteriors])
+        before, odds = odds, logit(np.clip(means, 1e-9, 1 - 1e-9))
+        if np.abs(odds - before).max(initial=0.0) < TOLERANCE:
+            break
+    found = []
+    for e, effect in enumerate(effects):
+        low, high = _interval(posteriors[e], confidence)
+        of_people = np.where(known[:, e], has[:, e], np.nan)
+        found.append(Prevalence(effect, of_people, float(means[e]), low, high, posteriors[e]))
+    return found
+
+
+def _has(members: np.ndarray, weights: np.ndarray, odds: np.ndarray) -> np.ndarray:
+    """Probability of each effect of a person, from the sets that contain it."""
+    score = weights + members @ odds
+    share = np.exp(score - score.max())
+    share /= share.sum()
+    return np.clip(share @ members, expit(-3 * CAP), expit(3 * CAP))
+
+
+def _posterior(factors: np.ndarray) -> np.ndarray:
+    """Posterior of the prevalence over the grid, from log Bayes factors; uniform before."""
+    # Of a person: r B + 1 - r.
+    score = np.logaddexp(np.log(GRID)[:, None] + factors[None, :], np.log1p(-GRID)[:, None]).sum(
+        axis=1
+    )
+    found = np.exp(score - score.max())
+    return found / found.sum()
+
+
+def _interval(posterior: np.ndarray, confidence: float) -> tuple[float, float]:
+    tail = (1 - confidence) / 2
+    total = np.cumsum(posterior)
+    ends = GRID + 0.5 / GRID.size  # of the cells of the grid
+    low, high = np.interp([tail, 1 - tail], total, ends)
+    return float(low), float(high)
+
+
+def summed(
+    people: Sequence[Sequence[PersonEvidence]], effects: Sequence[str]
+) -> list[PersonEvidence]:
+    """Each person over all conditions, as if the effects were the same in all of them.
+
+    Evidence of an effect adds up over the conditions; it is named where most of them do.
+    """
+    joined = []
+    for cells in people:
+        rows = []
+        for effect in effects:
+            factors = [_factor_of(cell, effect) for cell in cells if cell.knows(effect)]
+            if factors:
+                total = float(np.sum(factors))
+                rows.append(("", effect, 2 * total + OF_NOTHING, np.inf))
+        table = pd.DataFrame(rows, columns=["instead_of", "effect", "evidence", "vaf_gain"])
+        joined.append(PersonEvidence((), table))
+    return joined
+
+
+def _factor_of(cell: PersonEvidence, effect: str) -> float:
+    """Log Bayes factor for an effect in one condition, whatever else there is."""
+    states = cell.states()
+    inside = [weight for state, weight in states if effect in state]
+    outside = [weight for state, weight in states if effect not in state]
+    if not inside or not outside:
+        return CAP if inside else -CAP
+    # The best of each kind: how many others were tried says nothing.
+    return float(np.clip(max(inside) - max(outside), -CAP, CAP))

@@ -1,0 +1,116 @@
+"""What the data of one person say for and against effects, whether a search named them or not.
+
+Open it to change how a group of people is asked which effects it shares.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+from threadpoolctl import threadpool_limits
+
+from ..effects.composition import Effects
+from ..preprocessing.base import keep_parameters
+from .candidates import OF_TARGET, Candidate, SearchStep
+from .effect_search import EffectSearchCV
+from .forward import Search
+
+LEAST_LOOP_GAIN = 0.1  # points in the loop, below which a response to the target is imitated
+COLUMNS = [
+    "instead_of",
+    "effect",
+    "evidence",
+    "vaf_gain",
+    "delta_bic",
+    "joint",
+    "in_loop",
+    "reason",
+]
+
+
+def evidence_of(
+    search: EffectSearchCV, found: Effects, effects: list[Any], X: Any, y: Any
+) -> pd.DataFrame:
+    """ΔBIC of effects beside those that a search found, and in place of each of them.
+
+    Parameters
+    ----------
+    search : EffectSearchCV
+        Its settings.
+    found : Effects
+        What it found, with their choices; numbers are estimated again.
+    effects : list of Effect
+        Effects to weigh.
+    X, y : DataFrame and Series
+        The recordings that it searched.
+
+    Returns
+    -------
+    table : DataFrame
+        ``instead_of`` (the effect that is taken out, or "" for none), ``effect``, ``evidence``
+        (ΔBIC: the least that any unbiased judge of it grants; NaN where it does not apply),
+        vaf_gain (points, held out), delta_bic, joint, in_loop, reason (why it does not apply).
+    """
+    rows = []
+    names = found.names
+    for out in ["", *names]:
+        kept = Effects([(name, effect) for name, effect in found if name != out])
+        tried = [e for e in effects if e.name not in {kind.name for _, kind in kept}]
+        if out:  # its own form stays as it was chosen
+            own = dict(found.steps)[out]
+            tried = [own, *(e for e in tried if e.name != own.name)]
+        if tried:
+            step = _weighed(search, kept, tried, X, y)
+            rows += [_row(out and dict(found.steps)[out].name, c) for c in step.candidates]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _weighed(search: EffectSearchCV, kept: Effects, tried: list[Any], X: Any, y: Any) -> SearchStep:
+    """All of the effects beside those that are kept, each judged by all that can judge it."""
+    asked = clone(search).set_params(effects=tried, n_jobs=None)
+    if len(kept):
+        model = clone(search.estimator)
+        given = Effects.of(getattr(model, "effects", None))
+        asked.set_params(estimator=model.set_params(effects=given + kept))
+    keep_parameters(asked)
+    with threadpool_limits(1):
+        started = asked._started(X, y, None, {})
+        whole = Search(started.prepared.core, started.record, tried, started.folds)
+        step = whole.step(started.model.first_fit(started.of_record()))
+        unknown = [c for c in step.candidates if c.model is not None and np.isnan(c.joint)]
+        if step.weigh is not None and unknown:
+            step.weigh(unknown)
+        for c in step.candidates:
+            if c.model is not None and c.in_loop is None and step.loop is not None:
+                c.in_loop = step.loop.judged(c.model)
+    return step
+
+
+def _row(out: str, c: Candidate) -> tuple[Any, ...]:
+    in_loop = np.nan if c.in_loop is None else c.in_loop.delta_bic
+    return (out, c.id, evidence(c), c.gain, c.delta_bic, c.joint, in_loop, c.reason)
+
+
+def evidence(c: Candidate) -> float:
+    """The least ΔBIC that a judge grants whom the remnant that returns in the error cannot mislead.
+
+    The closed loop judges linear effects, and a noise model estimated along those that are not.
+    What loses on held-out rows has no evidence for it.
+    """
+    if c.reason or c.model is None:
+        return np.nan
+    judged, found = c.in_loop, [c.delta_bic]
+    if np.isfinite(c.joint):
+        found.append(c.joint)
+    if judged is not None and not np.isnan(judged.delta_bic):
+        if not judged.bends:
+            found = [judged.delta_bic]
+            if c.id in OF_TARGET and judged.gain < LEAST_LOOP_GAIN:
+                found.append(0.0)
+        else:
+            found = [one - judged.against for one in found]
+    least = float(min(found))
+    return least if c.gain > 0 else min(least, 0.0)
