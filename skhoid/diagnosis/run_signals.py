@@ -151,6 +151,7 @@ def read_signals(
     run_in: float | None = None,
     dt: float | None = None,
     run: Any = None,
+    one_step: bool = True,
 ) -> Signals:
     """Predict, and find the rows to score, the channels by role, and the repeats."""
     X = as_table(X)
@@ -188,7 +189,7 @@ def read_signals(
         repeats=repeats,
         run=run,
     )
-    return replace(signals, one_step=_one_step(model, X, y))
+    return replace(signals, one_step=_one_step(model, X, y)) if one_step else signals
 
 
 def sorted_signals(

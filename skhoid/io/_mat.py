@@ -17,7 +17,7 @@ from .._machine import check_memory
 from ._mat5 import checked
 from ._table import FileTable, one_by_one, read_as, require
 
-__all__ = ["read_mat"]
+__all__ = ["content_of", "first_of", "is_hdf5", "read_mat"]
 
 _MOST_NAMES = 100_000  # links that lead to each other never end
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -40,23 +40,32 @@ _NOT_NUMBERS = {"cell": _CELL, "char": "is text, not numbers.", "function_handle
 
 def read_mat(path: Path) -> FileTable:
     """List the variables and struct fields of a MAT file under dotted names."""
+    return _read_hdf5(path) if is_hdf5(path) else _read_v5(path)
+
+
+def is_hdf5(path: Path) -> bool:
+    """Whether a MAT file is of version 7.3, which is HDF5."""
     with path.open("rb") as file:
         head = file.read(1024)
     if not head:
         raise ValueError(f"{path} is empty.")
     # MATLAB puts 512 bytes of its own before the HDF5 signature.
-    if head.startswith(_HDF5_SIGNATURE) or head[512:].startswith(_HDF5_SIGNATURE):
-        return _read_hdf5(path)
-    return _read_v5(path)
+    return head.startswith(_HDF5_SIGNATURE) or head[512:].startswith(_HDF5_SIGNATURE)
 
 
-def _read_v5(path: Path) -> FileTable:
+def content_of(path: Path) -> dict[str, Any]:
+    """The variables of a MAT file of version 5, as SciPy gives them."""
     with warnings.catch_warnings(), read_as(path, "a MATLAB file"):
-        # Objects all carry the name "None" for SciPy < 1.18; they are reported below.
+        # Objects all carry the name "None" for SciPy < 1.18; they are reported by read_mat.
         warnings.simplefilter("ignore", scipy_io.matlab.MatReadWarning)
         content: dict[str, Any] = {}
         for part in checked(path):
             content |= scipy_io.loadmat(part)
+    return content
+
+
+def _read_v5(path: Path) -> FileTable:
+    content = content_of(path)
     arrays: dict[str, Any] = {}  # sparse ones too
     unreadable: dict[str, str] = {}
     note = ""
@@ -92,7 +101,7 @@ def _read_v5(path: Path) -> FileTable:
         kind="variable",
         run_name=runs,
         faults=faults,
-        peek=lambda count: [_first(load(position), count) for position in range(len(names))],
+        peek=lambda count: [first_of(load(position), count) for position in range(len(names))],
     )
 
 
@@ -196,7 +205,7 @@ def _read_hdf5(path: Path) -> FileTable:
                 values = np.empty(0) if stored else dataset[..., :count]
                 if dataset.ndim == 2 and dataset.shape[1] == 1:  # stored as a row in MATLAB
                     values = dataset[:count]
-                found.append(_first(np.asarray(values).T, count))
+                found.append(first_of(np.asarray(values).T, count))
         return found
 
     return FileTable(
@@ -204,7 +213,7 @@ def _read_hdf5(path: Path) -> FileTable:
     )
 
 
-def _first(values: np.ndarray, count: int) -> np.ndarray:
+def first_of(values: np.ndarray, count: int) -> np.ndarray:
     """The first samples of a variable, or of its first run if its columns are runs."""
     if values.ndim == 2 and 1 not in values.shape:
         return values[:count, 0]

@@ -45,12 +45,14 @@ def split_header(header: str) -> tuple[str, str | None]:
     return match["name"], (match["round"] if square is None else square).strip() or None
 
 
-def require(module: str, what: str) -> Any:
+def require(module: str, what: str, extra: str = "io") -> Any:
     """Import an optional package, or say which extra installs it."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise ImportError(f'{what} needs the package {module}: pip install "skhoid[io]"') from error
+        raise ImportError(
+            f'{what} needs the package {module}: pip install "skhoid[{extra}]"'
+        ) from error
 
 
 @contextmanager
@@ -78,7 +80,7 @@ class FileTable:
     about a name that is not there. ``peek`` gives the first rows of every column, quickly.
     ``raw`` gives a column as its file has it, where ``load`` may refuse it. ``run_name`` is the
     column that numbers runs where the format itself has them; ``remarks`` tell how the file is
-    built, and ``faults`` what is wrong with that.
+    built, and ``faults`` what is wrong with that. ``aliases`` are other names of columns.
     """
 
     path: Path
@@ -93,6 +95,7 @@ class FileTable:
     run_name: str | None = None
     remarks: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
+    aliases: dict[str, str] = field(default_factory=dict)
 
     def where(self, name: str) -> str:
         """Name a column for an error message."""
@@ -100,6 +103,7 @@ class FileTable:
 
     def find(self, asked: str) -> int:
         """Position of the column with this header, or else with this name before its unit."""
+        asked = self.aliases.get(asked, asked)
         hits = [i for i, name in enumerate(self.names) if name == asked]
         if not hits:
             hits = [i for i, name in enumerate(self.names) if split_header(name)[0] == asked]

@@ -1,7 +1,8 @@
-"""Checks of recordings before fitting: faults of channels, and lost control."""
+"""Checks of recordings before fitting: faults of channels and of people, and lost control."""
 
 from .channels import check_channels
+from .experiment_check import ExperimentCheck, check_experiment
 from .findings import Finding
 from .loss_of_control import lost_control
 
-__all__ = ["Finding", "check_channels", "lost_control"]
+__all__ = ["ExperimentCheck", "Finding", "check_channels", "check_experiment", "lost_control"]
