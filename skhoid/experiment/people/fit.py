@@ -190,7 +190,7 @@ def vafs(model: Any, X: pd.DataFrame, y: pd.Series) -> tuple[float, np.ndarray]:
 
 def ceiling_of(model: Any, X: pd.DataFrame, y: pd.Series) -> float:
     """``compare(model, X, y).noise_ceiling``, without the tests of a comparison."""
-    signals = read_signals(model, X, y)
+    signals = read_signals(model, X, y, one_step=False)
     vaf = float(
         vaf_of_rows(signals.y, signals.predicted, signals.scored, signals.layout, "pooled", False)
     )
