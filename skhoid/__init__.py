@@ -3,8 +3,9 @@
 ``X`` holds the input channels, ``y`` the operator's output, both with ``run`` and ``time`` in the
 index. Estimators, searches and transformers follow the scikit-learn API. By task:
 
-- Data: `read_runs`, `write_runs`, `resample_runs`, `run_labels`, `sampling_time`, `select_runs`,
-  `check_channels`, `lost_control`; recordings `load_human_tracking`, `load_bicycle_rider`.
+- Data: `read_runs`, `read_experiment`, `write_runs`, `resample_runs`, `run_labels`,
+  `sampling_time`, `select_runs`, `check_channels`, `check_experiment`, `lost_control`; recordings
+  `load_human_tracking`, `load_bicycle_rider`.
 - Preprocess, in pipelines: `Decimator`, `DelayShift`, `RunInTrimmer`; outside them
   `ensemble_average`.
 - Identify: `ARXRegressor`; delay and orders with `DelaySearchCV`, `OrderSearchCV`;
@@ -18,8 +19,9 @@ index. Estimators, searches and transformers follow the scikit-learn API. By tas
 - Simulate: `make_tracking_runs`, `CompensatoryTask`, `tracking_condition`, `mixed_condition`,
   `HumanOperator`, `ControlledElement`, `LinearElement`, `Remnant`, `tune_remnant`, `Multisine`;
   parameters that vary in time are a `Sigmoid`, `Step`, `Ramp` or `Mixture`.
-- Plan an experiment: `recommend_forgetting`, `MonteCarloStudy`, `simulate_experiment`,
-  `analyse_experiment`.
+- Plan an experiment: `recommend_forgetting`, `MonteCarloStudy`, `simulate_experiment`.
+- Experiments with people: `identify_people`, `GroupEffectSearch`, `analyse_experiment`; statistics
+  in `skhoid.experiment`.
 - Draw: `skhoid.plotting`. Errors and warnings to catch: `skhoid.exceptions`.
 
 >>> from skhoid import ARXRegressor, make_tracking_runs, vaf_score

@@ -37,6 +37,8 @@ from .exceptions import StudyWarning as StudyWarning
 from .exceptions import UnstableLoopError as UnstableLoopError
 from .exceptions import WorkersLostError as WorkersLostError
 from .experiment.analyse import analyse_experiment as analyse_experiment
+from .experiment.group import GroupEffectSearch as GroupEffectSearch
+from .experiment.people import identify_people as identify_people
 from .experiment.recommend import recommend_forgetting as recommend_forgetting
 from .experiment.simulate import simulate_experiment as simulate_experiment
 from .greybox import OperatorRegressor as OperatorRegressor
@@ -58,6 +60,7 @@ from .interpret.conversion import operator_parameters as operator_parameters
 from .interpret.references import reference_fits as reference_fits
 from .io import load_bicycle_rider as load_bicycle_rider
 from .io import load_human_tracking as load_human_tracking
+from .io import read_experiment as read_experiment
 from .io import read_runs as read_runs
 from .io import write_runs as write_runs
 from .metrics import VAFScorer as VAFScorer
@@ -69,6 +72,7 @@ from .preprocessing import RunInTrimmer as RunInTrimmer
 from .preprocessing import resample_runs as resample_runs
 from .preprocessing.ensemble import ensemble_average as ensemble_average
 from .recordings.channels import check_channels as check_channels
+from .recordings.experiment_check import check_experiment as check_experiment
 from .recordings.findings import Finding as Finding
 from .recordings.loss_of_control import lost_control as lost_control
 from .reporting import Report as Report

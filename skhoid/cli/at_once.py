@@ -10,7 +10,8 @@ from .options import refuse
 
 ABOUT_FILES = ["time", "dt", "run", "subject", "condition", "unit", "resample"]
 ABOUT_FILES += ["input", "instruments", "output", "x", "target", "role", "display"]
-BUNDLED = ("identify", "diagnose", "report")  # which have recordings of their own
+BUNDLED = ("identify", "diagnose", "report", "experiment")  # which have recordings of their own
+NO_SEARCH = ("report", "experiment")  # which can do without
 
 
 def refuse_at_once(options: argparse.Namespace) -> None:
@@ -28,14 +29,14 @@ def refuse_at_once(options: argparse.Namespace) -> None:
 
 
 def _check_effects(names: list[str], command: str) -> None:
-    if names == ["all"] or (names == ["none"] and command == "report"):
+    if names == ["all"] or (names == ["none"] and command in NO_SEARCH):
         return
     if "all" in names:
         raise ValueError("--effects all takes no other names: it is all of them.")
     if "none" in names:
         raise ValueError(
-            "--effects none stands alone, in skhoid report, which then makes no search; "
-            "else name the effects to search for, or leave --effects out to search for all."
+            "--effects none stands alone, in skhoid report and experiment, which then make no "
+            "search; else name the effects to search for, or leave --effects out to search for all."
         )
     unknown = next((name for name in names if name not in EFFECTS), None)
     if unknown is not None:

@@ -7,6 +7,7 @@ from .arguments.compare import add_compare
 from .arguments.completion import add_completion
 from .arguments.demo import add_demo
 from .arguments.diagnose import add_diagnose
+from .arguments.experiment import add_experiment
 from .arguments.identify import add_identify
 from .arguments.report import add_report
 from .arguments.simulate import add_simulate
@@ -20,12 +21,13 @@ examples:
   skhoid identify run*.csv   the delay, the orders, and a linear model
   skhoid report run*.csv     the same as diagnose, as a page to keep
   skhoid simulate --remnant 0.1 --out runs.csv
+  skhoid experiment recordings/     several people and conditions, on one page
   skhoid compare model.joblib run*.csv
   skhoid study fig13 --replications 20
   skhoid completion bash
 
 `skhoid COMMAND --help` has more. Without files, identify, diagnose and report
-use bundled recordings.
+use bundled recordings, and experiment simulates one.
 """
 
 
@@ -48,6 +50,7 @@ def make_parsers() -> tuple[Parser, dict[str, Parser]]:
         add_simulate,
         add_study,
         add_report,
+        add_experiment,
         add_completion,
     ):
         add(commands)

@@ -7,18 +7,22 @@ displays share is in the files with an underscore.
 from ._roles import PALETTE, ROLES
 from .bode import BodeDisplay
 from .comparison import ComparisonDisplay
+from .condition_means import ConditionMeansDisplay
 from .delay_loss import DelayLossDisplay
 from .effect_ranking import EffectRankingDisplay
 from .effect_steps import EffectStepsDisplay
 from .error_path import ErrorPathDisplay
 from .experiment import ExperimentDisplay
 from .forgetting_profile import ForgettingProfileDisplay
+from .group_effects import GroupEffectsDisplay
 from .identified_effect import IdentifiedEffectDisplay
 from .memory_horizon import MemoryHorizonDisplay
 from .noise_ceiling import NoiseCeilingDisplay
 from .operating_point import OperatingPointDisplay
 from .operator_parameters import OperatorParametersDisplay
+from .parameter_forest import ParameterForestDisplay
 from .parameter_path import ParameterPathDisplay
+from .people import PeopleDisplay
 from .residual_correlation import ResidualCorrelationDisplay
 from .residual_frequency import ResidualFrequencyDisplay
 from .residual_map import ResidualMapDisplay
@@ -38,18 +42,22 @@ __all__ = [
     "ROLES",
     "BodeDisplay",
     "ComparisonDisplay",
+    "ConditionMeansDisplay",
     "DelayLossDisplay",
     "EffectRankingDisplay",
     "EffectStepsDisplay",
     "ErrorPathDisplay",
     "ExperimentDisplay",
     "ForgettingProfileDisplay",
+    "GroupEffectsDisplay",
     "IdentifiedEffectDisplay",
     "MemoryHorizonDisplay",
     "NoiseCeilingDisplay",
     "OperatingPointDisplay",
     "OperatorParametersDisplay",
+    "ParameterForestDisplay",
     "ParameterPathDisplay",
+    "PeopleDisplay",
     "ResidualCorrelationDisplay",
     "ResidualFrequencyDisplay",
     "ResidualMapDisplay",

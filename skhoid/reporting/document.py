@@ -2,16 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import webbrowser
-from functools import cached_property
-from html import escape
-from importlib.resources import files
-from os import PathLike
-from pathlib import Path
-from tempfile import mkdtemp
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from sklearn.base import clone
@@ -20,19 +11,19 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..diagnosis.comparison import Comparison, compare
 from ..diagnosis.repeats import repeat_labels
-from ..io.whole import written_whole
+from ..experiment.group import GroupEffectSearch
+from ..experiment.people import PeopleResult
 from ..pipelines import raw_layout, taken_apart
 from ..runs import output_name
 from ..runs.fingerprint import fingerprint
 from ..search.effect_search import EffectSearchCV
 from ..search.left_out import without_output
-from ..summaries import rendered
 from .content import Results, content_of
+from .experiment_document import ExperimentReport, report_experiment
+from .page import Page
 
-HEIGHT = 900  # px, in a notebook
 
-
-class Report:
+class Report(Page):
     """A report on a model: data, comparison, missing effects, parameters, what to do next.
 
     Make it with :func:`report`. In a notebook it shows itself.
@@ -74,77 +65,46 @@ class Report:
         comparison: Comparison | None,
         final_comparison: Comparison | None,
     ):
-        self.title = title
+        super().__init__(title, content)
         self.search = search
         self.comparison = comparison
         self.final_comparison = final_comparison
-        self._content = content
-
-    def __repr__(self) -> str:
-        return f"<Report {self.title!r}: {self._content['in_short']}>"
-
-    @cached_property
-    def html(self) -> str:
-        here = files(__package__)
-        script = here.joinpath("report.js").read_text(encoding="utf-8")
-        # No other script can run, whatever a name in the data holds.
-        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-        return rendered(
-            __name__,
-            "report.html.j2",
-            title=self.title,
-            style=here.joinpath("report.css").read_text(encoding="utf-8"),
-            script=script,
-            script_hash=f"sha256-{digest}",
-            **self._content,
-        )
-
-    def save(self, path: str | PathLike[str]) -> Path:
-        """Write the page to a file; one that exists is replaced at once, when all is written.
-
-        Parameters
-        ----------
-        path : str or path
-            Name of the file, such as ``report.html``. Folders are made.
-
-        Returns
-        -------
-        path : Path
-        """
-        path = Path(path)
-        if path.is_dir():
-            raise IsADirectoryError(f"{path} is a folder; name a file in it: {path}/report.html.")
-        html = self.html
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with written_whole(path) as aside:
-            aside.write_text(html, encoding="utf-8")
-        return path
-
-    def open_in_browser(self) -> Path:
-        """Write the page to a temporary file and show it in the browser.
-
-        Returns
-        -------
-        path : Path
-            The file.
-        """
-        path = self.save(Path(mkdtemp(prefix="skhoid-")) / "report.html")
-        webbrowser.open(path.as_uri())
-        return path
-
-    def _repr_html_(self) -> str:
-        # A frame of its own keeps the styles of page and notebook apart.
-        return (
-            f'<iframe srcdoc="{escape(self.html)}" title="{escape(self.title)}" '
-            f'sandbox="allow-scripts" loading="lazy" '
-            f'style="width: 100%; height: {HEIGHT}px; border: 1px solid #ccc"></iframe>'
-        )
 
 
+@overload
+def report(
+    model: GroupEffectSearch | PeopleResult,
+    X: Any = ...,
+    y: Any = ...,
+    *,
+    effects: Any = ...,
+    repeats: Any = ...,
+    title: str | None = ...,
+    source: str | None = ...,
+    made_with: dict[str, str] | None = ...,
+    n_jobs: int | None = ...,
+) -> ExperimentReport: ...
+
+
+@overload
 def report(
     model: Any,
     X: Any,
     y: Any,
+    *,
+    effects: Any = ...,
+    repeats: Any = ...,
+    title: str | None = ...,
+    source: str | None = ...,
+    made_with: dict[str, str] | None = ...,
+    n_jobs: int | None = ...,
+) -> Report: ...
+
+
+def report(
+    model: Any,
+    X: Any = None,
+    y: Any = None,
     *,
     effects: Any = "all",
     repeats: Any = None,
@@ -152,7 +112,7 @@ def report(
     source: str | None = None,
     made_with: dict[str, str] | None = None,
     n_jobs: int | None = None,
-) -> Report:
+) -> Report | ExperimentReport:
     """Report on a model: one HTML page from the data to what is missing, and what to do next.
 
     The page holds the data and their checks, the model, where it fails in time, frequency,
@@ -165,11 +125,14 @@ def report(
     ----------
     model : EffectSearchCV, OperatorRegressor, ARXRegressor, or any regressor with ``predict``
         What to report on. What is not fitted is fitted to ``X`` and ``y``. A search that is
-        fitted must be so on these data; where one is made here, it fits the model anew.
+        fitted must be so on these data; where one is made here, it fits the model anew. What was
+        found in an experiment with people, a :class:`GroupEffectSearch` or a
+        :class:`PeopleResult`, makes the page of :func:`skhoid.reporting.report_experiment`, which
+        has more options.
     X : DataFrame or array of shape (n_rows, n_columns)
-        Channels, one row per sample.
+        Channels, one row per sample. An experiment does not need it.
     y : Series or array of shape (n_rows,)
-        Measured output.
+        Measured output. An experiment does not need it.
     effects : "all", list of ids or effects, or None, default="all"
         Effects to try on a model that can take them, by an :class:`EffectSearchCV` with its
         other settings at their defaults; None does not search. A search as ``model`` has its own.
@@ -186,14 +149,14 @@ def report(
 
     Returns
     -------
-    report : Report
+    report : Report or ExperimentReport
         ``save(path)`` writes the file, ``open_in_browser()`` shows it; notebooks show it too.
 
     Raises
     ------
     ValueError
-        If a fitted search was fitted to other data than ``X`` and ``y``, or ``effects`` or
-        ``repeats`` name what does not exist.
+        If there are no data, a fitted search was fitted to other data than ``X`` and ``y``, or
+        ``effects`` or ``repeats`` name what does not exist.
 
     See Also
     --------
@@ -220,6 +183,18 @@ def report(
     ['bias']
     >>> page.save("report.html")  # doctest: +SKIP
     """
+    if isinstance(model, GroupEffectSearch | PeopleResult):
+        if effects != "all" or repeats is not None:
+            raise ValueError(
+                "effects and repeats are for a model of one person: an experiment has been "
+                "searched, or has not."
+            )
+        return report_experiment(model, X, y, title=title, source=source, made_with=made_with)
+    if X is None or y is None:
+        raise ValueError(
+            f"report needs the data: report(model, X, y). Only what was found in an experiment "
+            f"with people goes without; got {type(model).__name__}."
+        )
     if repeats is not None:
         inner = model.estimator if isinstance(model, EffectSearchCV) else model
         repeat_labels(raw_layout(inner, X), repeats)  # for its checks, before the work begins

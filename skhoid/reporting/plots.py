@@ -49,6 +49,7 @@ class Plot:
     svg: str
     caption: str
     narrow: str = ""
+    wide: bool = False
 
 
 class Gallery:

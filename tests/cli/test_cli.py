@@ -16,7 +16,8 @@ from skhoid.cli import main
 from skhoid.cli.parser import make_parsers
 from skhoid.search.story import HIDDEN
 
-COMMANDS = ["demo", "identify", "compare", "diagnose", "simulate", "study", "report", "completion"]
+COMMANDS = ["demo", "identify", "compare", "diagnose", "simulate", "study", "report"]
+COMMANDS += ["experiment", "completion"]
 
 
 @pytest.mark.parametrize(

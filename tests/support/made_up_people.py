@@ -77,10 +77,11 @@ def made_up_group(people, *, effects=("saturation", "dead_zone")):
             tail = (0.97 if first else 0.1, first, with_it, rest)
             prevalence.append((effect, effect, condition, *counts, *tail))
         prevalence.append((effect, effect, "all", *counts, *tail))
-    for who in names:
-        for condition in conditions:
+    for number, who in enumerate(names):
+        for place, condition in enumerate(conditions):
             has = who != names[-1]
-            row = (f"{effects[0]}__limit", 0.5, 0.02, "deg", 85.0, np.nan, 3000, "", "")
+            limit = 0.5 + 0.01 * number + 0.002 * (-1) ** number * place
+            row = (f"{effects[0]}__limit", limit, 0.02, "deg", 85.0, np.nan, 3000, "", "")
             parameters += [(who, condition, "all", *row)] * has
             verdict = "effects found" if has else "nothing is missing"
             named = effects[0] if has else ""

@@ -34,8 +34,10 @@ def member_parameters(
         here = (members["subject"] == key[0]) & (members["condition"] == key[1]) & members["has"]
         wanted = list(members.loc[here, "effect"])
         done, failure = searches[key].best_estimator_, ""
-        named = [effect.name for _, effect in named_by(searches[key])]
-        if sorted(wanted) != sorted(named):
+        # Of the best model, those included that only stand in for something without a name.
+        own = Effects.of(getattr(search.estimator, "effects", None)).names
+        found = [e.name for name, e in done.effects_ if name not in own]
+        if sorted(wanted) != sorted(found):
             done, failure = _fitted(search, searches[key], wanted, group)
         fixed = {"run": "all", "n_rows": len(group.y), "ceiling": np.nan, "outlying": ""}
         who = {"subject": key[0], "condition": key[1], **fixed, "failure": failure}

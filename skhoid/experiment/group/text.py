@@ -38,10 +38,22 @@ def summary_of(found: GroupEffectSearch) -> list[str]:
 def headline(found: GroupEffectSearch) -> str:
     """The verdict in one sentence."""
     if found.group_effects_:
-        return f"The group has {titles_of(found.group_effects_)}."
+        table = found.prevalence_[found.prevalence_["group"]]
+        told: dict[str, list[str]] = {}
+        for name in found.group_effects_:
+            told.setdefault(_where(table[table["effect"] == name], found), []).append(name)
+        parts = [f"{titles_of(names)}{where}" for where, names in told.items()]
+        return f"The group has {'; '.join(parts)}."
     if len(found.members_) and found.members_["has"].any():
         return "No effect is the group's; single people have some."
     return "Nothing is missing, in the group or in anybody."
+
+
+def _where(rows: pd.DataFrame, found: GroupEffectSearch) -> str:
+    """In which conditions, where not in all."""
+    here = [str(c) for c in rows["condition"] if c != ALL]
+    others = len(set(found.people_["condition"]) - set(rows["condition"]))
+    return f" in {listed(here)}" if here and others else ""
 
 
 def group_lines(found: GroupEffectSearch) -> Iterator[str]:

@@ -113,6 +113,22 @@ class PeopleResult:
         lines += _listed("Notes", self.notes)
         return Summary("\n".join(lines))
 
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the VAF of everybody's runs against the noise ceiling.
+
+        Parameters
+        ----------
+        ax : sequence of Axes or None, default=None
+            One for each person; None makes a figure.
+
+        Returns
+        -------
+        display : PeopleDisplay
+        """
+        from ...plotting import PeopleDisplay
+
+        return PeopleDisplay.from_result(self, ax=ax)
+
 
 def _how_many(r: PeopleResult) -> str:
     n = r.runs.groupby([SUBJECT, CONDITION], sort=False).size()
