@@ -33,7 +33,7 @@ from scipy import stats
 
 from skhoid.experiment.statistics._model import adjusted, fit
 from skhoid.experiment.statistics.repeated import sphericity
-from skhoid.experiment.statistics.rows import Rows, variance_beyond
+from skhoid.experiment.statistics.rows import Rows, combined
 
 PEOPLE, CONDITIONS, RUNS = 12, 4, 5
 MEAN, SPREAD, ERROR = 3.0, 0.3, 0.06  # mean and sd of people, smallest standard error
@@ -42,6 +42,7 @@ BAD = 3.0  # times, the standard errors of one person
 MISSING = 0.1
 ALPHA = 0.05
 PILOT = 400  # experiments from which an effect is found
+NOTHING = pd.DataFrame()
 Make = Callable[[np.random.Generator, float], "Draw"]
 
 
@@ -127,13 +128,20 @@ class Draw(NamedTuple):
             values, errors = np.log(values), errors / values
         people, subject = np.unique(self.person, return_inverse=True)
         conditions, condition = np.unique(self.condition, return_inverse=True)
+        found = combined(values, errors, subject, condition)
         cell = np.unique(subject * conditions.size + condition, return_inverse=True)[1]
-        tau2 = variance_beyond(values, errors, subject, condition, cell)
-        weight = 1.0 / (errors**2 + tau2)
-        used = pd.DataFrame({"value": values, "value_se": errors, "weight": weight / weight.mean()})
-        labels = people.tolist(), conditions.tolist()
         return Rows(
-            "K_e", "", used, used, *labels, subject, condition, cell, float(np.sqrt(tau2)), []
+            parameter="K_e",
+            unit="",
+            data=NOTHING,
+            runs=NOTHING,
+            cell=cell,
+            cells=found.cells,
+            subjects=people.tolist(),
+            conditions=conditions.tolist(),
+            tau=found.tau,
+            tau_cells=found.tau_cells,
+            notes=[],
         )
 
     def means(self, log: bool = False) -> np.ndarray:

@@ -14,10 +14,10 @@ from scipy import stats
 
 from ._kenward_roger import FTest, KenwardRoger
 from ._reml import At, equations, reml
-from .rows import Rows
+from .rows import Cells, Rows
 
 ADJUSTED = ("holm", "bonferroni", "fdr", "none")
-SUBJECT, CELL = "between people", "people x condition"
+SUBJECT = "between people"
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,11 @@ class Fitted:
         return float(self.at.variances[self.groups.index(group)]) if group in self.groups else 0.0
 
     def residuals(self) -> np.ndarray:
-        """What the fixed and the random effects leave, in standard deviations of the row."""
+        """What the fixed and the random effects leave, in standard deviations of the cell."""
         rows = self.rows
         rest = rows.y - self.design @ self.at.beta
-        for name, part in zip(self.groups, self.at.parts, strict=True):
-            rest = rest - self.at.predicted()[part][codes_of(rows, name)]
+        if self.groups:
+            rest = rest - self.at.predicted()[rows.subject]
         return rest * np.sqrt(rows.weights / self.at.variances[-1])
 
     def omnibus(self) -> FTest | None:
@@ -94,39 +94,23 @@ def adjusted(p: np.ndarray, adjust: str) -> np.ndarray:
     return holm
 
 
-def codes_of(rows: Rows, group: str) -> np.ndarray:
-    return rows.subject if group == SUBJECT else rows.cell
-
-
 def fit(rows: Rows) -> Fitted:
-    """Fit it by REML.
-
-    People are a random effect where some have several rows, and person x condition where some
-    have several in a condition, and conditions differ within people.
-    """
-    n_subjects, n_cells = len(rows.subjects), int(rows.cell.max()) + 1
-    groups = [SUBJECT] * (len(rows.used) > n_subjects)
-    groups += [CELL] * (rows.repeated and n_cells > n_subjects)
+    """Fit it by REML; people are a random effect where some have several conditions."""
+    groups = (SUBJECT,) if rows.y.size > len(rows.subjects) else ()
     design = np.eye(len(rows.conditions))[rows.condition]
     try:
-        data = equations(rows.y, design, [codes_of(rows, name) for name in groups], rows.weights)
-        at = reml(data)
+        at = reml(equations(rows.y, design, [rows.subject for _ in groups], rows.weights))
     except ValueError as error:
         raise ValueError(f"The mixed model of {rows.parameter} cannot be fitted: {error}") from None
-    return Fitted(rows, tuple(groups), at, KenwardRoger(at))
+    return Fitted(rows, groups, at, KenwardRoger(at))
 
 
 def without(rows: Rows, subject: Any) -> Rows | None:
-    """The same rows without a person; None where too few people, or a condition less, are left."""
+    """The same cells without a person; None where too few people, or a condition less, are left."""
     kept = rows.subject != rows.subjects.index(subject)
     subjects = [name for name in rows.subjects if name != subject]
     if len(subjects) < 2 or np.unique(rows.condition[kept]).size < len(rows.conditions):
         return None
-    return replace(
-        rows,
-        used=rows.used[kept],
-        subjects=subjects,
-        subject=np.unique(rows.subject[kept], return_inverse=True)[1],
-        condition=rows.condition[kept],
-        cell=np.unique(rows.cell[kept], return_inverse=True)[1],
-    )
+    cells = Cells(*(column[kept] for column in rows.cells))
+    renumbered = np.unique(cells.subject, return_inverse=True)[1]
+    return replace(rows, cells=cells._replace(subject=renumbered), subjects=subjects)

@@ -13,7 +13,7 @@ import pandas as pd
 from scipy import stats
 
 from ...summaries import p_text
-from ._model import CELL, SUBJECT, Fitted, adjusted, fit, without
+from ._model import SUBJECT, Fitted, adjusted, fit, without
 from ._require import require
 
 ALARM = 0.05  # p below which an assumption is doubted
@@ -37,8 +37,8 @@ def check_model(
     """All checks, and the contrasts without each person."""
     influence = influence_of_people(model, reference, confidence, adjust)
     checks = [_normal("normal residuals", model.residuals(), "residuals")]
-    for name, part in zip(model.groups, model.at.parts, strict=True):
-        checks.append(_normal(f"normal {name}", model.at.predicted()[part], _said_of(name)))
+    if model.groups:
+        checks.append(_normal(f"normal {SUBJECT}", model.at.predicted(), "effects of people"))
     checks += [
         _equal_variances(model),
         _errors_and_scatter(model),
@@ -46,10 +46,6 @@ def check_model(
         _likelihood(model),
     ]
     return pd.DataFrame(checks), influence
-
-
-def _said_of(group: str) -> str:
-    return {SUBJECT: "effects of people", CELL: "effects of person and condition"}[group]
 
 
 def _normal(name: str, values: np.ndarray, what: str) -> Check:
@@ -66,23 +62,23 @@ def _equal_variances(model: Fitted) -> Check:
     n = len(model.rows.conditions)
     groups = [rest[model.rows.condition == c] for c in range(n)]
     if n < 2 or min(map(len, groups)) < 3:
-        return Check(name, np.nan, np.nan, None, "there are too few conditions, or rows in one")
+        return Check(name, np.nan, np.nan, None, "there are too few conditions, or people in one")
     f, p = stats.levene(*groups, center="median")
     ok = bool(p >= ALARM)
     said = "scatter alike in all conditions" if ok else "do not scatter alike in all conditions"
-    return Check(name, float(f), float(p), ok, f"runs {said} (Brown-Forsythe, {p_text(p)})")
+    return Check(name, float(f), float(p), ok, f"people {said} (Brown-Forsythe, {p_text(p)})")
 
 
 def _errors_and_scatter(model: Fitted) -> Check:
     """The scatter of runs around the mean of their cell, relative to their standard errors."""
     name, rows = "standard errors", model.rows
-    df = len(rows.used) - int(rows.cell.max()) - 1
-    errors = rows.used["value_se"].to_numpy(dtype=float)
+    df = len(rows.runs) - int(rows.cell.max()) - 1
+    values, errors = (rows.runs[name].to_numpy(dtype=float) for name in ("value", "value_se"))
     if df < 2 or not np.all(np.isfinite(errors) & (errors > 0.0)):
         return Check(name, np.nan, np.nan, None, "too few runs, or standard errors, to compare")
     w = 1.0 / errors**2
-    means = np.bincount(rows.cell, w * rows.y) / np.bincount(rows.cell, w)
-    q = float(w @ (rows.y - means[rows.cell]) ** 2)
+    means = np.bincount(rows.cell, w * values) / np.bincount(rows.cell, w)
+    q = float(w @ (values - means[rows.cell]) ** 2)
     low, high = (float(np.sqrt(q / stats.chi2.isf(tail, df))) for tail in (0.025, 0.975))
     ratio = float(np.sqrt(q / df))
     p = float(2.0 * min(stats.chi2.sf(q, df), stats.chi2.cdf(q, df)))
@@ -159,25 +155,14 @@ def _likelihood(model: Fitted) -> Check:
     module = require("statsmodels.regression.mixed_linear_model", "mixed_model")
     root = np.sqrt(rows.weights)
     relative = np.maximum(v[:-1] / v[-1], 1e-9)  # at 0 statsmodels has no likelihood
-    options: dict[str, Any] = {"exog_re": root[:, None]}
-    if CELL in model.groups:
-        members = [np.flatnonzero(rows.subject == p) for p in range(len(rows.subjects))]
-        cells = [np.unique(rows.cell[of]) for of in members]
-        blocks = [
-            root[of, None] * (rows.cell[of, None] == of_person)
-            for of, of_person in zip(members, cells, strict=True)
-        ]
-        labels = [list(map(str, of_person)) for of_person in cells]
-        options["exog_vc"] = module.VCSpec([CELL], [labels], [blocks])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        other = module.MixedLM(
-            root * rows.y, root[:, None] * model.design, groups=rows.subject, **options
-        )
+        weighted = root * rows.y, root[:, None] * model.design
+        other = module.MixedLM(*weighted, groups=rows.subject, exog_re=root[:, None])
         other.cov_pen = other.fe_pen = None  # set by its fit otherwise
         other.reml = True
         parameters = module.MixedLMParams.from_components(
-            fe_params=model.at.beta, cov_re=relative[:1].reshape(1, 1), vcomp=relative[1:]
+            fe_params=model.at.beta, cov_re=relative.reshape(1, 1)
         )
         theirs = -2.0 * other.loglike(parameters, profile_fe=True)
     ours = model.at.criterion + model.at.equations.log_weights

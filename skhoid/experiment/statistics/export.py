@@ -28,6 +28,7 @@ COLUMNS = [
     "value",
     "value_se",
     "weight",
+    "cell_weight",
     "used",
     "left_out",
     "outlying",
@@ -78,10 +79,11 @@ def write_long(
     Notes
     -----
     The CSV file has dots for decimals, UTF-8, and a column ``unit``, as parameters differ in it.
-    ``value`` is the estimate on the scale of the model, ``weight`` that of the row, with the mean
-    1; ``used`` is 1 or 0, and ``left_out`` says why. The script needs lme4, lmerTest, pbkrtest and
-    emmeans. It stops if a number of R differs from the one written by more than 1e-4 of it (or of
-    its standard error, where that is larger).
+    ``value`` is the estimate on the scale of the model, ``weight`` the share of the run in its
+    person and condition, ``cell_weight`` the weight of these, with the mean 1; ``used`` is 1 or 0,
+    and ``left_out`` says why. The script needs lme4, lmerTest, pbkrtest and emmeans. It stops if a
+    number of R differs from the one written by more than 1e-4 of it (or of its standard error,
+    where that is larger).
 
     pbkrtest takes no notice of weights. The script therefore fits the same model twice: with
     weights, and with all columns multiplied by the square roots of the weights, for which the
@@ -215,7 +217,7 @@ def write_wide(
     for name in _wanted(table, parameters):
         rows = select(table, name, weighted=False, outlying=outlying)
         subjects |= dict.fromkeys(table["subject"])
-        means = rows.used.groupby(["condition", "subject"], sort=False)["estimate"].mean()
+        means = rows.runs.groupby(["condition", "subject"], sort=False)["estimate"].mean()
         for condition in rows.conditions:
             label = "" if condition == "all" else f"_{condition}"
             columns[f"{name}{label}", unit_suffix(rows.unit)] = means[condition]

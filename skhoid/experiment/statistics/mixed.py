@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ._model import ADJUSTED, CELL, SUBJECT, Fitted, adjusted, codes_of, fit
+from ._model import ADJUSTED, SUBJECT, Fitted, adjusted, fit
 from ._require import require
 from .checks import check_model
 from .result import MixedModelResult
@@ -71,16 +71,21 @@ def mixed_model(
 
     Notes
     -----
-    Row r of person p in condition c is
+    First the runs r of person p in condition c become one value, with weights that count precise
+    runs more; then conditions are compared over people:
 
-        y_pcr = β_c + b_p + d_pc + ε_pcr,  Var(ε_pcr) = σ² / w_pcr,  w_pcr ∝ 1 / (se_pcr² + τ²)
+        y_pc = Σ_r w_pcr y_pcr / Σ_r w_pcr,  w_pcr = 1 / (se_pcr² + τ²),  s_pc² = 1 / Σ_r w_pcr
+        y_pc = β_c + b_p + ε_pc,  Var(ε_pc) = σ² / W_pc,  W_pc ∝ 1 / (s_pc² + τ_c²)
 
-    with random b and d. It equals ``lmer(estimate ~ condition + (1 | subject) + (1 |
-    subject:condition), weights = weight)``. Weights have the mean 1. τ² is the variance between
-    runs beyond their standard errors, as Paule and Mandel estimate it from runs of the same person
-    and condition [1]_. With one row of each there is no d, and τ² is that of the additive model.
+    with random b. It equals ``lmer(value ~ condition + (1 | subject), weights = cell_weight)``.
+    Weights W have the mean 1. τ² is the variance between runs beyond their standard errors, τ_c²
+    that of people in a condition beyond s² around subject + condition, both as Paule and Mandel
+    estimate them [1]_, the latter one standard deviation large: one that is too small lets the most
+    precise people decide alone. σ² makes up for standard errors that are all too small or large.
     Variances are those of the restricted likelihood (REML); standard errors, degrees of freedom
-    and the F test are those of Kenward and Roger [2]_.
+    and the F test are those of Kenward and Roger [2]_. What people differ in between conditions is
+    part of ε: a random effect of its own, which cannot be below 0, would make tests too careful
+    where people do not differ.
 
     Rows without a standard error get the largest one of their person and condition.
 
@@ -116,7 +121,7 @@ def mixed_model(
     >>> result = mixed_model(table, "K_e")
     >>> result.contrasts[["condition", "against", "difference", "se", "df"]].round(3)
       condition against  difference     se   df
-    0        C2      C1       0.189  0.011  7.0
+    0        C2      C1       0.189  0.008  7.0
     """
     if adjust not in ADJUSTED:
         raise ValueError(f"adjust is {' or '.join(map(repr, ADJUSTED))}; got {adjust!r}.")
@@ -162,6 +167,7 @@ def _result(
         notes=_notes(model, contrasts),
         data=rows.data,
         tau=rows.tau,
+        tau_cells=rows.tau_cells,
         criterion=model.at.criterion,
     )
 
@@ -173,7 +179,7 @@ def _effects(model: Fitted, transform: str | None, confidence: float) -> pd.Data
     if transform == "log":
         mean, low, high = np.exp(mean), np.exp(low), np.exp(high)
         se = se * mean
-    counts = np.bincount(model.rows.condition)
+    counts = np.bincount(model.rows.condition[model.rows.cell])
     return pd.DataFrame(
         {
             "condition": model.rows.conditions,
@@ -219,11 +225,10 @@ def _effect_size(
     model: Fitted, difference: np.ndarray, se: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Differences relative to the standard deviation of people, by the delta method."""
-    k = len(model.groups)
-    variance = float(model.at.variances[:k].sum())
+    variance = model.variance(SUBJECT)
     if not variance > 0.0:
         return np.full(difference.size, np.nan), np.full(difference.size, np.nan)
-    of_variance = float(model.kr.variance_covariance[:k, :k].sum())
+    of_variance = float(model.kr.variance_covariance[0, 0])
     d = difference / np.sqrt(variance)
     return d, np.sqrt(se**2 / variance + d**2 * of_variance / (4.0 * variance**2))
 
@@ -250,25 +255,18 @@ def _people(model: Fitted, transform: str | None, confidence: float) -> pd.DataF
     inner = np.diag(spread) - spread[:, None] * at.zpz * spread
     across = -at.covariance @ (spread[:, None] * at.zvx).T
     df = model.kr.rows(np.eye(len(rows.conditions)))[2]
+    n_runs = np.bincount(rows.cell)
     records = []
     for p, subject in enumerate(rows.subjects):
         for c, condition in enumerate(rows.conditions):
             here = (rows.subject == p) & (rows.condition == c)
-            chosen = np.zeros(effects.size)
-            extra = 0.0
-            for name, part in zip(model.groups, at.parts, strict=True):
-                if name == SUBJECT:
-                    chosen[part.start + p] = 1.0
-                elif here.any():
-                    chosen[part.start + codes_of(rows, name)[here][0]] = 1.0
-                else:
-                    extra = model.variance(CELL)
+            chosen = (np.arange(effects.size) == p).astype(float)
             variance = at.covariance[c, c] + 2.0 * across[c] @ chosen + chosen @ inner @ chosen
             value = at.beta[c] + chosen @ effects
-            reach = stats.t.isf((1.0 - confidence) / 2.0, df[c]) * np.sqrt(variance + extra)
+            reach = stats.t.isf((1.0 - confidence) / 2.0, df[c]) * np.sqrt(variance)
             ends = np.array([value, value - reach, value + reach])
             value, low, high = np.exp(ends) if transform == "log" else ends
-            records.append((subject, condition, value, low, high, int(here.sum())))
+            records.append((subject, condition, value, low, high, int(n_runs[here].sum())))
     names = ["subject", "condition", "estimate", "low", "high", "n_rows"]
     return pd.DataFrame(records, columns=names)
 
@@ -284,18 +282,12 @@ def _notes(model: Fitted, contrasts: pd.DataFrame) -> list[str]:
     ]
     if empty:
         notes.append(f"no rows of {', '.join(empty)}: the others of the person still count")
-    if len(rows.conditions) > 1 and CELL not in model.groups:
-        notes.append(
-            "one row of each person and condition: what people differ in between conditions is "
-            "part of the variance within"
-        )
     for name in model.groups:
         if model.variance(name) <= 0.0:
             notes.append(f"the variance {name} is estimated as 0, its lower bound")
     if len(rows.subjects) < 6:
         notes.append(f"{len(rows.subjects)} people tell little about people in general")
     if len(contrasts) and model.groups:
-        sd = float(np.sqrt(model.at.variances[: len(model.groups)].sum()))
-        which = " and ".join(model.groups)
-        notes.append(f"d is the difference divided by the sd of people, {sd:.4g} ({which})")
+        sd = float(np.sqrt(model.variance(SUBJECT)))
+        notes.append(f"d is the difference divided by the sd of people, {sd:.4g} ({SUBJECT})")
     return notes

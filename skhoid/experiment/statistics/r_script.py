@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ._model import CELL, SUBJECT
+from ._model import SUBJECT
 from .result import MixedModelResult
 
 HEAD = """# Linear mixed models of identified parameters, as skhoid fitted them.
@@ -37,27 +37,31 @@ MODEL = """
 d <- subset(all_rows, parameter == {name} & used == 1)
 d$condition <- factor(d$condition, levels = {levels})
 d$subject <- factor(d$subject)
-d$cell <- interaction(d$subject, d$condition, drop = TRUE)
+# One value of each person and condition: runs weighted by 1 / (se^2 + tau^2), tau = {tau:.6g}.
+d$part <- d$weight * d$value
+cells <- aggregate(cbind(value = part, cell_weight = cell_weight * weight) ~ subject + condition,
+                   data = d, FUN = sum)
 {fit}"""
 
 MIXED = """
-# The model: rows weighted by 1 / (se^2 + tau^2), tau = {tau:.6g}.
+# The model: persons and conditions weighted by 1 / (se^2 + tau^2), tau = {tau_cells:.6g}.
 tight <- lmerControl(optimizer = "bobyqa", optCtrl = list(rhoend = 1e-10, maxfun = 1e5),
                      check.conv.singular = "ignore", check.conv.grad = "ignore",
                      check.conv.hess = "ignore")
-model <- lmer(value ~ {fixed} + {random}, data = d, weights = weight,
+model <- lmer(value ~ {fixed} + (1 | subject), data = cells, weights = cell_weight,
               REML = TRUE, control = tight)
 print(summary(model, ddf = "lme4"))
 same("REML criterion", REMLcrit(model), {criterion})
 same("means", as.numeric(fixef(model)), {means}, {mean_se})
-same("standard deviations", c({sds}), {our_sds}, sigma(model))
+same("standard deviations", c(attr(VarCorr(model)$subject, "stddev"), sigma(model)), {our_sds},
+     sigma(model))
 
 # pbkrtest takes no notice of weights: the same model with columns times the root of the weight.
-root <- sqrt(d$weight)
-X <- root * model.matrix(~ {fixed}, d)
+root <- sqrt(cells$cell_weight)
+X <- root * model.matrix(~ {fixed}, cells)
 colnames(X) <- paste0("x", seq_len(ncol(X)))
-scaled <- data.frame(X, y = root * d$value, root = root, subject = d$subject, cell = d$cell)
-again <- lmer(reformulate(c("0", colnames(X), {scaled_random}), "y"), data = scaled,
+scaled <- data.frame(X, y = root * cells$value, root = root, subject = cells$subject)
+again <- lmer(reformulate(c("0", colnames(X), "(0 + root | subject)"), "y"), data = scaled,
               REML = TRUE, control = tight)
 {tests}"""
 
@@ -81,7 +85,7 @@ print(omnibus)
 
 PLAIN = """
 # One row of each person: no random effect.
-model <- lm(value ~ {fixed}, data = d, weights = weight)
+model <- lm(value ~ {fixed}, data = cells, weights = cell_weight)
 print(summary(model))
 same("means", as.numeric(coef(model)), {means}, {mean_se})
 """
@@ -104,22 +108,15 @@ def _section(result: MixedModelResult) -> str:
     conditions = [str(name) for name in result.effects["condition"]]
     fixed = "0 + condition" if len(conditions) > 1 else "1"
     mean, mean_se = _means(result)
-    groups = [name for name in result.variances["source"] if name in (SUBJECT, CELL)]
     common: dict[str, Any] = {"fixed": fixed, "means": _vector(mean), "mean_se": _vector(mean_se)}
-    if not groups:
+    if SUBJECT not in set(result.variances["source"]):
         fit = PLAIN.format(**common)
     else:
-        factors = {SUBJECT: "subject", CELL: "cell"}
-        terms = [f"(1 | {factors[name]})" for name in groups]
-        sds = [f'attr(VarCorr(model)${factors[name]}, "stddev")' for name in groups]
         fit = MIXED.format(
             **common,
-            tau=result.tau,
-            random=" + ".join(terms),
+            tau_cells=result.tau_cells,
             criterion=repr(result.criterion),
-            sds=", ".join([*sds, "sigma(model)"]),
             our_sds=_vector(result.variances["sd"]),
-            scaled_random=", ".join(f'"(0 + root | {factors[name]})"' for name in groups),
             tests=_tests(result, mean, mean_se),
         )
         if len(conditions) > 1:
@@ -130,6 +127,7 @@ def _section(result: MixedModelResult) -> str:
         scale=", as logarithm" if result.transform == "log" else "",
         name=_quoted(result.parameter),
         levels=f"c({', '.join(map(_quoted, conditions))})",
+        tau=result.tau,
         fit=fit,
     )
 

@@ -256,7 +256,7 @@ def repeated_measures(
 
 def complete_means(rows: Rows) -> tuple[pd.DataFrame, list[Any]]:
     """Means of runs of the people who have all conditions, and the others."""
-    means = rows.used.pivot_table(
+    means = rows.runs.pivot_table(
         index="subject", columns="condition", values="value", aggfunc="mean", sort=False
     ).loc[rows.subjects, rows.conditions]
     whole = means.notna().all(axis=1)

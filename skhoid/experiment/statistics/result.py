@@ -41,8 +41,8 @@ class MixedModelResult:
     omnibus : FTest or None
         ``F``, ``df1``, ``df2`` and ``p`` of no difference at all; None with one condition.
     variances : DataFrame
-        ``source`` (between people, people x condition, within), ``variance``, ``se``, ``sd`` and
-        ``share``. That within belongs to a row of weight 1.
+        ``source`` (between people; within: people in a condition, of weight 1), ``variance``,
+        ``se``, ``sd`` and ``share``.
     people : DataFrame
         ``subject``, ``condition``, ``estimate`` (BLUP: drawn towards the mean as far as its runs
         are few or uncertain), ``low``, ``high``, ``n_rows``.
@@ -55,9 +55,12 @@ class MixedModelResult:
         What was left out, and how what is missing was handled.
     data : DataFrame
         All rows of the parameter, with ``value`` and ``value_se`` on the scale of the model,
-        ``weight`` and ``left_out``: the reason, or nothing.
+        ``weight`` (the run's share of its person and condition), ``cell_weight`` (that of the
+        person and condition, with the mean 1) and ``left_out``: the reason, or nothing.
     tau : float
         Standard deviation between runs beyond their standard errors.
+    tau_cells : float
+        That of people in a condition beyond the standard errors of their means.
     criterion : float
         -2 log of the restricted likelihood.
 
@@ -107,6 +110,7 @@ class MixedModelResult:
     notes: list[str]
     data: pd.DataFrame
     tau: float
+    tau_cells: float
     criterion: float
 
     def __repr__(self) -> str:

@@ -5,8 +5,9 @@ Open it to change who is left out and why, or how standard errors become weights
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -34,38 +35,89 @@ MOST_NAMED = 5
 
 @dataclass(frozen=True)
 class Rows:
-    """The rows of one parameter.
+    """The rows of one parameter, and the cells, a person in a condition each, that they make.
 
-    ``data`` holds all of them, with ``value`` and ``value_se`` (on the scale of the model),
-    ``weight`` and ``left_out`` (the reason, or nothing). ``used`` are those without a reason; the
-    codes number their subjects, conditions and cells. ``tau`` is the standard deviation between
-    runs beyond the standard errors.
+    ``data`` holds all rows, with ``value`` and ``value_se`` (on the scale of the model), ``weight``
+    (the run's share of its cell), ``cell_weight`` and ``left_out`` (the reason, or nothing).
+    ``cells`` are the subjects (``subject``, a number), conditions, values, errors and weights of
+    the cells. ``runs`` are the rows without a reason, and ``cell`` the cell of each. ``tau`` is the
+    standard deviation between runs beyond their standard errors, ``tau_cells`` that of cells beyond
+    theirs around the additive model.
     """
 
     parameter: str
     unit: str
     data: pd.DataFrame
-    used: pd.DataFrame
+    runs: pd.DataFrame
+    cell: np.ndarray
+    cells: Cells
     subjects: list[Any]
     conditions: list[Any]
-    subject: np.ndarray
-    condition: np.ndarray
-    cell: np.ndarray
     tau: float
+    tau_cells: float
     notes: list[str]
 
     @property
+    def subject(self) -> np.ndarray:
+        return self.cells.subject
+
+    @property
+    def condition(self) -> np.ndarray:
+        return self.cells.condition
+
+    @property
     def y(self) -> np.ndarray:
-        return self.used["value"].to_numpy(dtype=float)
+        return self.cells.value
 
     @property
     def weights(self) -> np.ndarray:
-        return self.used["weight"].to_numpy(dtype=float)
+        return self.cells.weight
 
-    @property
-    def repeated(self) -> bool:
-        """Whether any person has several rows in a condition."""
-        return len(self.used) > int(self.cell.max()) + 1
+
+class Cells(NamedTuple):
+    """A person in a condition each, as arrays."""
+
+    subject: np.ndarray
+    condition: np.ndarray
+    value: np.ndarray
+    error: np.ndarray
+    weight: np.ndarray
+
+
+class Combined(NamedTuple):
+    """Cells of runs, the share of each run in its cell, and what runs and cells scatter beyond."""
+
+    cells: Cells
+    share: np.ndarray
+    tau: float
+    tau_cells: float
+
+
+def combined(
+    values: np.ndarray,
+    errors: np.ndarray | None,
+    subject: np.ndarray,
+    condition: np.ndarray,
+) -> Combined:
+    """Mean values of cells with their weights, first stage of two; ``errors`` None: no weights.
+
+    Cells are in the order of subjects, and of conditions.
+    """
+    key, cell = np.unique(subject * (condition.max() + 1) + condition, return_inverse=True)
+    of_cells = np.divmod(key, condition.max() + 1)
+    if errors is None:
+        share = 1.0 / np.bincount(cell)[cell]
+        value = np.bincount(cell, share * values)
+        ones = np.ones(key.size)
+        return Combined(Cells(*of_cells, value, np.full(key.size, np.nan), ones), share, 0.0, 0.0)
+    between = variance_between_runs(values, errors, cell)
+    w = 1.0 / (errors**2 + between)
+    total = np.bincount(cell, w)
+    value, error = np.bincount(cell, w * values) / total, 1.0 / np.sqrt(total)
+    beyond = variance_beyond(value, error, *of_cells)
+    weight = 1.0 / (error**2 + beyond)
+    cells = Cells(*of_cells, value, error, weight / weight.mean())
+    return Combined(cells, w / total[cell], float(np.sqrt(between)), float(np.sqrt(beyond)))
 
 
 def select(
@@ -98,74 +150,92 @@ def select(
             data["value_se"] = data["se"] / data["estimate"].abs()
     used = data[data["left_out"] == ""].copy()
     subjects, conditions = (list(dict.fromkeys(used[name])) for name in CELL)
-    subject, condition = (
+    codes = [
         pd.Index(labels).get_indexer(pd.Index(used[name]))
         for name, labels in zip(CELL, (subjects, conditions), strict=True)
-    )
-    cell = np.unique(subject * len(conditions) + condition, return_inverse=True)[1]
-    tau = 0.0
-    used["weight"] = 1.0
+    ]
     if weighted:
         notes += _fill_missing_errors(used, parameter)
-        values, errors = (used[name].to_numpy(dtype=float) for name in ("value", "value_se"))
-        tau = np.sqrt(variance_beyond(values, errors, subject, condition, cell))
-        weight = 1.0 / (errors**2 + tau**2)
-        used["weight"] = weight / weight.mean()
-    data["weight"] = used["weight"].reindex(data.index)
-    data["value_se"] = used["value_se"].reindex(data.index)
+    values, errors = (used[name].to_numpy(dtype=float) for name in ("value", "value_se"))
+    found = combined(values, errors if weighted else None, *codes)
+    cell = np.unique(codes[0] * len(conditions) + codes[1], return_inverse=True)[1]
+    used["weight"], used["cell_weight"] = found.share, found.cells.weight[cell]
+    for name in ("weight", "cell_weight", "value_se"):
+        data[name] = used[name].reindex(data.index)
     units = [unit for unit in dict.fromkeys(used["unit"]) if unit]
     if len(units) > 1:
         raise ValueError(
             f"{parameter} has several units: {', '.join(units)}. Convert its rows to one of them."
         )
-    unit = units[0] if units else ""
     return Rows(
-        parameter, unit, data, used, subjects, conditions, subject, condition, cell, tau, notes
+        parameter=parameter,
+        unit=units[0] if units else "",
+        data=data,
+        runs=used,
+        cell=cell,
+        cells=found.cells,
+        subjects=subjects,
+        conditions=conditions,
+        tau=found.tau,
+        tau_cells=found.tau_cells,
+        notes=notes,
     )
 
 
+def variance_between_runs(values: np.ndarray, errors: np.ndarray, cell: np.ndarray) -> float:
+    """The variance of runs of the same cell beyond their standard errors (Paule and Mandel)."""
+
+    def rest(w: np.ndarray) -> np.ndarray:
+        return values - (np.bincount(cell, w * values) / np.bincount(cell, w))[cell]
+
+    return _paule_mandel(values, errors, rest, float(values.size - int(cell.max()) - 1))
+
+
 def variance_beyond(
+    values: np.ndarray, errors: np.ndarray, subject: np.ndarray, condition: np.ndarray
+) -> float:
+    """The variance of cells beyond their standard errors, around subject + condition.
+
+    Where people have one condition each, around the means of conditions. Taken one standard
+    deviation large: an estimate that is too small, often 0, lets the most precise people decide
+    alone, and tests are too bold then.
+    """
+    design = np.column_stack([np.eye(subject.max() + 1)[subject], _others(condition)])
+    if subject.max() + 1 == values.size:
+        design = np.column_stack([np.ones(values.size), _others(condition)])
+
+    def rest(w: np.ndarray) -> np.ndarray:
+        root = np.sqrt(w)
+        fit = np.linalg.lstsq(root[:, None] * design, root * values, rcond=None)[0]
+        return values - design @ fit
+
+    df = values.size - int(np.linalg.matrix_rank(design))
+    return _paule_mandel(values, errors, rest, max(df - np.sqrt(2.0 * df), 0.5 * df))
+
+
+def _paule_mandel(
     values: np.ndarray,
     errors: np.ndarray,
-    subject: np.ndarray,
-    condition: np.ndarray,
-    cell: np.ndarray,
+    rest: Callable[[np.ndarray], np.ndarray],
+    wanted: float,
 ) -> float:
-    """The variance of runs beyond their standard errors, as Paule and Mandel estimate it.
+    """The variance with which weighted squares add up to so many; 0 if they are fewer without.
 
-    That with which the weighted squares around the mean of each cell add up to their number of
-    degrees of freedom; 0 if they are fewer without any. With one row in each cell, around the
-    additive model of subject and condition.
+    Their expectation is the number of degrees of freedom.
     """
-    repeated = values.size > cell.max() + 1
-    design = np.empty((0, 0))
-    if repeated:
-        df = values.size - int(cell.max()) - 1
-    else:
-        design = np.column_stack([np.eye(subject.max() + 1)[subject], _others(condition)])
-        if subject.max() + 1 == values.size:  # people with one condition each
-            design = np.column_stack([np.ones(values.size), _others(condition)])
-        df = values.size - int(np.linalg.matrix_rank(design))
-    if df < 1:
+    if not wanted > 0.0:
         return 0.0
 
     def squares(variance: float) -> float:
         w = 1.0 / (errors**2 + variance)
-        if repeated:
-            means = np.bincount(cell, w * values) / np.bincount(cell, w)
-            rest = values - means[cell]
-        else:
-            root = np.sqrt(w)
-            fit = np.linalg.lstsq(root[:, None] * design, root * values, rcond=None)[0]
-            rest = values - design @ fit
-        return float(w @ rest**2)
+        return float(w @ rest(w) ** 2)
 
-    if squares(0.0) <= df:
+    if squares(0.0) <= wanted:
         return 0.0
     high = max(float(np.var(values)), float(np.max(errors)) ** 2)
-    while squares(high) > df:
+    while squares(high) > wanted:
         high *= 4.0
-    return float(optimize.brentq(lambda v: squares(v) - df, 0.0, high, xtol=1e-14 * high))
+    return float(optimize.brentq(lambda v: squares(v) - wanted, 0.0, high, xtol=1e-14 * high))
 
 
 def _others(codes: np.ndarray) -> np.ndarray:

@@ -33,10 +33,7 @@ def test_long_file_has_all_rows_and_their_weights(results, tmp_path):
 
 def test_script_holds_the_numbers_and_the_model(results, tmp_path):
     text = write_long(results, tmp_path)[1].read_text(encoding="utf-8")
-    assert (
-        "lmer(value ~ 0 + condition + (1 | subject) + (1 | cell), data = d, weights = weight"
-        in text
-    )
+    assert "lmer(value ~ 0 + condition + (1 | subject), data = cells, weights = cell_weight" in text
     assert repr(float(results[0].omnibus.F)) in text
     assert repr(results[0].criterion) in text
     for value in results[1].contrasts["difference"]:

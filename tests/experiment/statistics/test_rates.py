@@ -17,9 +17,10 @@ WORLDS = BENCHMARK["WORLDS"]
 def test_draws_are_the_rows_that_the_table_gives(log):
     draw = WORLDS["all of these"].draw(np.random.default_rng(0), 0.1)
     rows, wanted = draw.rows(log), select(draw.table(), "K_e", transform="log" if log else None)
-    for name in ("value", "value_se", "weight"):
-        np.testing.assert_allclose(rows.used[name], wanted.used[name])
+    for one, other in zip(rows.cells, wanted.cells, strict=True):
+        np.testing.assert_allclose(one, other)
     assert rows.tau == pytest.approx(wanted.tau)
+    assert rows.tau_cells == pytest.approx(wanted.tau_cells)
     np.testing.assert_array_equal(rows.cell, wanted.cell)
 
 
