@@ -114,6 +114,7 @@ sphinx_gallery_conf = {
             "recursion",
             "simulate",
             "montecarlo",
+            "experiment",
             "frequency",
         )
     ],

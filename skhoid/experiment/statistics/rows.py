@@ -107,12 +107,12 @@ def combined(
     of_cells = np.divmod(key, condition.max() + 1)
     if errors is None:
         share = 1.0 / np.bincount(cell)[cell]
-        value = np.bincount(cell, share * values)
+        plain = np.bincount(cell, share * values)
         ones = np.ones(key.size)
-        return Combined(Cells(*of_cells, value, np.full(key.size, np.nan), ones), share, 0.0, 0.0)
+        return Combined(Cells(*of_cells, plain, np.full(key.size, np.nan), ones), share, 0.0, 0.0)
     between = variance_between_runs(values, errors, cell)
-    w = 1.0 / (errors**2 + between)
-    total = np.bincount(cell, w)
+    w: Any = 1.0 / (errors**2 + between)
+    total: Any = np.bincount(cell, w)
     value, error = np.bincount(cell, w * values) / total, 1.0 / np.sqrt(total)
     beyond = variance_beyond(value, error, *of_cells)
     weight = 1.0 / (error**2 + beyond)
