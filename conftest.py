@@ -52,6 +52,7 @@ SLOW_PAGES = {  # whose examples search, simulate or start processes for many se
     "read-the-ranking.md",
     "report.md",
     "scale-out.md",
+    "search.py",
     "shape.py",
     "thesis-studies.md",
     "track-a-change.md",

@@ -264,7 +264,7 @@ class GroupEffectSearch(BaseEstimator):
             for one in all_of
             if one.n_people
         ]
-        table = pd.DataFrame(rows, columns=list(_ROW))
+        table = pd.DataFrame(rows, columns=list(_ROW)).astype({"group": bool})
         order = {name: -table.loc[table["effect"] == name, "share"].max() for name in self._effects}
         table = table.sort_values("effect", key=lambda c: c.map(order), kind="stable")
         self.prevalence_ = table.reset_index(drop=True)

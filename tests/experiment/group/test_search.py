@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from sklearn.base import clone
 
-from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs, report
 from skhoid.effects import Effects
 from skhoid.experiment.group import GroupEffectSearch
 from skhoid.experiment.group import search as module
@@ -131,3 +131,15 @@ def test_an_effect_that_stands_in_for_something_unknown_is_not_named():
     best = SimpleNamespace(effects_=effects, effects=effects)
     search = SimpleNamespace(best_effects_=["bias", "unknown"], best_estimator_=best)
     assert named_by(search).names == ["bias"]
+
+
+@pytest.mark.slow
+def test_where_nothing_is_missing_it_says_so_and_has_empty_tables():
+    people = {(f"S{i}", c): runs(i) for i in range(2) for c in "AB"}
+    group = GroupEffectSearch(EffectSearchCV(OperatorRegressor(), effects=["bias"]))
+    group.fit(*joined(people, ["subject", "condition"]))
+    assert group.summary().splitlines()[0] == "Nothing is missing, in the group or in anybody."
+    assert group.group_effects_ == []
+    for table in (group.prevalence_, group.members_, group.contrasts_):
+        assert len(table) == 0
+    assert "Nothing is missing" in report(group).html

@@ -47,6 +47,7 @@ def same(one, two):
         assert model.coef_.tolist() == two.models[key].coef_.tolist()
 
 
+@pytest.mark.slow
 def test_finished_groups_are_read_and_others_are_computed(data, tmp_path, fitted):
     folder = tmp_path / "people"
     whole = identify_people(ARX, *data, ceiling=False)

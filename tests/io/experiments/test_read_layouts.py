@@ -271,6 +271,7 @@ def test_struct_array_of_people(tmp_path, truth):
     assert_same(read, (X, y), names=("subject", "run", "time"))
 
 
+@pytest.mark.slow
 def test_xdf(tmp_path):
     pytest.importorskip("pyxdf")
     truth = experiment(conditions=("gain",), runs=("1",))
