@@ -96,6 +96,11 @@ class Recordings:
 def facts_of(X: pd.DataFrame, y: Any) -> Recordings:
     """The facts of all runs of an experiment."""
     X = as_table(X)
+    if not isinstance(X, pd.DataFrame):
+        raise TypeError(
+            "X must be a DataFrame with the row index levels run and time, as read_experiment "
+            f"makes it; got {type(X).__name__}."
+        )
     names = list(X.index.names)
     if TIME not in names or RUN not in names:
         raise ValueError(

@@ -79,6 +79,8 @@ def levels_of(X: Any, by: Sequence[str] | str | None) -> list[str]:
 
 def read_groups(X: pd.DataFrame, y: Any, by: list[str]) -> list[Group]:
     """Groups in the order of their first rows."""
+    if not hasattr(y, "__len__"):
+        raise TypeError(f"y must be a Series or an array of {len(X)} values; got {y!r}.")
     check_alignment(X, y)
     if len(y) != len(X):
         raise ValueError(f"X has {len(X)} rows but y has {len(y)}: one value of y for each row.")

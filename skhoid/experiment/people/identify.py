@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Sequence
+from numbers import Integral
 from typing import Any
 
 import pandas as pd
 from sklearn.base import clone
 
 from ..._machine import ended_by_signals
+from ..._sklearn import HasMethods, Interval, checked
 from ...montecarlo.workers import progress_bar, results_of
 from .assemble import assembled
 from .fit import Job, fit_group
@@ -19,6 +21,16 @@ from .kept import Folder, description_of
 from .result import PeopleResult
 
 
+@checked(
+    estimator=[HasMethods(["fit", "get_params"])],
+    by=[str, list, tuple, None],
+    each_run=[bool, None],
+    ceiling=[bool],
+    folder=[str, os.PathLike, None],
+    keep_models=[bool],
+    n_jobs=[Interval(Integral, -1000, 1000, closed="both"), None],
+    progress=[bool, None],
+)
 def identify_people(
     estimator: Any,
     X: pd.DataFrame,

@@ -40,6 +40,8 @@ def checked_dims(dims: Any) -> Dims | None:
             f'dims must be names of dimensions, such as ("time", "run", "subject"); got {dims!r}.'
         )
     names = tuple(dims)
+    if not all(isinstance(name, str) for name in names):
+        raise TypeError(f"dims must name dimensions by text; got {dims!r}.")
     if len(set(names)) < len(names) or TIME not in names or not set(names) <= set(_NAMES):
         raise ValueError(
             f'dims must name each dimension once, "time" and others of {", ".join(LEVELS)}; got '

@@ -137,7 +137,8 @@ def columns_of(table: FileTable, paths: Any, asked: Asked) -> Columns:
     guess = _guess(table, paths, asked)
     if guess.problems:
         where = shown(table.path)
-        raise UnclearColumnsError(where, guess.problems, guess.columns, guess.remarks)
+        unclear = UnclearColumnsError(where, guess.problems, guess.columns, guess.remarks)
+        raise unclear if guess.guessed else ValueError(str(unclear))
     levels = dict(guess.levels)
     if guess.run is not None:
         levels[guess.run] = "run"
