@@ -44,8 +44,8 @@ def own_means(result: MixedModelResult) -> pd.DataFrame:
     records = []
     for key, rows in used.groupby(["subject", "condition"], sort=False):
         w = rows["weight"].to_numpy(dtype=float)
-        mean = float(w @ rows["value"].to_numpy(dtype=float) / w.sum())
-        reach = quantile * np.sqrt(within / w.sum())
+        mean = float(w @ rows["value"].to_numpy(dtype=float))
+        reach = quantile * np.sqrt(within / float(rows["cell_weight"].iloc[0]))
         ends = np.array([mean, mean - reach, mean + reach])
         mean, low, high = np.exp(ends) if result.transform == "log" else ends
         records.append((*key, mean, low, high, len(rows)))

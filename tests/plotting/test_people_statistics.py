@@ -5,6 +5,7 @@ from support.parameter_tables import simulated
 from support.plot_checks import covers_nothing
 
 from skhoid.experiment import mixed_model
+from skhoid.plotting._people import own_means
 from skhoid.plotting.condition_means import ConditionMeansDisplay
 from skhoid.plotting.parameter_forest import ParameterForestDisplay
 
@@ -69,3 +70,13 @@ def test_given_axes_and_styles_are_used(result):
 def test_a_result_takes_no_options(result):
     with pytest.raises(ValueError, match="give the table"):
         ConditionMeansDisplay.from_result(result, transform="log")
+
+
+def test_own_intervals_are_wider_where_a_person_is_less_certain():
+    """Half-widths are those of the cell's weight: the shares of its runs add up to 1 in all."""
+    found = mixed_model(simulated(), "K_e")
+    own = own_means(found).set_index(["subject", "condition"])
+    weight = found.data.dropna(subset="weight").groupby(["subject", "condition"])["cell_weight"]
+    half = (own["high"] - own["low"]) / 2 * np.sqrt(weight.first())
+    np.testing.assert_allclose(half, half.iloc[0])
+    assert weight.first().max() > 1.5 * weight.first().min()
