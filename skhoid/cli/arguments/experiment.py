@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ..commands import add_command
-from ..options import at_least_one, not_negative, order, positive, samples, workers
-from .shared import OF_CORE, add_output_options, add_run_in, add_search_options
+from ..options import at_least_one, positive, workers
+from .shared import add_model_options, add_output_options, add_run_in, add_search_options
 
 EXAMPLES = """\
 examples:
@@ -56,30 +56,7 @@ def add_experiment(commands: Any) -> None:
     )
     add("--last", type=at_least_one, metavar="N", help="the last N runs of each (default: all)")
     add_run_in(add)
-    add = command.section("Model")
-    add(
-        "--core",
-        choices=list(OF_CORE),
-        default="operator",
-        help="what the model is: the operator's physics, or ARX (default: operator)",
-    )
-    add(
-        "--delay", type=not_negative, metavar="S", help="delay of the operator (default: estimated)"
-    )
-    add("--na", type=order, metavar="N", help="order of the ARX core (default: 2)")
-    add("--nb", type=order, metavar="N", help="order of the ARX core (default: 2)")
-    add("--nk", type=samples, metavar="N", help="delay of the ARX core in samples (default: found)")
-    add(
-        "--display",
-        choices=["compensatory", "pursuit", "preview"],
-        help="what people could see (default: not said)",
-    )
-    add(
-        "--controlled-element",
-        metavar="ELEMENT",
-        help='what makes x of the output: "1/(s(s+1))", or the numbers K_C OMEGA_B of K_c / (s (s '
-        "+ omega_b)) (default: estimated where x is given)",
-    )
+    add_model_options(command.section("Model"), "people")
     add_search_options(command.section("Search"), "; none: no search")
     add = command.section("People")
     add("--reference", metavar="CONDITION", help="compare others with it (default: all pairs)")

@@ -91,7 +91,11 @@ def add_recording_options(command: Any) -> None:
         action="store_true",
         help="subtract the mean of each channel first, for positions far from zero",
     )
-    add = command.section("Model")
+    add_model_options(command.section("Model"), "the operator")
+
+
+def add_model_options(add: Callable[..., Any], who: str) -> None:
+    """Options that say what the model is, what ``who`` sees, and what is controlled."""
     add(
         "--core",
         choices=list(OF_CORE),
@@ -107,7 +111,7 @@ def add_recording_options(command: Any) -> None:
     add(
         "--display",
         choices=["compensatory", "pursuit", "preview"],
-        help="what the operator could see (default: not said)",
+        help=f"what {who} could see (default: not said)",
     )
     add(
         "--controlled-element",

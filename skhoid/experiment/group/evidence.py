@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import warnings
 from dataclasses import dataclass
@@ -11,15 +10,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..._machine import ended_by_signals
 from ...effects.base import Effect
 from ...effects.composition import Effects
 from ...montecarlo.identity import described
 from ...montecarlo.store import Store, uniform
-from ...montecarlo.workers import progress_bar, results_of
 from ...search.effect_search import EffectSearchCV
 from ...search.evidence import COLUMNS, evidence_of
 from ..people.groups import Group
+from ..people.kept import completed
 from .prevalence import log_factor
 
 FORMAT = 1  # of the blocks
@@ -91,19 +89,16 @@ def weighed(
     if folder is not None:
         store = Store(folder, _description(jobs))
         finished = store.finished()
-    wanted = [number for number in range(len(jobs)) if number not in finished]
-    done = results_of([jobs[number] for number in wanted], weigh_person, n_jobs=n_jobs)
-    with (
-        ended_by_signals(),
-        progress_bar(progress, len(jobs), len(finished), "evidence") as advance,
-        contextlib.closing(done),
-    ):
-        for place, table in done:
-            finished[wanted[place]] = table
-            if store is not None:
-                store.write(wanted[place], table)
-            advance()
-    return [finished[number].reindex(columns=COLUMNS) for number in range(len(jobs))]
+    tables = completed(
+        jobs,
+        weigh_person,
+        finished,
+        None if store is None else store.write,
+        n_jobs=n_jobs,
+        progress=progress,
+        what="evidence",
+    )
+    return [table.reindex(columns=COLUMNS) for table in tables]
 
 
 def _description(jobs: list[EvidenceJob]) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Sequence
 from numbers import Integral
@@ -11,13 +10,11 @@ from typing import Any
 import pandas as pd
 from sklearn.base import clone
 
-from ..._machine import ended_by_signals
 from ..._sklearn import HasMethods, Interval, checked
-from ...montecarlo.workers import progress_bar, results_of
 from .assemble import assembled
 from .fit import Job, fit_group
 from .groups import Group, levels_of, read_groups
-from .kept import Folder, description_of
+from .kept import Folder, completed, description_of
 from .result import PeopleResult
 
 
@@ -158,16 +155,12 @@ def _computed(
             description_of(first.estimator, groups, each_run=first.each_run, ceiling=first.ceiling),
         )
         finished = kept.finished(first.keep_models)
-    wanted = [number for number in range(len(jobs)) if number not in finished]
-    done = results_of([jobs[number] for number in wanted], fit_group, n_jobs=n_jobs)
-    with (
-        ended_by_signals(),
-        progress_bar(progress, len(jobs), len(finished), "people") as advance,
-        contextlib.closing(done),
-    ):
-        for place, found in done:
-            finished[wanted[place]] = found
-            if kept is not None:
-                kept.write(wanted[place], *found)
-            advance()
-    return [finished[number] for number in range(len(jobs))]
+    return completed(
+        jobs,
+        fit_group,
+        finished,
+        None if kept is None else kept.write,
+        n_jobs=n_jobs,
+        progress=progress,
+        what="people",
+    )

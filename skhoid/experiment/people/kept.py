@@ -2,20 +2,53 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from ..._machine import ended_by_signals
 from ..._version import __version__
 from ...io.whole import is_left_over, written_whole
 from ...montecarlo.identity import FORMAT, described
 from ...montecarlo.store import Store
+from ...montecarlo.workers import progress_bar, results_of
 from .fit import MODEL, checksum
 from .groups import Group
 
 MODELS = "models"
+
+
+def completed(
+    jobs: Sequence[Any],
+    compute: Callable[[Any], Any],
+    finished: dict[int, Any],
+    keep: Callable[[int, Any], None] | None,
+    *,
+    n_jobs: int | None,
+    progress: bool | None,
+    what: str,
+) -> list[Any]:
+    """The result of each job in order: those that are finished, and others as they get so.
+
+    ``keep`` is given the place and the result of each that was not.
+    """
+    wanted = [number for number in range(len(jobs)) if number not in finished]
+    done = results_of([jobs[number] for number in wanted], compute, n_jobs=n_jobs)
+    with (
+        ended_by_signals(),
+        progress_bar(progress, len(jobs), len(finished), what) as advance,
+        contextlib.closing(done),
+    ):
+        for place, found in done:
+            finished[wanted[place]] = found
+            if keep is not None:
+                keep(wanted[place], found)
+            advance()
+    return [finished[number] for number in range(len(jobs))]
 
 
 class Folder:
@@ -48,7 +81,8 @@ class Folder:
             found[number] = table, content
         return found
 
-    def write(self, number: int, table: pd.DataFrame, content: bytes) -> None:
+    def write(self, number: int, found: tuple[pd.DataFrame, bytes]) -> None:
+        table, content = found
         if content:
             self.models.mkdir(exist_ok=True)
             with written_whole(self._path(number), sync=True) as path:
