@@ -70,7 +70,7 @@ class ARXChannel:
             nk=orders.nk[chosen],
             dt=model.dt_,
             dt_recording=model.dt_ / (1 if model._mark is None else model._mark.factor),
-            shift=_shift(steps, model, chosen, purpose),
+            shift=delay_before(steps, model, chosen, purpose),
             time=time,
             input=model.inputs_[chosen],
             output=model._output_name,
@@ -102,7 +102,7 @@ def _position(model: Any, name: str | None) -> int:
     return errors[0]
 
 
-def _shift(steps: list[Any], model: Any, chosen: int, purpose: str) -> float:
+def delay_before(steps: list[Any], model: Any, chosen: int, purpose: str) -> float:
     """Delay in seconds that the steps before a model give one of its inputs."""
     total = 0.0
     for step in steps:

@@ -11,7 +11,8 @@ import pandas as pd
 
 from .._sklearn import Interval, StrOptions, checked
 from ..human.checks import as_floats
-from .channel import ARXChannel
+from ..pipelines import taken_apart
+from .channel import ARXChannel, delay_before
 from .operator_fit import NAMES, fit_operator
 
 FROM_POLES = ("K_e", "T_L", "K_edot", "omega_nm", "zeta_nm")
@@ -197,6 +198,9 @@ def operator_parameters(
         K_e  T_L  tau_e  omega_nm  zeta_nm
     0  0.09  0.4   0.28     11.25     0.35
     """
+    followed = _followed_path(model)
+    if followed is not None:
+        return followed
     arx = ARXChannel.of(model, input, "operator_parameters")
     misfit: dict[str, Any] = {}
     if method == "poles":
@@ -228,6 +232,19 @@ def operator_parameters(
             UserWarning,
             stacklevel=2,
         )
+    return frame
+
+
+def _followed_path(model: Any) -> pd.DataFrame | None:
+    """The table of a model that has the operator's own parameters over time, if it is one."""
+    steps, found = taken_apart(model)
+    if not hasattr(found, "_operator_frame"):
+        return None
+    frame = found._operator_frame().copy()
+    frame["tau_e"] += delay_before(steps, found, 0, "operator_parameters")
+    units = UNITS | {f"sd_{name}": unit for name, unit in UNITS.items()}
+    n_nan = int(frame["K_e"].isna().sum())
+    frame.attrs = {"units": units, "n_nan": n_nan, "method": type(found).__name__}
     return frame
 
 

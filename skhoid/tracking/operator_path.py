@@ -1,0 +1,234 @@
+"""OperatorPath: a model of an operator whose physical parameters are known over time.
+
+Open it to see how such a model predicts and what tables it shows.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..arx.base import free_run_output
+from ..arx.orders import Orders
+from ..effects.dimension import S
+from ..exceptions import RunTimeWarning
+from ..human.discretisation import held_filter
+from ..preprocessing.grid import ModelGrid
+from ..regression import DataToFit, RunRegressor, segments
+from ..summaries import VAF_RULE, ModelSummary, estimates_table, grid_facts, signal_facts
+
+ESTIMATED = ("K_e", "K_edot", "tau_e", "omega_nm", "zeta_nm")
+SHOWN = ("K_e", "T_L", "K_edot", "tau_e", "omega_nm", "zeta_nm")
+MEANINGS = {
+    "K_e": "gain on the error",
+    "T_L": "lead time constant",
+    "K_edot": "gain on the rate of the error",
+    "tau_e": "effective time delay",
+    "omega_nm": "neuromuscular frequency",
+    "zeta_nm": "neuromuscular damping ratio",
+}
+NORMAL_95 = 1.96
+ORDERS = Orders(2, (1, 1), (0, 0))  # the delayed error, and the same a sample before
+
+
+class OperatorPath(RunRegressor):
+    """An operator with K_e, K_edot, tau_e, omega_nm and zeta_nm at instants of time in the run.
+
+    ``fit`` of a subclass ends in :meth:`_set_path`. Predictions are free runs of the operator under
+    zero-order hold, with the parameters of each instant; between instants of the path the
+    logarithms are interpolated, outside it the nearest end holds.
+    """
+
+    time_path_: np.ndarray
+
+    def _read_operator_data(self, X: Any, y: Any) -> DataToFit:
+        """Read data to fit, and refuse more than one input."""
+        data = self._read_data(X, y)
+        self._check_one_input()
+        return data
+
+    def _check_one_input(self) -> None:
+        if len(self._columns) != 1:
+            raise ValueError(
+                f"{type(self).__name__} has one linear input, the error; got {self.inputs_}. Name "
+                "it: inputs=['e'], or roles={column: 'e'}."
+            )
+
+    def _set_path(
+        self,
+        numbers: np.ndarray,
+        values: Mapping[str, np.ndarray],
+        deviations: Mapping[str, np.ndarray],
+    ) -> None:
+        """Set the path at instants, given by their sample numbers of the grid from time zero.
+
+        ``values`` and ``deviations`` have the names of ``ESTIMATED``; ``deviations`` may have T_L,
+        whose standard deviation otherwise neglects the correlation of the two gains.
+        """
+        self._numbers = np.asarray(numbers)
+        self.time_path_ = self._numbers * self.dt_
+        self._path = np.stack([np.asarray(values[name], float) for name in ESTIMATED], axis=-1)
+        self._path_frame = operator_frame(values, deviations, self.time_path_)
+
+    def _set_last(self, values: Mapping[str, float], deviations: Mapping[str, float]) -> None:
+        """Set the latest parameters of a stream, which has no path."""
+        for name in ("_path_frame", "time_path_", "_numbers"):
+            self.__dict__.pop(name, None)
+        self._path = np.array([[float(values[name]) for name in ESTIMATED]])
+        self._last_frame = operator_frame(values, deviations, None)
+
+    @property
+    def parameters_path_(self) -> pd.DataFrame:
+        if "_path_frame" not in vars(self):
+            raise AttributeError(
+                f"{type(self).__name__!r} object has no attribute 'parameters_path_': it is there "
+                "after fit, and not kept by partial_fit."
+            )
+        return self._path_frame
+
+    @property
+    def parameters_(self) -> pd.DataFrame:
+        self._check_fitted()
+        last = self._operator_frame().iloc[-1]
+        value = last[list(SHOWN)].to_numpy(float)
+        sd = last[[f"sd_{name}" for name in SHOWN]].to_numpy(float)
+        return pd.DataFrame(
+            {
+                "value": value,
+                "sd": sd,
+                "low": value - NORMAL_95 * sd,
+                "high": value + NORMAL_95 * sd,
+                "unit": list(self._operator_units().values()),
+                "meaning": [MEANINGS[name] for name in SHOWN],
+            },
+            index=pd.Index(SHOWN, name="parameter"),
+        )
+
+    def _operator_units(self) -> dict[str, str]:
+        output = self._units.get(self._output_name) or f"[{self._output_name}]"
+        channel = self.inputs_[0]
+        ratio = f"{output}/{self._units.get(channel) or f'[{channel}]'}"
+        return {
+            "K_e": ratio,
+            "T_L": S.label({}),
+            "K_edot": f"{ratio} s",
+            "tau_e": S.label({}),
+            "omega_nm": "rad/s",
+            "zeta_nm": "-",
+        }
+
+    def _operator_frame(self) -> pd.DataFrame:
+        """The table of ``operator_parameters``: the path, or one row of the latest parameters."""
+        self._check_fitted()
+        return self._path_frame if "_path_frame" in vars(self) else self._last_frame
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return "_path" in vars(self)
+
+    def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        numbers = grid_numbers(grid)
+        if "_numbers" in vars(self):
+            self._warn_outside(grid, numbers)
+            at = interpolated(self._numbers, self._path, numbers)
+        else:
+            at = np.broadcast_to(self._path[-1], (numbers.size, len(ESTIMATED)))
+        held = self._hold(grid, grid.thin_inputs(values), self._columns)
+        return operator_output(held.column(0, slice(None)).astype(float), at, grid)
+
+    def _warn_outside(self, grid: ModelGrid, numbers: np.ndarray) -> None:
+        first, last = self._numbers[0], self._numbers[-1]
+        outside = (numbers[grid.begin] > last) | (numbers[grid.end - 1] < first)
+        if outside.any():
+            row = grid.full_row(int(grid.begin[np.argmax(outside)]))
+            warnings.warn(
+                f"Rows from {grid.layout.where(row)} on lie outside the fitted times, "
+                f"{self.time_path_[0]:g} to {self.time_path_[-1]:g} s, so they get the parameters "
+                "of the nearest end. Count time from the start of each run.",
+                RunTimeWarning,
+                stacklevel=5,
+            )
+
+    def _summary(self) -> ModelSummary:
+        facts = {
+            "Model": "human operator over time, Eqs. 3-5",
+            **signal_facts(self),
+            "Method": self._method_name(),
+            "Runs": f"{self._n_runs}",
+            **grid_facts(self),
+        }
+        return ModelSummary(
+            f"{type(self).__name__}: {self._output_name} from {self.inputs_[0]}",
+            facts,
+            estimates_table(self.parameters_),
+            ["The table has the last parameters; parameters_path_ has all.", VAF_RULE],
+        )
+
+    def _method_name(self) -> str:
+        raise NotImplementedError
+
+
+def grid_numbers(grid: ModelGrid) -> np.ndarray:
+    """Sample number of each row of a grid, counted from time zero."""
+    numbers = grid.layout.sample_numbers()
+    if grid.rows is None or grid.layout.mark is None:
+        return numbers
+    return numbers[grid.rows] // grid.layout.mark.factor
+
+
+def operator_frame(
+    values: Mapping[str, Any], deviations: Mapping[str, Any], time: np.ndarray | None
+) -> pd.DataFrame:
+    """A table as ``operator_parameters`` gives it."""
+    found = {name: np.atleast_1d(np.asarray(values[name], float)) for name in ESTIMATED}
+    sd = {name: np.atleast_1d(np.asarray(deviations[name], float)) for name in ESTIMATED}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found["T_L"] = found["K_edot"] / found["K_e"]
+        if "T_L" in deviations:
+            sd["T_L"] = np.atleast_1d(np.asarray(deviations["T_L"], float))
+        else:
+            sd["T_L"] = np.hypot(sd["K_edot"], found["T_L"] * sd["K_e"]) / np.abs(found["K_e"])
+    columns = {name: found[name] for name in SHOWN} | {f"sd_{name}": sd[name] for name in SHOWN}
+    index = None if time is None else pd.Index(time, name="time")
+    return pd.DataFrame(columns, index=index)
+
+
+def interpolated(numbers: np.ndarray, path: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Parameters at wanted sample numbers: in the logarithm where a parameter keeps its sign."""
+    rows = np.empty((wanted.size, path.shape[1]))
+    for i, column in enumerate(path.T):
+        known = np.isfinite(column)
+        if not known.any():
+            rows[:, i] = 0.0
+            continue
+        at, values = numbers[known], column[known]
+        sign = np.sign(values[0])
+        if sign != 0 and (np.sign(values) == sign).all():
+            rows[:, i] = sign * np.exp(np.interp(wanted, at, np.log(sign * values)))
+        else:
+            rows[:, i] = np.interp(wanted, at, values)
+    return rows
+
+
+def operator_output(e: np.ndarray, parameters: np.ndarray, grid: ModelGrid) -> np.ndarray:
+    """Free run of an operator with the parameters (``ESTIMATED``) of each row of a grid.
+
+    Under zero-order hold u(t) = -a_1 u(t-1) - a_2 u(t-2) + b_0 e(t-1-tau) + b_1 e(t-2-tau); the
+    delay of the moment is reached by linear interpolation of the error.
+    """
+    K_e, K_edot, tau_e, omega_nm, zeta_nm = parameters.T
+    a1, a2, step, rate = held_filter(omega_nm, zeta_nm, grid.dt)
+    b0 = K_e * step + K_edot * rate
+    theta = np.stack([a1, a2, b0, K_e * (1 + a1 + a2) - b0], axis=-1)
+    lag = tau_e / grid.dt + 1.0
+    delayed = np.zeros((e.size, 2))
+    for begin, end in segments(grid):
+        rows = np.arange(end - begin)
+        for column in range(2):
+            where = rows - lag[begin:end] - column
+            delayed[begin:end, column] = np.interp(where, rows, e[begin:end], left=0.0)
+    stretches = (grid.begin, grid.end, grid.past)
+    return free_run_output(delayed, stretches, ORDERS, theta, np.arange(e.size))
