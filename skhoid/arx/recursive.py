@@ -12,19 +12,18 @@ import pandas as pd
 from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..exceptions import RunTimeWarning
 from ..greybox.estimates import arx_parameter_table
-from ..preprocessing.base import as_fitted
-from ..preprocessing.grid import ModelGrid
 from ..summaries import ModelSummary
 from .base import check_row_count
+from .followed_path import FollowedPath
 from .forgetting import Forgetting, read_forgetting
 from .model_summary import recursive_summary
 from .partial_fit import OF_RUNS, PartialFit
-from .rls import Instants, Recursion, RecursionData, RecursionPlan, grid_numbers, likelihoods
+from .rls import Instants, Recursion, RecursionData, RecursionPlan, likelihoods
 from .start import needs_data
 from .streaming import Clock
 
 
-class RecursiveARX(PartialFit):
+class RecursiveARX(FollowedPath, PartialFit):
     """ARX model whose parameters follow the data, by recursive least squares with forgetting.
 
     At each instant, with φ(t) = [-u(t-1) ... e(t-nk) ...] (Eqs. 10-20 of the thesis):
@@ -463,45 +462,3 @@ class RecursiveARX(PartialFit):
 
     def _summary(self) -> ModelSummary:
         return recursive_summary(self)
-
-    def _parameters(self, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray]:
-        if not self._follows_path:
-            return super()._parameters(grid)
-        numbers = grid_numbers(grid)
-        self._check_times(grid, numbers)
-        at = np.searchsorted(self._numbers, numbers, side="right") - 1
-        return self.coef_path_, np.maximum(at, 0)
-
-    def _parameters_before(self, grid: ModelGrid, horizon: int) -> tuple[np.ndarray, np.ndarray]:
-        if not self._follows_path:
-            return super()._parameters_before(grid, horizon)
-        numbers = grid_numbers(grid)
-        self._check_times(grid, numbers)
-        path = np.concatenate([self.initial_coef_[None], self.coef_path_])
-        return path, np.searchsorted(self._numbers, numbers - horizon, side="right")
-
-    def _check_times(self, grid: ModelGrid, numbers: np.ndarray) -> None:
-        outside = (numbers[grid.begin] > self._numbers[-1]) | (
-            numbers[grid.end - 1] < self._numbers[0]
-        )
-        if outside.any():
-            row = grid.full_row(int(grid.begin[np.argmax(outside)]))
-            warnings.warn(
-                f"Rows from {grid.layout.where(row)} on lie outside the fitted times, "
-                f"{self.time_path_[0]:g} to {self.time_path_[-1]:g} s, so they get the parameters "
-                "of the nearest end. Count time from the start of each run, or use "
-                "parameters='last'.",
-                RunTimeWarning,
-                stacklevel=5,
-            )
-
-    @property
-    def _follows_path(self) -> bool:
-        return as_fitted(self).parameters == "path" and "coef_path_" in vars(self)
-
-    def _fitted(self, regressors: np.ndarray, rows: np.ndarray, grid: ModelGrid) -> np.ndarray:
-        """Output that the regressors give with the parameters of the instant before."""
-        if not self._follows_path:
-            return regressors @ self.coef_
-        path, at = self._parameters_before(grid, 1)
-        return np.einsum("tp,tp->t", regressors, path[at[rows]])

@@ -5,7 +5,6 @@ Open it to see how such a model predicts and what tables it shows.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,9 +12,10 @@ import numpy as np
 import pandas as pd
 
 from ..arx.base import free_run_output
+from ..arx.followed_path import warn_of_times_outside
 from ..arx.orders import Orders
+from ..arx.rls import grid_numbers
 from ..effects.dimension import S
-from ..exceptions import RunTimeWarning
 from ..human.discretisation import held_filter
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, RunRegressor, segments
@@ -132,25 +132,12 @@ class OperatorPath(RunRegressor):
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         numbers = grid_numbers(grid)
         if "_numbers" in vars(self):
-            self._warn_outside(grid, numbers)
+            warn_of_times_outside(grid, numbers, self._numbers, self.time_path_)
             at = interpolated(self._numbers, self._path, numbers)
         else:
             at = np.broadcast_to(self._path[-1], (numbers.size, len(ESTIMATED)))
         held = self._hold(grid, grid.thin_inputs(values), self._columns)
         return operator_output(held.column(0, slice(None)).astype(float), at, grid)
-
-    def _warn_outside(self, grid: ModelGrid, numbers: np.ndarray) -> None:
-        first, last = self._numbers[0], self._numbers[-1]
-        outside = (numbers[grid.begin] > last) | (numbers[grid.end - 1] < first)
-        if outside.any():
-            row = grid.full_row(int(grid.begin[np.argmax(outside)]))
-            warnings.warn(
-                f"Rows from {grid.layout.where(row)} on lie outside the fitted times, "
-                f"{self.time_path_[0]:g} to {self.time_path_[-1]:g} s, so they get the parameters "
-                "of the nearest end. Count time from the start of each run.",
-                RunTimeWarning,
-                stacklevel=5,
-            )
 
     def _summary(self) -> ModelSummary:
         facts = {
@@ -169,14 +156,6 @@ class OperatorPath(RunRegressor):
 
     def _method_name(self) -> str:
         raise NotImplementedError
-
-
-def grid_numbers(grid: ModelGrid) -> np.ndarray:
-    """Sample number of each row of a grid, counted from time zero."""
-    numbers = grid.layout.sample_numbers()
-    if grid.rows is None or grid.layout.mark is None:
-        return numbers
-    return numbers[grid.rows] // grid.layout.mark.factor
 
 
 def operator_frame(
