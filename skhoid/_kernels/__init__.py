@@ -8,9 +8,24 @@ from typing import Any
 
 import numpy as np
 
+MODULES = {
+    "arx",
+    "delay_bank",
+    "fir",
+    "greybox",
+    "inside",
+    "kalman",
+    "limb",
+    "loop",
+    "rls",
+    "trade_off",
+    "whitened",
+    "window",
+}
+
 
 def __getattr__(name: str) -> Any:
-    if name in {"arx", "greybox", "inside", "limb", "loop", "rls", "trade_off"}:
+    if name in MODULES:
         return import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

@@ -151,7 +151,7 @@ class EquationError(AnswersByEquation):
         grid, inputs, output = data.grid, data.inputs, data.output
         begin, end = _begun(model, grid)
         hac = model.covariance == "hac"
-        positions = _instrument_columns(model, data.columns.shape[1])
+        positions = instrument_columns(model, data.columns.shape[1])
         names = model._channel_names(positions)
         outside = data.columns[:, positions]
         found = estimate(output, inputs, outside, begin, end, model.orders_, model.dt_, names, hac)
@@ -285,7 +285,7 @@ def _show_coefficients(model: ARXRegressor, coef: np.ndarray, covariance: np.nda
     model.b_ = orders.input_rows(coef)
 
 
-def _instrument_columns(model: ARXRegressor, n_columns: int) -> list[int]:
+def instrument_columns(model: ARXRegressor, n_columns: int) -> list[int]:
     names = model._names or list(range(n_columns))
     if model.instruments is not None:
         positions = input_columns(

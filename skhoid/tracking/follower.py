@@ -32,16 +32,20 @@ class RowFilter(Protocol):
 class Follower(RunRegressor):
     """A model that follows a stream of rows.
 
-    A subclass gives ``_begun(X, y)``, a filter that begins with the first rows (all pieces
-    joined, which it does not take yet), ``_rows_to_begin()``, how many it needs, and
-    ``_refresh(row_filter)``, which sets the fitted attributes. ``fit`` may leave a filter for
-    streams to go on with: ``_go_on_with(row_filter, layout)``.
+    A subclass gives ``_begun(X, y, fresh)``, a filter that begins with the first rows, which it
+    does not take yet (``fresh`` says which of them follow nothing), ``_rows_to_begin()``, how many
+    it needs, and ``_refresh(row_filter)``, which sets the fitted attributes. ``fit`` may leave a
+    filter for streams to go on with: ``_go_on_with(row_filter, layout)``.
     """
 
     init_window: float
 
-    def _begun(self, X: np.ndarray, y: np.ndarray) -> RowFilter | None:
+    def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> RowFilter | None:
         raise NotImplementedError
+
+    def _signal_columns(self, n_columns: int) -> list[int]:
+        """Columns of X that the filter takes."""
+        return self._columns
 
     def _rows_to_begin(self) -> int:
         return window_rows(self.init_window, self.dt_)
@@ -86,6 +90,7 @@ class Follower(RunRegressor):
         row_filter = vars(self).get("_row_filter")
         if (
             row_filter is not None
+            and "_streamed" in vars(self)
             and self._run is None
             and not self._indexed
             and self._names is None
@@ -101,7 +106,7 @@ class Follower(RunRegressor):
             and np.isfinite(X).all()
             and not np.isinf(y).any()
         ):
-            row_filter.take(_kernels.gate(X[:, self._columns]), _kernels.gate(y))
+            row_filter.take(_kernels.gate(X[:, self._streamed]), _kernels.gate(y))
             self._refresh(row_filter)
             return self
         return self._partial_fit(X, y, new_run)
@@ -123,7 +128,9 @@ class Follower(RunRegressor):
             )
         # Nothing is kept of rows that are refused.
         clock = copy(vars(self).get("_clock", Clock()))
-        inputs, output = columns_of(values, self._columns), _kernels.gate(output)
+        self._streamed = self._signal_columns(values.shape[1])
+        inputs = columns_of(values, self._streamed)
+        output = _kernels.gate(output)
         pieces = list(clock.pieces(grid.layout, inputs, output, new_run))
         if row_filter is None:
             collected = list(pending or [])
@@ -152,7 +159,10 @@ class Follower(RunRegressor):
         needed = self._rows_to_begin()
         if needed and (known.size == 0 or y.size - known[0] < needed):
             return None
-        return self._begun(X, y)
+        fresh = np.zeros(y.size, dtype=bool)
+        begins = np.cumsum([0, *(piece.y.size for piece in pieces[:-1])])
+        fresh[begins] = [piece.fresh for piece in pieces]
+        return self._begun(X, y, fresh)
 
     def _go_on_with(self, row_filter: RowFilter, layout: Any) -> None:
         """Let streams go on after a single run that was fitted."""

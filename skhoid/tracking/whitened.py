@@ -1,0 +1,370 @@
+"""WhitenedRecursion: what recursions beside autoregressive noise share.
+
+Open it to see how their signals, forgetting, start and predictions work; the recursions themselves
+are in ``box_jenkins.py`` and ``recursive_iv.py``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Any, Self
+
+import numpy as np
+import pandas as pd
+
+from .._sklearn import DT, Interval, StrOptions
+from ..arx.followed_path import FollowedPath
+from ..arx.forgetting import read_forgetting
+from ..arx.model_summary import orders_text
+from ..arx.orders import Orders
+from ..arx.rls import Instants, spread_weights, window_rows
+from ..exceptions import ShortRunError
+from ..greybox.estimates import arx_parameter_table
+from ..preprocessing.grid import ModelGrid
+from ..regression import columns_of, segments
+from ..summaries import ModelSummary, estimates_table, grid_facts, signal_facts
+from .follower import Follower
+from .prediction_error import SETTLE, Start, Window, unit_factors, whole_stretches
+
+FILTER_TIME = 10.24  # s: the longest time in which the filters follow F
+START_WORTH = 1.0  # of the memory, that the start is worth
+CONSTRAINTS: dict = {
+    "na": [Interval(Integral, 0, None, closed="left")],
+    "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
+    "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
+    "inputs": "no_validation",
+    "noise_order": [Interval(Integral, 0, 50, closed="both")],
+    "forgetting": "no_validation",
+    "memory_horizon": "no_validation",
+    "memory_time": "no_validation",
+    "noise_memory_time": [Interval(Real, 0, None, closed="neither"), None],
+    "init_window": [Interval(Real, 0, None, closed="neither")],
+    "parameters": [StrOptions({"path", "last"})],
+    "store_covariance": ["boolean"],
+    "roles": [dict, None],
+    "dt": DT,
+    "run": "no_validation",
+}
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Inputs (n_signals, n_instants, n_runs), output, and where runs begin or go on after gaps."""
+
+    inputs: np.ndarray
+    target: np.ndarray
+    fresh: np.ndarray
+    instants: Instants
+
+    @classmethod
+    def of(cls, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray) -> Signals:
+        instants = Instants.of(grid)
+        shape = (len(instants), instants.n_runs)
+        values = np.full((inputs.shape[1], *shape), np.nan)
+        target = np.full(shape, np.nan)
+        fresh = np.zeros(shape, dtype=bool)
+        at = (instants.of_row, instants.run)
+        for position, column in enumerate(inputs.T):
+            values[(position, *at)] = column
+        measured = np.repeat(grid.measured, grid.end - grid.begin)
+        target[at] = np.where(measured, output, np.nan)
+        begin = np.array([first for first, _ in segments(grid)], dtype=np.int64)
+        fresh[instants.of_row[begin], instants.run[begin]] = True
+        return cls(values, target, fresh, instants)
+
+
+class WhitenedFilter:
+    """The state of a recursion, and what it does with rows; ``advance`` is its kernel."""
+
+    advance: Any
+    forgetting: np.ndarray
+    shared: np.ndarray
+    memory: np.ndarray
+    before: tuple[Any, ...]  # arguments of the kernel between orders and forgetting
+
+    def __init__(self, start: Start, orders: Orders, lam: np.ndarray, dt: float) -> None:
+        """``lam`` are the factors of the parameters, and that of the noise."""
+        nd = start.d.size
+        self.orders, self.lam, self.n = orders, lam, orders.n_params
+        with np.errstate(divide="ignore"):
+            memory = 1.0 / (1.0 - lam[:-1].min())
+        self.worth = START_WORTH * min(memory, start.n_rows) / start.n_rows
+        follow = min(1.0 / min(memory, FILTER_TIME / dt), 1.0)
+        self.shares = np.array([lam[-1], follow, min(dt / FILTER_TIME, 0.1)])
+        self.kernel_orders = np.array([orders.na, nd, *orders.nb, *orders.nk])
+        depth = max(nb + nk for nb, nk in zip(orders.nb, orders.nk, strict=True))
+        self.waits = np.array([depth + nd + round(SETTLE / dt), depth + nd], dtype=float)
+        self.theta, self.slow = start.theta.copy(), start.theta[: orders.na].copy()
+        self.noise = np.concatenate([start.d, *unit_factors(start.noise_triangle)])
+        self.counts = np.array([0.0, 0.0, 0.0, max(start.noise_variance, 1e-300)])
+        self.prior_variance = start.noise_variance
+        self.largest = np.sqrt(np.diag(start.information) / start.n_rows)
+        self._none = (np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0, 0)), np.empty((0, 0)))
+
+    def run(self, inputs: np.ndarray, target: np.ndarray, paths: Iterable[np.ndarray]) -> None:
+        """Go on over instants, with all runs side by side."""
+        self.advance(
+            inputs, target, self.kernel_orders, *self.before, self.forgetting, self.waits,
+            self.theta, self.slow, self.noise, self.shared, self.memory, self.counts, *paths,
+        )  # fmt: skip
+
+    def take(self, X: np.ndarray, y: np.ndarray) -> None:
+        self.run(np.ascontiguousarray(X.T)[:, :, None], y[:, None], self._none)
+
+    def rest(self) -> None:
+        self.memory[:] = 0.0
+
+    @property
+    def information(self) -> np.ndarray:
+        raise NotImplementedError
+
+    @property
+    def noise_variance(self) -> float:
+        return self.counts[1] / self.counts[0] if self.counts[0] else self.prior_variance
+
+    def covariance(self, information: np.ndarray, n_updates: Any) -> np.ndarray:
+        """Covariance of theta by the information about it, one or a path of them."""
+        weight = spread_weights(self.lam[:-1], np.asarray(n_updates, float)[..., None])
+        scale = np.sqrt(np.einsum("...ii->...i", information))
+        scale = np.where(scale > 0, scale, 1.0)
+        scaled = information / (scale[..., :, None] * scale[..., None, :])
+        inverse = np.linalg.pinv(scaled, hermitian=True)
+        share = weight / scale
+        return self.noise_variance * inverse * share[..., :, None] * share[..., None, :]
+
+
+class WhitenedRecursion(Follower, FollowedPath):
+    """A recursion for B/F beside noise 1/D, over runs aligned by time, or a stream."""
+
+    noise_order: int
+    noise_memory_time: float | None
+    forgetting: Any
+    memory_horizon: Any
+    memory_time: Any
+    store_covariance: bool
+    method_name: str
+    fit_intercept = False
+
+    def _filter(self, window: Window, lam: np.ndarray, n_runs: int) -> WhitenedFilter:
+        """The recursion that begins with what the window tells."""
+        raise NotImplementedError
+
+    def _signal_columns(self, n_columns: int) -> list[int]:
+        """Columns of X that the filter takes: the inputs, and others after them."""
+        return self._columns
+
+    def _fit_recursion(self, X: Any, y: Any) -> Self:
+        grid, inputs, output, columns, *_ = self._read_data(X, y)
+        self._set_orders(grid)
+        taken = columns_of(columns, self._signal_columns(columns.shape[1]))
+        taken = np.asarray(taken, dtype=np.float64)
+        signals = Signals.of(grid, taken, output)
+        for name in ("_row_filter", "_pending", "_clock"):
+            self.__dict__.pop(name, None)
+        row_filter = self._started_filter(self._first_window(signals), signals.instants.n_runs)
+        self.initial_coef_ = row_filter.theta.copy()
+        n, n_runs = len(signals.instants), signals.instants.n_runs
+        p, nd = row_filter.theta.size, int(self.noise_order)
+        path, noise, errors = np.empty((n, p)), np.empty((n, nd)), np.empty((n, n_runs))
+        information = np.empty((n, p, p) if self.store_covariance else (0, 0, 0))
+        edges = np.unique([0, *np.flatnonzero(signals.fresh.any(axis=1)).tolist(), n])
+        for begin, end in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+            row_filter.memory[signals.fresh[begin]] = 0.0
+            row_filter.run(
+                np.ascontiguousarray(signals.inputs[:, begin:end]),
+                np.ascontiguousarray(signals.target[begin:end]),
+                (path[begin:end], noise[begin:end], information[begin:end], errors[begin:end]),
+            )
+        instants = signals.instants
+        self.coef_path_, self.noise_path_, self.time_path_ = path, noise, instants.time
+        self._numbers = instants.number
+        self.one_step_errors_ = errors[instants.of_row, instants.run]
+        self.run_labels_ = list(grid.layout.labels)
+        self._set_current(row_filter)
+        if self.store_covariance:
+            updates = np.cumsum(~np.isnan(errors).all(axis=1))
+            self.covariance_path_ = row_filter.covariance(information, updates)
+        missing = np.isnan(output) | np.isnan(taken).any(axis=1)
+        self.n_rows_missing_ = int(missing.sum())
+        self._report_missing(grid, inputs, output, self.n_updates_, self.inputs_)
+        if n_runs == 1 and grid.rows is None:
+            self._go_on_with(row_filter, grid.layout)
+        return self
+
+    def _first_window(self, signals: Signals) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Stretches without NaN in the first seconds of each run."""
+        parts = []
+        n_window = window_rows(self.init_window, self.dt_)
+        for run in range(signals.instants.n_runs):
+            X, y = signals.inputs[:, :, run].T, signals.target[:, run]
+            parts += whole_stretches(X, y, n_window, signals.fresh[:, run])
+        return parts
+
+    def _started_filter(
+        self, parts: list[tuple[np.ndarray, np.ndarray]], n_runs: int
+    ) -> WhitenedFilter:
+        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
+        n, nd = self.orders_.n_params, int(self.noise_order)
+        window = Window(parts, self.orders_, nd, self.dt_)
+        if window.n_rows < 2 * (n + nd):
+            raise ShortRunError(
+                f"The first {self.init_window:g} s hold {window.n_rows} usable rows in stretches "
+                f"longer than {window.skip} rows, for {n} parameters and a noise model of order "
+                f"{nd}. Use longer runs, a longer init_window, or a smaller noise_order."
+            )
+        return self._filter(window, self._factors(), n_runs)
+
+    def _factors(self) -> np.ndarray:
+        """λ of each parameter, and that of the noise."""
+        if callable(self.forgetting) or isinstance(self.forgetting, str):
+            raise ValueError(
+                f"forgetting must be a number λ, or one per parameter; got {self.forgetting!r}. "
+                "RecursiveARX also takes functions of time, 'auto' and 'variable'."
+            )
+        n = self.orders_.n_params
+        found = read_forgetting(
+            self.forgetting,
+            self.memory_horizon,
+            self.memory_time,
+            form="joint",
+            n_params=n,
+            time=np.zeros(1),
+            dt=self.dt_,
+        )
+        self.forgetting_ = found.value
+        with np.errstate(divide="ignore"):
+            horizon = 1.0 / (1.0 - np.asarray(self.forgetting_))
+        self.memory_horizon_ = float(horizon) if horizon.ndim == 0 else horizon
+        time = self.noise_memory_time
+        noise = 1.0 if time is None else max(1.0 - self.dt_ / time, 0.0)
+        if noise <= 0.0:
+            raise ValueError(
+                f"noise_memory_time={time!r} must be longer than a sample, {self.dt_:g} s."
+            )
+        return np.r_[np.broadcast_to(found.factors[0], n), noise]
+
+    def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> WhitenedFilter:
+        self.orders_ = Orders.of(self.na, self.nb, self.nk, len(self._columns))
+        n_window = window_rows(self.init_window, self.dt_)
+        row_filter = self._started_filter(whole_stretches(X, y, n_window, fresh), 1)
+        self.initial_coef_ = row_filter.theta.copy()
+        return row_filter
+
+    def _refresh(self, row_filter: WhitenedFilter) -> None:
+        if "coef_path_" in vars(self):
+            for name in ("coef_path_", "noise_path_", "time_path_", "covariance_path_", "_numbers"):
+                self.__dict__.pop(name, None)
+            for name in ("one_step_errors_", "n_rows_missing_", "run_labels_"):
+                self.__dict__.pop(name, None)
+        self._set_current(row_filter)
+
+    def _set_current(self, row_filter: WhitenedFilter) -> None:
+        self._current = row_filter
+        self.coef_ = row_filter.theta.copy()
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return "coef_" in vars(self)
+
+    @property
+    def a_(self) -> np.ndarray:
+        return self.orders_.split(self.coef_)[0]
+
+    @property
+    def b_(self) -> Any:
+        return self.orders_.input_rows(self.coef_)
+
+    @property
+    def intercept_(self) -> float:
+        return 0.0
+
+    @property
+    def noise_ar_(self) -> np.ndarray:
+        self._check_fitted()
+        return self._current.noise[: int(self._current.kernel_orders[1])].copy()
+
+    @property
+    def covariance_(self) -> np.ndarray:
+        self._check_fitted()
+        return self._current.covariance(self._current.information, self._current.counts[0])
+
+    @property
+    def standard_errors_(self) -> np.ndarray:
+        return np.sqrt(np.diag(self.covariance_))
+
+    @property
+    def noise_variance_(self) -> float:
+        self._check_fitted()
+        return self._current.noise_variance
+
+    @property
+    def n_updates_(self) -> int:
+        self._check_fitted()
+        return int(self._current.counts[0])
+
+    @property
+    def n_held_(self) -> int:
+        self._check_fitted()
+        return int(self._current.counts[2])
+
+    @property
+    def parameters_(self) -> pd.DataFrame:
+        return arx_parameter_table(
+            self.parameter_names_, self.coef_, self.standard_errors_, self._coefficient_units()
+        )
+
+    def _ahead(
+        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, horizon: int
+    ) -> np.ndarray:
+        """The simulation, plus what the noise model foresees of its error."""
+        horizon = min(horizon, grid.n_rows)
+        inputs = self._held_inputs(grid, values)
+        simulated = self._simulate(grid, inputs)
+        ahead = simulated.copy()
+        for begin, end in segments(grid):
+            v = output[begin:end] - simulated[begin:end]
+            ahead[begin:end] += foreseen(v, self.noise_ar_, horizon)
+        return ahead
+
+    def _one_step_errors(self, X: Any, y: Any) -> np.ndarray:
+        grid, values = self._read_X(X, reset=False)
+        output = grid.thin_output(self._read_y(X, y))
+        errors = output - self._ahead(grid, values, output, 1)
+        for begin, _ in segments(grid):
+            errors[begin : begin + self.orders_.first_row] = np.nan
+        return errors
+
+    def _summary(self) -> ModelSummary:
+        current, seconds = self._current, np.asarray(self.memory_horizon_) * self.dt_
+        facts = {
+            "Model": orders_text(self.orders_).replace("ARX", "Box-Jenkins"),
+            **signal_facts(self),
+            "Method": self.method_name,
+            "Memory": f"T0 = {', '.join(f'{t:.4g}' for t in np.atleast_1d(seconds))} s",
+            "Rows": f"{self.n_updates_} updates",
+            **grid_facts(self),
+            "Noise model": f"AR({int(current.kernel_orders[1])})",
+        }
+        notes = [
+            "Standard errors do not include the lag behind changing parameters.",
+            "Coefficients a are those of F, which the noise does not share.",
+        ]
+        return ModelSummary(
+            f"{type(self).__name__}: {self._output_name} from {', '.join(self.inputs_)}",
+            facts,
+            estimates_table(self.parameters_, "Parameters at the end"),
+            notes,
+        )
+
+
+def foreseen(v: np.ndarray, d: np.ndarray, horizon: int) -> np.ndarray:
+    """Forecast of autoregressive noise, so many rows ahead of each row; unknown noise is zero."""
+    known = np.nan_to_num(v)
+    nd = d.size
+    if nd == 0:
+        return np.zeros(v.size)
+    companion = np.zeros((nd, nd))
+    companion[0], companion[np.arange(1, nd), np.arange(nd - 1)] = -d, 1.0
+    weights = np.linalg.matrix_power(companion, horizon)[0]
+    return np.convolve(np.r_[np.zeros(horizon), known], weights)[: v.size]
