@@ -21,7 +21,8 @@ class ARXChannel:
 
     ``theta`` is [a_1 ... a_na, b_0 ...], or a path of them with its ``time``; ``shift`` is the
     delay in seconds that DelayShift steps add to ``nk``, ``dt_recording`` the sampling time
-    before decimation.
+    before decimation. ``delay_path`` and ``delay_sd`` are the delay in seconds and its standard
+    deviation, at each time, of a model that estimates them.
     """
 
     theta: np.ndarray
@@ -34,11 +35,18 @@ class ARXChannel:
     time: np.ndarray | None
     input: str
     output: str
+    delay_path: np.ndarray | None = None
+    delay_sd: Any = np.nan
 
     @property
     def delay(self) -> float:
         """Total delay in seconds, with the sample that zero-order hold takes."""
         return self.shift + self.nk * self.dt
+
+    @property
+    def delays(self) -> Any:
+        """The same over time where it varies."""
+        return self.delay if self.delay_path is None else self.shift + self.delay_path
 
     @classmethod
     def of(cls, estimator: Any, name: str | None, purpose: str) -> ARXChannel:
@@ -74,6 +82,8 @@ class ARXChannel:
             time=time,
             input=model.inputs_[chosen],
             output=model._output_name,
+            delay_path=getattr(model, "delay_path_", getattr(model, "delay_", None)),
+            delay_sd=getattr(model, "delay_sd_path_", getattr(model, "delay_sd_", np.nan)),
         )
 
 

@@ -206,6 +206,8 @@ def operator_parameters(
     if method == "poles":
         values, deviations, n_failed = _from_poles(arx)
         reason = "have no pair of complex poles"
+    elif arx.delay_path is not None and np.ndim(arx.delay_path):
+        raise ValueError("method='fit' needs one delay; the delay of this model varies in time.")
     else:
         values, deviations, misfit["misfit"], n_failed = fit_operator(
             arx.theta,
@@ -256,14 +258,14 @@ def _from_poles(arx: ARXChannel) -> tuple[dict[str, np.ndarray], dict[str, np.nd
             f"method='poles' converts ARX models with na=2 and nb=2; this one has na={arx.na} "
             f"and nb={nb}. method='fit' converts any orders."
         )
-    tau_e = arx.delay - arx.dt_recording
-    if tau_e < -1e-9:
+    tau_e = arx.delays - arx.dt_recording
+    if np.min(tau_e) < -1e-9:
         raise ValueError(
-            f"The model's delay is {arx.delay:g} s but zero-order hold alone takes "
+            f"The model's delay is {np.min(arx.delays):g} s but zero-order hold alone takes "
             f"{arx.dt_recording:g} s, so tau_e would be negative. Give the model a delay (nk, or "
             "a DelayShift before it; DelaySearchCV finds it)."
         )
     values, deviations, n_not_complex = arx_to_operator(arx.theta, arx.dt, arx.covariance)
-    values["tau_e"] = np.full(arx.theta.shape[:-1], max(tau_e, 0.0))
-    deviations["tau_e"] = np.full(arx.theta.shape[:-1], np.nan)
+    values["tau_e"] = np.broadcast_to(np.maximum(tau_e, 0.0), arx.theta.shape[:-1])
+    deviations["tau_e"] = np.broadcast_to(arx.delay_sd, arx.theta.shape[:-1])
     return values, deviations, n_not_complex

@@ -1,0 +1,438 @@
+"""DelayBankARX: its recursions are those of RecursiveARX, its probabilities those of a twin."""
+
+import pickle
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.pipeline import make_pipeline
+from support import delay_bank_twin as twin
+from support.delay_bank_twin import jumping_run
+from support.synthetic import DT, arx_runs
+
+from skhoid import Decimator, RecursiveARX, ShortRunError, make_tracking_runs
+from skhoid._kernels import delay_bank as kernels
+from skhoid.effects import TimeVaryingDelay
+from skhoid.tracking.delay_bank import DelayBankARX
+from skhoid.tracking.delay_bank_lanes import TEMPER, VARIANCE_MEMORY
+
+pytestmark = pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
+
+THETA0 = [-1.7, 0.75, 0.03, -0.02]
+GIVEN = {"init": THETA0, "p0": 10.0, "dt": DT, "memory_horizon": 100}
+DELAYS = [3, 5, 8, 12]
+RECURSION = (
+    "coef_path_",
+    "one_step_errors_",
+    "covariance_path_",
+    "coef_",
+    "covariance_",
+    "noise_variance_",
+    "n_updates_",
+    "n_held_",
+    "n_rows_missing_",
+    "initial_coef_",
+    "initial_covariance_",
+)
+
+
+def bank(nk=DELAYS, **params):
+    return DelayBankARX(nk, **{**GIVEN, **params})
+
+
+def with_gaps(n_runs=3, seed=0):
+    """Runs of different length, with NaN in both channels, and a gap."""
+    X, y = arx_runs(lengths=[400, 300, 350][:n_runs], nk=5, seed=seed, smooth=2)
+    X, y = X[["e"]].copy(), y.copy()
+    y.iloc[50:53] = np.nan
+    X.iloc[120:122] = np.nan
+    keep = np.ones(len(y), dtype=bool)
+    keep[200:230] = False
+    return X[keep], y[keep]
+
+
+# One delay: the recursion, to the bit
+
+
+@pytest.mark.parametrize(
+    "params",
+    [
+        {"init_window": 2.0},
+        {"init": THETA0, "p0": 10.0},
+        {"forgetting": (1.0, 1.0, 0.97, 0.95)},
+        {"forgetting": (1.0, 1.0, 0.97, 0.95), "forgetting_form": "diagonal"},
+        {"forgetting": lambda t: np.where(t < 2, 0.99, 0.95)},
+        {"fit_intercept": True, "memory_horizon": 60},
+        {"parameters": "last", "memory_horizon": 60},
+    ],
+    ids=["ols", "given", "matrix", "diagonal", "function", "intercept", "last"],
+)
+@pytest.mark.parametrize("n_runs", [1, 3])
+def test_one_delay_is_the_recursion(params, n_runs):
+    X, y = with_gaps(n_runs)
+    params = {"store_covariance": True, "init_window": 2.0, **params}
+    one = DelayBankARX(5, **params).fit(X, y)
+    other = RecursiveARX(nk=5, **params).fit(X, y)
+    for name in RECURSION:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    np.testing.assert_array_equal(one.predict(X), other.predict(X))
+    np.testing.assert_array_equal(one.predict_ahead(X, y, 7), other.predict_ahead(X, y, 7))
+    assert one.score(X, y) == other.score(X, y)
+    assert (one.probabilities_ == 1).all()
+    assert (one.nk_path_ == 5).all()
+
+
+def test_one_delay_in_a_stream():
+    X, y = with_gaps(1)
+    one, other = bank(5), RecursiveARX(nk=5, **GIVEN)
+    for begin, end in pairwise([0, 1, 130, 131, 300, len(y)]):
+        one.partial_fit(X[begin:end], y[begin:end])
+        other.partial_fit(X[begin:end], y[begin:end])
+        for name in ("coef_", "covariance_", "noise_variance_", "n_updates_"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+def test_a_stream_of_one_delay_begins_from_data_like_the_recursion_with_a_gap():
+    X, y = with_gaps(1)
+    params = {"init_window": 2.6, "dt": DT, "memory_horizon": 100}
+    one = DelayBankARX(5, **params).partial_fit(X[:250], y[:250]).partial_fit(X[250:], y[250:])
+    other = RecursiveARX(nk=5, **params).partial_fit(X[:250], y[:250])
+    other.partial_fit(X[250:], y[250:])
+    np.testing.assert_array_equal(one.initial_coef_, other.initial_coef_)
+    np.testing.assert_array_equal(one.coef_, other.coef_)
+
+
+def test_each_candidate_is_the_recursion_on_the_same_rows():
+    X, y = arx_runs(1, 400, nk=5, smooth=2)
+    model = bank(store_covariance=True).fit(X[["e"]], y)
+    _, paths = candidate_paths(X[["e"]], y)
+    chosen = np.searchsorted(DELAYS, model.nk_path_)
+    along = np.array([paths[j][t] for t, j in enumerate(chosen)])
+    np.testing.assert_array_equal(model.coef_path_, along)
+
+
+def candidate_paths(X, y):
+    """RecursiveARX of each candidate, begun so late that all have the same first update."""
+    first = max(DELAYS) + 1
+    models = []
+    for nk in DELAYS:
+        lags = RecursiveARX(nk=nk, **GIVEN)
+        skip = first - (nk + 1)
+        models.append(lags.fit(X[skip:], y[skip:]))
+    paths = [
+        np.vstack([np.tile(m.initial_coef_, (len(y) - len(m.coef_path_), 1)), m.coef_path_])
+        for m in models
+    ]
+    return models, paths
+
+
+# Probabilities and paths
+
+
+@pytest.mark.parametrize("ahead", [0.0, 0.06])
+def test_probabilities_are_those_of_the_twin(ahead):
+    X, y = arx_runs(1, 250, nk=5, smooth=2, noise=0.5)
+    model = bank(ahead=ahead, stay_time=0.5).fit(X[["e"]], y)
+    _, paths = candidate_paths(X[["e"]], y)
+    steps = max(round(ahead / DT), 1)
+    expected = twin.probabilities(
+        paths,
+        [(X["e"].to_numpy(), y.to_numpy())],
+        DELAYS,
+        steps=steps,
+        leave=DT / 0.5,
+        power=min(1.0, TEMPER / steps),
+        memory=VARIANCE_MEMORY / DT,
+        settled=kernels.SETTLED,
+    )
+    np.testing.assert_allclose(model.probabilities_, expected, rtol=1e-7, atol=1e-12)
+    assert expected[-1].max() > 0.5  # not what it began with
+    delays = np.array(DELAYS) * DT
+    np.testing.assert_allclose(model.delay_path_, expected @ delays, rtol=1e-7)
+    sd = np.sqrt(expected @ delays**2 - (expected @ delays) ** 2)
+    np.testing.assert_allclose(model.delay_sd_path_, sd, rtol=1e-5, atol=1e-9)
+    np.testing.assert_array_equal(model.nk_path_, np.array(DELAYS)[expected.argmax(axis=1)])
+
+
+def test_the_likelihood_is_pooled_over_runs():
+    X, y = arx_runs(2, 250, nk=5, smooth=2, noise=0.5)
+    X = X[["e"]]
+    row = np.tile(np.arange(250), 2)
+    model = bank(stay_time=0.5).fit(X, y)
+    paths = []
+    for nk in DELAYS:  # pooled recursions, begun so late that all have the same first update
+        late = row >= max(DELAYS) - nk
+        path = RecursiveARX(nk=nk, **GIVEN).fit(X[late], y[late]).coef_path_
+        paths.append(np.vstack([np.tile(THETA0, (250 - len(path), 1)), path]))
+    runs = [(X.loc[run, "e"].to_numpy(), y.loc[run].to_numpy()) for run in (1, 2)]
+    expected = twin.probabilities(
+        paths, runs, DELAYS, steps=20, leave=DT / 0.5, power=TEMPER / 20,
+        memory=VARIANCE_MEMORY / DT, settled=kernels.SETTLED,
+    )  # fmt: skip
+    np.testing.assert_allclose(model.probabilities_, expected, rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("leave", [0.02, 0.4])
+def test_viterbi_is_the_best_of_all_paths(seed, leave):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    fits = -rng.exponential(2.0, (6, n))
+    value, path = twin.best_path(fits, leave)
+    found = kernels.most_probable(fits, leave)
+    assert twin.value_of(found, fits, leave) == pytest.approx(value, abs=1e-12)
+    np.testing.assert_array_equal(found[1:], path[1:])
+
+
+def test_viterbi_is_as_good_as_dynamic_programming_over_full_matrices():
+    rng = np.random.default_rng(0)
+    fits = -rng.exponential(1.0, (300, 12))
+    found = kernels.most_probable(fits, 0.01)
+    value = twin.path_by_table(fits, 0.01)
+    assert twin.value_of(found, fits, 0.01) == pytest.approx(value, rel=1e-12)
+    assert np.abs(np.diff(found)).max() == 1
+
+
+def test_probabilities_without_measurements_spread():
+    e, u, _ = jumping_run(n_rows=1500)
+    u = u.copy()
+    u[1000:] = np.nan
+    model = DelayBankARX(range(15, 26), memory_horizon=256, init_window=5, dt=DT).fit(e, u)
+    entropy = -np.sum(model.probabilities_ * np.log(model.probabilities_ + 1e-300), axis=1)
+    assert (np.diff(entropy[1010:]) > 0).all()
+    np.testing.assert_allclose(model.probabilities_.sum(axis=1), 1.0)
+    np.testing.assert_array_equal(model.coef_, model.coef_path_[-1])
+
+
+# What it finds
+
+
+@pytest.mark.parametrize("path", ["filtered", "viterbi"])
+def test_a_jump_of_the_delay_is_found_with_a_white_equation_error(path):
+    settled = []
+    for seed in range(3):
+        e, u, nk = jumping_run(seed)
+        model = DelayBankARX(
+            range(10, 46), memory_horizon=256, init_window=15, dt=DT, ahead=0, path=path
+        ).fit(e, u)
+        right = np.abs(model.nk_path_ - nk) <= 1
+        assert right[500:1900].all()
+        settled.append(np.flatnonzero(~right[2000:])[-1] if (~right[2000:]).any() else 0)
+    assert max(settled) < 150  # 0.8 s typically
+
+
+def test_predictions_follow_delay_and_coefficients():
+    e, u, _ = jumping_run(noise=0.0)
+    model = DelayBankARX(
+        [20, 35], memory_horizon=64, init_window=15, dt=DT, ahead=0.05, path="viterbi"
+    ).fit(e, u)
+    simulated = np.zeros(u.size)
+    for t in range(u.size):
+        a1, a2, b0, b1 = model.coef_path_[t]
+        lag = model.nk_path_[t]
+        e0, e1 = (e[t - k, 0] if t >= k else 0.0 for k in (lag, lag + 1))
+        y1, y2 = (simulated[t - k] if t >= k else 0.0 for k in (1, 2))
+        simulated[t] = b0 * e0 + b1 * e1 - a1 * y1 - a2 * y2
+    np.testing.assert_allclose(model.predict(e), simulated, atol=1e-9 * np.abs(u).max())
+    assert model.score(e, u) > 95
+    fixed = RecursiveARX(nk=20, memory_horizon=64, init_window=15, dt=DT).fit(e, u)
+    assert model.score(e, u) > fixed.score(e, u)
+    ahead = model.predict_ahead(e, u, 1)
+    known = model.one_step_errors_[3000:]
+    np.testing.assert_allclose((u - ahead)[3000:], known, atol=1e-9 * np.abs(u).max())
+
+
+def test_last_parameters_have_the_last_delay():
+    e, u, _ = jumping_run()
+    model = DelayBankARX(
+        [20, 35], memory_horizon=256, init_window=15, dt=DT, ahead=0, parameters="last"
+    ).fit(e, u)
+    assert model.nk_ == 35
+    assert model.orders_.nk == (35,)
+    assert model.score(e[2200:], u[2200:]) > 90
+
+
+@pytest.mark.slow
+def test_in_the_loop_a_change_of_the_delay_is_followed_roughly():
+    effect = TimeVaryingDelay(change=0.12, rate=2.0, time=40.0)
+    X, y = make_tracking_runs(
+        "C2", n_runs=4, remnant_intensity=0.05, effects=[effect], random_state=11
+    )
+    model = DelayBankARX(range(13, 56, 2), memory_time=10.24).fit(X, y)
+    truth = 0.29 + 0.12 / (1 + np.exp(-2 * (model.time_path_ - 40)))
+    wrong = (model.delay_path_ - truth)[1000:]
+    assert np.sqrt(np.mean(wrong**2)) < 0.025  # measured: 0.013 on average
+
+
+# Streams
+
+
+@pytest.mark.parametrize("begun", ["given", "ols"])
+def test_any_cut_of_a_stream_gives_what_fit_gives(begun):
+    X, y = with_gaps(1)
+    params = {} if begun == "given" else {"init": "ols", "p0": None, "init_window": 0.9}
+    if begun == "ols":
+        X, y = X[:150], y[:150]
+    whole = bank(**params).fit(X, y)
+    rng = np.random.default_rng(0)
+    for n_cuts in (0, 3, 40):
+        cuts = np.sort(rng.choice(np.arange(1, len(y)), n_cuts, replace=False)).tolist()
+        model = bank(**params)
+        for begin, end in pairwise([0, *cuts, len(y)]):
+            model.partial_fit(X[begin:end], y[begin:end])
+        assert_same(model, whole)
+
+
+def test_one_row_at_a_time_beyond_the_room_of_the_buffer():
+    X, y = arx_runs(1, 900, nk=5, smooth=2)
+    X, y = X[["e"]].to_numpy(), y.to_numpy()
+    model = bank()
+    for t in range(len(y)):
+        model.partial_fit(X[t : t + 1], y[t : t + 1])
+    assert_same(model, bank().fit(X, y))
+
+
+def test_a_stream_goes_on_after_fit_and_after_a_pickle():
+    X, y = with_gaps(1)
+    model = bank().fit(X[:260], y[:260])
+    model.partial_fit(X[260:300], y[260:300])
+    model = pickle.loads(pickle.dumps(model))
+    model.partial_fit(X[300:], y[300:])
+    assert_same(model, bank().fit(X, y))
+    assert not hasattr(model, "delay_path_")
+    assert not hasattr(model, "coef_path_")
+
+
+def test_a_stream_goes_on_after_pooled_runs_but_not_after_forgetting_over_time():
+    X, y = arx_runs(3, 200, nk=5)
+    X = X[["e"]]
+    model = bank().fit(X[:400], y[:400]).partial_fit(X[400:], y[400:])
+    assert model.n_updates_ == 3 * (200 - 13)
+    one = bank(5).fit(X[:400], y[:400]).partial_fit(X[400:], y[400:])
+    other = RecursiveARX(nk=5, **GIVEN).fit(X[:400], y[:400]).partial_fit(X[400:], y[400:])
+    np.testing.assert_array_equal(one.coef_, other.coef_)
+    varying = bank(forgetting=lambda t: 0.99, memory_horizon=None).fit(X[:200], y[:200])
+    with pytest.raises(ValueError, match="one forgetting factor"):
+        varying.partial_fit(X[200:], y[200:])
+
+
+def test_a_new_run_clears_the_lags():
+    X, y = arx_runs(2, 200, nk=5)
+    arrays = X[["e"]].to_numpy(), y.to_numpy()
+    table = bank().partial_fit(X[["e"]], y)
+    model = bank().partial_fit(arrays[0][:200], arrays[1][:200])
+    model.partial_fit(arrays[0][200:], arrays[1][200:], new_run=True)
+    assert_same(model, table)
+
+
+def assert_same(one, other):
+    for name in ("coef_", "covariance_", "last_probabilities_", "delay_", "delay_sd_", "nk_"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+@pytest.mark.slow
+def test_twenty_delays_take_less_than_50_us_a_row():
+    e, u, _ = jumping_run()
+    model = DelayBankARX(range(11, 51, 2), **GIVEN).partial_fit(e[:500], u[:500])
+    best = np.inf
+    for first in range(500, 3500, 300):
+        begin = time.process_time()
+        for t in range(first, first + 300):
+            model.partial_fit(e[t : t + 1], u[t : t + 1])
+        best = min(best, (time.process_time() - begin) / 300)
+    assert best < 50e-6
+
+
+# scikit-learn, and errors
+
+
+def test_pipelines_and_searches():
+    X, y = arx_runs(2, 400, nk=6, smooth=2)
+    groups = X.index.get_level_values("run")
+    search = GridSearchCV(
+        bank(init="ols", p0=None, init_window=2.0), {"memory_horizon": [20, 200]}, cv=GroupKFold(2)
+    )
+    assert search.fit(X[["e"]], y, groups=groups).best_estimator_.nk_path_.shape == (400,)
+    thinned = make_pipeline(Decimator(factor=2), bank([2, 3, 4], dt=None))
+    thinned.fit(X[["e"]], y)
+    assert thinned[-1].dt_ == 2 * DT
+    assert thinned[-1].delay_path_.shape == (200,)
+    assert thinned.predict(X[["e"]]).shape == (800,)
+
+
+def test_two_inputs_with_an_intercept_have_one_delay():
+    X, y = arx_runs(1, 300, nk=5, smooth=2)
+    y = y + 2.0
+    params = {"init": "zeros", "nb": (2, 1), "inputs": ["e", "x"], "fit_intercept": True}
+    model = bank(**params).fit(X, y)
+    assert model.candidates_.tolist() == DELAYS
+    free = np.zeros(300)
+    e, x = X["e"].to_numpy(), X["x"].to_numpy()
+    for t in range(300):
+        a1, a2, b0, b1, c, constant = model.coef_path_[t]
+        at = t - model.nk_path_[t]
+        drive = constant + sum(b * e[k] for b, k in ((b0, at), (b1, at - 1)) if k >= 0)
+        drive += c * x[at] if at >= 0 else 0.0
+        free[t] = drive - sum(a * free[t - k] for a, k in ((a1, 1), (a2, 2)) if t >= k)
+    np.testing.assert_allclose(model.predict(X), free, rtol=1e-9, atol=1e-9)
+    streamed = bank(**params)
+    for begin, end in pairwise([0, 77, 150, 300]):
+        streamed.partial_fit(X[begin:end], y[begin:end])
+    assert_same(streamed, model)
+
+
+def test_the_order_of_delays_does_not_matter_and_none_has_those_of_people():
+    X, y = arx_runs(1, 200, nk=5)
+    one, other = bank(DELAYS).fit(X[["e"]], y), bank(DELAYS[::-1]).fit(X[["e"]], y)
+    np.testing.assert_array_equal(one.probabilities_, other.probabilities_)
+    assert clone(other).nk == DELAYS[::-1]
+    default = bank(None).fit(X[["e"]], y)
+    np.testing.assert_array_equal(default.candidates_, np.arange(11, 52, 2))
+
+
+def test_the_summary_tells_of_the_delay():
+    X, y = arx_runs(1, 200, nk=5)
+    text = bank().fit(X[["e"]], y).summary()
+    assert "4 delays, nk = 3 to 12" in text
+    assert "Delay at the end" in text
+    assert "bias" in text
+
+
+@pytest.mark.parametrize(
+    ("params", "message"),
+    [
+        ({"nk": []}, "nk is empty"),
+        ({"nk": [3, 3]}, "twice"),
+        ({"nk": [3, 4.5]}, "Each delay in nk must be a whole number; got 4.5"),
+        ({"nk": [-1, 3]}, "at least 0; got -1"),
+        ({"nk": "often"}, "Each delay in nk must be a whole number; got 'often'"),
+        ({"stay_time": 0.01}, "stay_time must be longer than the sampling time, 0.01 s"),
+        ({"stay_time": 0.0}, "stay_time"),
+        ({"ahead": -0.1}, "ahead"),
+        ({"path": "smoothed"}, "path"),
+        ({"forgetting": "auto", "memory_horizon": None}, "does not take forgetting='auto'"),
+        ({"forgetting": "variable"}, "does not take forgetting='variable'"),
+        ({"init": [1.0]}, "init must be"),
+    ],
+)
+def test_options_without_sense(params, message):
+    X, y = arx_runs(1, 100, nk=5)
+    with pytest.raises(ValueError, match=message):
+        bank(**params).fit(X[["e"]], y)
+
+
+def test_short_runs_and_streams_that_cannot_be():
+    X, y = arx_runs(1, 100, nk=5)
+    X = X[["e"]]
+    with pytest.raises(ShortRunError):
+        bank([3, 200]).fit(X, y)
+    with pytest.raises(ValueError, match="needs whole runs"):
+        bank(path="viterbi").partial_fit(X, y)
+    with pytest.raises(ValueError, match="one forgetting factor"):
+        bank(forgetting=lambda t: 0.99, memory_horizon=None).partial_fit(X, y)
+    with pytest.raises(NotFittedError, match="no estimate yet"):
+        bank(init="ols", init_window=5.0).partial_fit(X, y).predict(X)
