@@ -48,6 +48,7 @@ SLOW_PAGES = {  # whose examples search, simulate or start processes for many se
     "index.md",
     "monte-carlo.md",
     "noise-ceiling.md",
+    "other-ways-to-follow.md",
     "own-study.md",
     "read-the-ranking.md",
     "report.md",
@@ -56,6 +57,7 @@ SLOW_PAGES = {  # whose examples search, simulate or start processes for many se
     "shape.py",
     "thesis-studies.md",
     "track-a-change.md",
+    "which-method.md",
 }
 
 

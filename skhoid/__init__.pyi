@@ -9,6 +9,7 @@ from . import montecarlo as montecarlo
 from . import plotting as plotting
 from . import testing as testing
 from . import thesis as thesis
+from . import tournament as tournament
 from .arx.batch import ARXRegressor as ARXRegressor
 from .arx.forgetting import forgetting_factor as forgetting_factor
 from .arx.recursive import RecursiveARX as RecursiveARX
@@ -88,5 +89,16 @@ from .simulation import make_tracking_runs as make_tracking_runs
 from .simulation import mixed_condition as mixed_condition
 from .simulation import tracking_condition as tracking_condition
 from .simulation import tune_remnant as tune_remnant
+from .tournament import recommend_method as recommend_method
+from .tournament import run_tournament as run_tournament
+from .tracking.box_jenkins import RecursiveBoxJenkins as RecursiveBoxJenkins
+from .tracking.delay_bank import DelayBankARX as DelayBankARX
+from .tracking.lpv_arx import LPVARX as LPVARX
+from .tracking.operator_kalman import OperatorKalman as OperatorKalman
+from .tracking.recursive_fir import RecursiveFIR as RecursiveFIR
+from .tracking.recursive_iv import RecursiveIV as RecursiveIV
+from .tracking.sigmoid_operator import SigmoidOperator as SigmoidOperator
+from .tracking.wavelet_operator import WaveletOperator as WaveletOperator
+from .tracking.windowed_operator import WindowedOperator as WindowedOperator
 
 __version__: str

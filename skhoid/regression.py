@@ -115,9 +115,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
             check_not_too_small(values, "X", self._names)
             check_not_too_small(output, "y")
         self._output_name = output_name(y)
-        self._columns = input_columns(
-            self._names, values.shape[1], self.inputs, self._run, self.roles
-        )
+        self._columns = self._linear_columns(values.shape[1])
         self.inputs_ = self._channel_names(self._columns)
         self._needed = self._columns
         if needs == "all":
@@ -144,6 +142,10 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
             inputs = inputs.astype(np.float64)
         thin = grid.thin_output(output)
         return DataToFit(grid, inputs, thin, thinned, values, ~np.isnan(output))
+
+    def _linear_columns(self, n_columns: int) -> list[int]:
+        """Columns of the linear inputs."""
+        return input_columns(self._names, n_columns, self.inputs, self._run, self.roles)
 
     def _without_empty_runs(
         self, layout: RunLayout, values: np.ndarray, output: np.ndarray

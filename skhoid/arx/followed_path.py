@@ -10,7 +10,7 @@ from ..exceptions import RunTimeWarning
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
 from .base import BaseARX
-from .rls import grid_numbers
+from .rls import Instants, grid_numbers
 
 
 class FollowedPath(BaseARX):
@@ -45,6 +45,21 @@ class FollowedPath(BaseARX):
         warn_of_times_outside(
             grid, numbers, self._numbers, self.time_path_, ", or use parameters='last'"
         )
+
+    def _check_shared_times(self, instants: Instants, grid: ModelGrid) -> None:
+        """Warn of runs that cannot be aligned with the others."""
+        if instants.n_runs == 1:
+            return
+        shared = np.bincount(instants.of_row)[instants.of_row] > 1
+        alone = np.bincount(instants.run, shared, instants.n_runs) == 0
+        if alone.any():
+            label = grid.layout.labels[int(np.argmax(alone))]
+            warnings.warn(
+                f"Run {label!r} shares no instant with the other runs. Runs are aligned by their "
+                "time, which must count from the start of each run.",
+                RunTimeWarning,
+                stacklevel=5,
+            )
 
     @property
     def _follows_path(self) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from numbers import Integral, Real
 from typing import Any
 
@@ -10,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from .._sklearn import DT, Interval, StrOptions, fit_context
-from ..exceptions import RunTimeWarning
 from ..greybox.estimates import arx_parameter_table
 from ..summaries import ModelSummary
 from .base import check_row_count
@@ -310,7 +308,7 @@ class RecursiveARX(FollowedPath, PartialFit):
 
     def _fit_recursion(self, data: RecursionData, forgetting: Forgetting) -> None:
         """Run the recursion, or one for each run, over data that were read."""
-        self._check_shared_times(data)
+        self._check_shared_times(data.instants, data.grid)
         check_row_count(int((~np.isnan(data.target)).sum()), 1, data.grid)
         self._forget(*OF_RUNS, "_stream", "_pending", "_clock")
         each = self.combine == "average_estimates"
@@ -349,21 +347,6 @@ class RecursiveARX(FollowedPath, PartialFit):
                 time = float(layout.time[-1]) if layout.indexed else None
                 self._clock = Clock(layout.labels[-1], time)
         self._report_missing(data.grid, data.inputs, data.output, self.n_updates_, self.inputs_)
-
-    def _check_shared_times(self, data: RecursionData) -> None:
-        instants = data.instants
-        if instants.n_runs == 1:
-            return
-        shared = np.bincount(instants.of_row)[instants.of_row] > 1
-        alone = np.bincount(instants.run, shared, instants.n_runs) == 0
-        if alone.any():
-            label = data.grid.layout.labels[int(np.argmax(alone))]
-            warnings.warn(
-                f"Run {label!r} shares no instant with the other runs. Runs are aligned by their "
-                "time, which must count from the start of each run.",
-                RunTimeWarning,
-                stacklevel=5,
-            )
 
     def _start(self, data: RecursionData, runs: Any) -> tuple[np.ndarray, np.ndarray]:
         table = None

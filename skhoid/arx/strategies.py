@@ -285,7 +285,8 @@ def _show_coefficients(model: ARXRegressor, coef: np.ndarray, covariance: np.nda
     model.b_ = orders.input_rows(coef)
 
 
-def instrument_columns(model: ARXRegressor, n_columns: int) -> list[int]:
+def instrument_columns(model: Any, n_columns: int, what: str = "method='iv'") -> list[int]:
+    """Columns of the external signals; ``what`` needs them."""
     names = model._names or list(range(n_columns))
     if model.instruments is not None:
         positions = input_columns(
@@ -295,7 +296,7 @@ def instrument_columns(model: ARXRegressor, n_columns: int) -> list[int]:
         positions = [i for i, n in enumerate(names) if is_external(role_of(n, model.roles))]
     if not positions:
         raise ValueError(
-            "method='iv' needs external signals in X, such as the target f_t or a disturbance. "
+            f"{what} needs external signals in X, such as the target f_t or a disturbance. "
             f"Name them with instruments=[...]; the columns are {names}."
         )
     inside = [names[p] for p in positions if p in model._columns]

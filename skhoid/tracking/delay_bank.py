@@ -268,7 +268,7 @@ class DelayBankARX(Follower, RecursiveARX):
         """
         data = self._read_recursion(X, y)
         forgetting = self._read_forgetting(data.instants.time)
-        self._check_shared_times(data)
+        self._check_shared_times(data.instants, data.grid)
         check_row_count(int((~np.isnan(data.target)).sum()), 1, data.grid)
         self._forget(*OF_RUNS, *PATHS, "_row_filter", "_pending", "_clock")
         starts = [self._start(replace(data, orders=orders), None) for orders in self._each_orders]

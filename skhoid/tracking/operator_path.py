@@ -129,6 +129,11 @@ class OperatorPath(RunRegressor):
     def __sklearn_is_fitted__(self) -> bool:
         return "_path" in vars(self)
 
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True  # on data that no operator made
+        return tags
+
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         numbers = grid_numbers(grid)
         if "_numbers" in vars(self):
@@ -201,7 +206,9 @@ def operator_output(e: np.ndarray, parameters: np.ndarray, grid: ModelGrid) -> n
     K_e, K_edot, tau_e, omega_nm, zeta_nm = parameters.T
     a1, a2, step, rate = held_filter(omega_nm, zeta_nm, grid.dt)
     b0 = K_e * step + K_edot * rate
-    theta = np.stack([a1, a2, b0, K_e * (1 + a1 + a2) - b0], axis=-1)
+    b1 = K_e * (1 + a1 + a2) - b0
+    # The rate is that of K_edot e: each sample of the error keeps the gains that it met.
+    theta = np.stack([a1, a2, b0, np.r_[b1[:1], b1[:-1]]], axis=-1)
     lag = tau_e / grid.dt + 1.0
     delayed = np.zeros((e.size, 2))
     for begin, end in segments(grid):

@@ -247,7 +247,7 @@ class RecursiveIV(WhitenedRecursion):
         return self._fit_recursion(X, y)
 
     def _signal_columns(self, n_columns: int) -> list[int]:
-        return [*self._columns, *instrument_columns(self, n_columns)]
+        return [*self._columns, *instrument_columns(self, n_columns, "RecursiveIV")]
 
     def _start(self, window: Window) -> Start:
         lags = self._lags(window)

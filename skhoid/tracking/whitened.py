@@ -161,6 +161,7 @@ class WhitenedRecursion(Follower, FollowedPath):
         taken = columns_of(columns, self._signal_columns(columns.shape[1]))
         taken = np.asarray(taken, dtype=np.float64)
         signals = Signals.of(grid, taken, output)
+        self._check_shared_times(signals.instants, grid)
         for name in ("_row_filter", "_pending", "_clock"):
             self.__dict__.pop(name, None)
         row_filter = self._started_filter(self._first_window(signals), signals.instants.n_runs)

@@ -13,6 +13,7 @@ from skhoid import ARXRegressor, ControlledElement, HumanOperator
 SHORT = {"duration": 20.48, "sampling_rate": 50}
 RUNS = {"n_runs": 2, "duration": 40.96, "sampling_rate": 50}
 LONG = {"analyse_experiment", "report", "recommend_forgetting", "simulate_experiment"}
+LONG |= {"recommend_method", "run_tournament"}
 WARN = {"crossover_path", "tune_remnant"}  # of what was not found
 
 

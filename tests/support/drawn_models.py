@@ -9,15 +9,24 @@ from hypothesis import strategies as st
 from support.hostile import BAD_NAMES
 
 from skhoid import (
+    LPVARX,
     ARXRegressor,
     Decimator,
+    DelayBankARX,
     DelaySearchCV,
     DelayShift,
+    OperatorKalman,
     OperatorRegressor,
     OrderSearchCV,
     RecursiveARX,
     RecursiveARXCV,
+    RecursiveBoxJenkins,
+    RecursiveFIR,
+    RecursiveIV,
     RunInTrimmer,
+    SigmoidOperator,
+    WaveletOperator,
+    WindowedOperator,
 )
 
 GOOD: dict[type, dict[str, list]] = {
@@ -94,6 +103,8 @@ GOOD: dict[type, dict[str, list]] = {
     DelayShift: {"delay": [0.0, 0.1, 1.0, 1e6], "inputs": [None, ["e"]], "dt": [None, 0.01]},
     RunInTrimmer: {"run_in": [None, 0.0, 0.5], "measurement_time": [None, 0.5], "dt": [None, 0.01]},
 }
+TRACKING = [RecursiveBoxJenkins, RecursiveIV, OperatorKalman, DelayBankARX, RecursiveFIR, LPVARX]
+TRACKING += [WindowedOperator, SigmoidOperator, WaveletOperator]
 REGRESSORS = [ARXRegressor, RecursiveARX, RecursiveARXCV, OperatorRegressor]
 SEARCHES = [DelaySearchCV, OrderSearchCV]
 TRANSFORMERS = [Decimator, DelayShift, RunInTrimmer]

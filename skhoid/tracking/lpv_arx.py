@@ -1,0 +1,550 @@
+"""LPVARX: an ARX model whose coefficients are known functions of a scheduling channel.
+
+Open it for linear parameter-varying models; what turns scheduling into functions is ``Schedule``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from copy import copy
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from .._sklearn import DT, HasMethods, Interval, StrOptions, fit_context
+from ..arx.base import BaseARX, check_row_count
+from ..arx.excitation import rank_error
+from ..arx.least_squares import Triangle, newey_west
+from ..arx.model_summary import CLOSED_LOOP, JUDGE, WHITE, orders_text
+from ..arx.orders import regressor_blocks
+from ..arx.rls import Instants
+from ..exceptions import RankDeficiencyError
+from ..preprocessing.base import as_fitted
+from ..preprocessing.grid import ModelGrid
+from ..regression import DataToFit, columns_of
+from ..runs import input_columns
+from ..summaries import ModelSummary, estimates_table, grid_facts, quantity, signal_facts
+from .schedule import TIME, Schedule, grid_times
+
+NORMAL_95 = 1.96
+PATH = ("coef_path_", "time_path_", "covariance_path_")
+
+
+class LPVARX(BaseARX):
+    """ARX model whose coefficients are linear in known functions of a scheduling signal.
+
+    A(q, t) y(t) = B(q, t) x(t - nk) + c(t) + ε(t) with θ(t) = Σ_j μ_j(s(t)) θ_j: s(t) is a channel,
+    or the time in the run, and the functions μ_j are given.
+
+    Parameters
+    ----------
+    na, nb, nk : int, or one per input for nb and nk, default=2, 2, 0
+        Orders and input delay, as for :class:`ARXRegressor`.
+    scheduling : "time", column name or position, or list of them, default="time"
+        What the coefficients depend on: the time in the run in seconds, or columns of X, which are
+        not linear inputs then.
+    basis : {"linear", "polynomial"}, callable, list of callables, or transformer, default="linear"
+        The functions μ_j. ``"linear"``: 1 and s. ``"polynomial"``: all products of powers of s up
+        to ``degree``. A callable gets s, of shape (n,), or (n, n_channels) for several, and returns
+        (n,), such as a :class:`Sigmoid` with the values 0 and 1, for the functions 1 and that one,
+        or (n, n_functions). A list stands for 1 and all of them. A transformer of scikit-learn,
+        such as ``SplineTransformer``, is fitted on s of shape (n, n_channels).
+    degree : int, default=2
+        Degree of ``basis="polynomial"``.
+    varying : {"all", "inputs"}, default="all"
+        Which coefficients vary: all, or those of the inputs alone, while those of the output (the
+        poles) and the constant do not.
+    inputs : list of column names or positions, or None, default=None
+        Linear inputs. None means the column named ``e`` if there is one, else all columns but those
+        of ``scheduling``.
+    fit_intercept : bool, default=False
+        Add a constant c to the regressors.
+    covariance : {"ols", "hac"}, default="ols"
+        ``"ols"`` takes the equation error as white; ``"hac"`` (Newey and West) allows for the
+        coloured error that remnant leaves.
+    roles : dict or None, default=None
+        Roles of columns, ``{column: role}``, where their names do not give them.
+    dt : float or None, default=None
+        Sampling time in seconds of data without a time index (None: 1).
+    run : column name or position, or None, default=None
+        Run column of data without a run index.
+
+    Attributes
+    ----------
+    scheduled_coef_ : ndarray of shape (n_functions, n_params)
+        θ_j, each ordered as in :class:`ARXRegressor`. A coefficient that does not vary is in the
+        last row, whose function is 1, with ``varying="inputs"``.
+    estimates_ : ndarray of shape (n_estimates,)
+        What was estimated, in the order of the rows of ``parameters_``.
+    estimates_covariance_ : ndarray of shape (n_estimates, n_estimates)
+        Its covariance.
+    coef_path_, covariance_path_ : ndarray of shape (n_instants, n_params), and (..., n_params)
+        θ(t) and its covariance at all instants of the fitted runs; with ``scheduling="time"``
+        alone, since otherwise each run has its own path (:meth:`coef_at`).
+    time_path_ : ndarray of shape (n_instants,)
+        Time in the run in seconds; with ``scheduling="time"``.
+    coef_ : ndarray of shape (n_params,)
+        θ for the mean of the functions over all rows with a scheduling: of the average model.
+    a_, b_, intercept_ : ndarray, ndarray or list of them, float
+        The parts of ``coef_``.
+    covariance_ : ndarray of shape (n_params, n_params)
+        Covariance of ``coef_``.
+    standard_errors_ : ndarray of shape (n_params,)
+        Square roots of its diagonal.
+    parameters_ : DataFrame
+        Estimates: value, sd, low and high (95 % interval), unit, meaning. ``b0[1]`` belongs to the
+        second function, ``b0`` does not vary.
+    noise_variance_ : float
+        Variance of the equation error, in the squared unit of ``y``.
+    parameter_names_ : list of str
+        Names of the entries of θ(t).
+    n_rows_used_, n_rows_missing_ : int
+        Rows in the regression, and left out because y, an input in their lags or the scheduling is
+        NaN.
+    scheduling_ : list of str
+        Names of the scheduling channels, or ``["time"]``.
+    dt_ : float
+        Sampling time of the fitted grid in seconds.
+    inputs_ : list of str
+        Names of the linear inputs.
+    jitter_ : float
+        Largest deviation of a step of the clock, as a fraction of the sampling time.
+    n_features_in_ : int
+        Number of columns seen in ``fit``.
+    feature_names_in_ : ndarray of str
+        Column names seen in ``fit``, if all are strings.
+
+    See Also
+    --------
+    RecursiveARX : Follows coefficients whose course is not known.
+    ARXRegressor : Constant coefficients.
+
+    Notes
+    -----
+    Ordinary least squares on the products μ_j φ_i (Bamieh and Giarré 2002), for all runs together.
+    All regressors of row t get the functions of row t. Predictions use the scheduling of the X that
+    they are given. Where a scheduling channel is NaN, rows are left out of the fit, and predictions
+    hold the last value. It is filtered and thinned by a Decimator as all columns are.
+
+    ``operator_parameters(model)`` converts the path for ``scheduling="time"``; for a channel, the
+    average model. For some of its values: ``arx_to_operator(theta, model.dt_, covariance)`` with
+    ``theta, covariance = model.coef_at(s, return_covariance=True)``.
+
+    With the true course of the parameters as basis this is how good least squares can be that knows
+    when and how an operator changes, a yardstick rather than a method: what is scheduled is known.
+    Under zero-order hold only the input coefficients depend on K_e and K_edot, linearly.
+
+    References
+    ----------
+    Bamieh and Giarré, Int. J. Robust Nonlinear Control 12 (2002) 841-853. Tóth, Modeling and
+    Identification of Linear Parameter-Varying Systems (2010).
+
+    Examples
+    --------
+    >>> from skhoid import LPVARX, Sigmoid, make_tracking_runs, operator_parameters
+    >>> X, y = make_tracking_runs("C3", n_runs=2, random_state=0)
+    >>> model = LPVARX(nk=29, basis=Sigmoid(0, 1, rate=0.5, time=40.96), varying="inputs")
+    >>> operator_parameters(model.fit(X, y))[["K_e", "K_edot"]].iloc[[0, -1]].round(2)
+            K_e  K_edot
+    time
+    0.00   0.09    0.04
+    81.91  0.07    0.08
+    """
+
+    _parameter_constraints: dict = {
+        "na": [Interval(Integral, 0, None, closed="left")],
+        "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
+        "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
+        "scheduling": "no_validation",
+        "basis": [
+            StrOptions({"linear", "polynomial"}),
+            callable,
+            list,
+            tuple,
+            HasMethods(["fit", "transform"]),
+        ],
+        "degree": [Interval(Integral, 0, None, closed="left")],
+        "varying": [StrOptions({"all", "inputs"})],
+        "inputs": "no_validation",
+        "fit_intercept": ["boolean"],
+        "covariance": [StrOptions({"ols", "hac"})],
+        "roles": [dict, None],
+        "dt": DT,
+        "run": "no_validation",
+    }
+
+    def __init__(
+        self,
+        na: int = 2,
+        nb: Any = 2,
+        nk: Any = 0,
+        *,
+        scheduling: Any = TIME,
+        basis: Any = "linear",
+        degree: int = 2,
+        varying: str = "all",
+        inputs: Any = None,
+        fit_intercept: bool = False,
+        covariance: str = "ols",
+        roles: dict | None = None,
+        dt: float | None = None,
+        run: Any = None,
+    ) -> None:
+        self.na = na
+        self.nb = nb
+        self.nk = nk
+        self.scheduling = scheduling
+        self.basis = basis
+        self.degree = degree
+        self.varying = varying
+        self.inputs = inputs
+        self.fit_intercept = fit_intercept
+        self.covariance = covariance
+        self.roles = roles
+        self.dt = dt
+        self.run = run
+
+    @fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X: Any, y: Any) -> LPVARX:
+        """Estimate the coefficients of all functions.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample; runs and time are read from its index.
+        y : Series or array of shape (n_rows,)
+            Output. NaN means no measurement.
+
+        Returns
+        -------
+        self : LPVARX
+
+        Raises
+        ------
+        RankDeficiencyError
+            If the coefficients cannot all be estimated; the message names the cause.
+        ShortRunError
+            If a run has fewer rows than the lags need.
+        RunIndexError, IrregularSamplingError
+            If rows, runs or time violate the data convention.
+        ValueError
+            If ``scheduling`` is not a channel or also an input, or ``basis`` does not return what
+            it should.
+
+        Warns
+        -----
+        MissingDataWarning
+            With the number of rows that are NaN.
+        """
+        data = self._read_data(X, y)
+        self.scheduling_ = self._channel_names(self._channels) if self._channels else [TIME]
+        grid = data.grid
+        self._set_orders(grid)
+        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
+        signal = self._signal(grid, data.columns)
+        begin, end = grid.begin[grid.measured], grid.end[grid.measured]
+        measured = np.repeat(grid.measured, grid.end - grid.begin)
+        known = measured & ~np.isnan(signal).any(axis=1)
+        self._schedule = Schedule.fitted(self.basis, self.degree, signal[known], self.scheduling_)
+        functions = self._schedule.functions(signal)
+        self._spread_out(functions.shape[1])
+        triangle = Triangle.of_blocks(
+            (table for table, _ in self._blocks(data, functions)), self._entry.size + 1
+        )
+        n_rows = triangle.n_rows
+        possible = int(np.maximum(end - begin - self.orders_.first_row, 0).sum())
+        self.n_rows_used_, self.n_rows_missing_ = n_rows, possible - n_rows
+        check_row_count(n_rows, self._entry.size, grid)
+        names = [*self.inputs_, *(self.scheduling_ if self._channels else [])]
+        told = np.column_stack([data.inputs, signal]) if self._channels else data.inputs
+        self._report_missing(grid, told, data.output, n_rows, names)
+        self._check_rank(triangle, data)
+        self.estimates_ = triangle.solve()
+        self.noise_variance_ = triangle.rss / max(n_rows - self._entry.size, 1)
+        bread = triangle.inverse_information()
+        self.estimates_covariance_ = self.noise_variance_ * bread
+        if self.covariance == "hac":
+            # The sum over influences, not of scores, keeps variances positive near collinearity.
+            scores, rows = [], []
+            for table, of_table in self._blocks(data, functions):
+                errors = table[:, -1] - table[:, :-1] @ self.estimates_
+                scores.append((table[:, :-1] * errors[:, None]) @ bread)
+                rows.append(of_table)
+            self.estimates_covariance_ = newey_west(
+                np.concatenate(scores), np.concatenate(rows), grid.begin
+            )
+        self._show(functions[known].mean(axis=0), grid)
+        return self
+
+    def _blocks(
+        self, data: DataToFit, functions: np.ndarray
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Products of regressors and functions, with the output in the last column, and rows."""
+        for table, rows in self._regressors(data):
+            factors = self._extended(functions[rows])
+            known = ~np.isnan(factors).any(axis=1)
+            products = np.empty((int(known.sum()), self._entry.size + 1), order="F")
+            for column, (i, j) in enumerate(zip(self._entry, self._function, strict=True)):
+                np.multiply(table[known, i], factors[known, j], out=products[:, column])
+            products[:, -1] = table[known, -1]
+            yield products, rows[known]
+
+    def _regressors(self, data: DataToFit) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        grid = data.grid
+        begin, end = grid.begin[grid.measured], grid.end[grid.measured]
+        for table, rows, _ in regressor_blocks(data.output, data.inputs, begin, end, self.orders_):
+            yield table, rows
+
+    def _linear_columns(self, n_columns: int) -> list[int]:
+        """Those of the inputs that do not schedule."""
+        names: list[Any] = list(self._names or range(n_columns))
+        self._channels: list[int] = []
+        if not (isinstance(self.scheduling, str) and self.scheduling == TIME):
+            self._channels = input_columns(
+                self._names, n_columns, self.scheduling, self._run, self.roles, "scheduling"
+            )
+        columns = input_columns(self._names, n_columns, self.inputs, self._run, self.roles)
+        if self.inputs is None:
+            columns = [i for i in columns if i not in self._channels]
+        both = [names[i] for i in columns if i in self._channels]
+        if both:
+            raise ValueError(
+                f"{both[0]!r} is in scheduling and in inputs; a channel that schedules the "
+                "coefficients cannot be a linear input as well. Leave it out of one."
+            )
+        if not columns:
+            raise ValueError(
+                f"X has no column left for the inputs: the columns are {names}, and scheduling="
+                f"{self.scheduling!r}. Add the error, or leave a channel out of scheduling."
+            )
+        return columns
+
+    def _signal(self, grid: ModelGrid, columns: np.ndarray) -> np.ndarray:
+        """Scheduling signal on the grid, of shape (n_rows, n_channels)."""
+        if not self._channels:
+            return grid_times(grid)[:, None]
+        return columns_of(columns, self._channels).astype(np.float64)
+
+    def _spread_out(self, n_functions: int) -> None:
+        """Note to which entry of θ and to which function each estimate belongs."""
+        orders = self.orders_
+        self._with_constant = self.varying == "inputs"
+        varies = np.ones(orders.n_params, dtype=bool)
+        if self._with_constant:
+            varies[: orders.na] = False
+            varies[orders.n_params - orders.intercept :] = False
+        pairs = [
+            (i, j)
+            for i in range(orders.n_params)
+            for j in (range(n_functions) if varies[i] else [n_functions])
+        ]
+        self._entry, self._function = np.array(pairs, dtype=np.int64).T
+
+    def _extended(self, functions: np.ndarray) -> np.ndarray:
+        """Functions of rows, and 1 where some coefficients do not vary."""
+        if not self._with_constant:
+            return functions
+        return np.column_stack([functions, np.ones(len(functions))])
+
+    def _check_rank(self, triangle: Triangle, data: DataToFit) -> None:
+        null_space = triangle.null_space()
+        if len(null_space) == 0:
+            return
+        alone = Triangle.of_blocks(
+            (table for table, _ in self._regressors(data)), self.orders_.n_params + 1
+        )
+        if len(alone.null_space()):
+            finite = ~np.isnan(data.inputs).any(axis=1) & ~np.isnan(data.output)
+            raise rank_error(
+                alone.null_space(),
+                self.parameter_names_,
+                self.inputs_,
+                data.inputs[finite],
+                data.output[finite],
+                self._output_name,
+                self.orders_,
+            )
+        weight = np.abs(null_space).max(axis=0)
+        involved = [n for n, w in zip(self._estimate_names(), weight, strict=True) if w > 1e-3]
+        raise RankDeficiencyError(
+            f"The {self._entry.size} coefficients cannot all be estimated: the products of "
+            f"regressors and functions have rank {self._entry.size - len(null_space)}, and "
+            f"{', '.join(involved)} cannot be told apart. The functions are "
+            f"{', '.join(self._schedule.described())}. Either the scheduling hardly changes, or a "
+            "function repeats another (1 is added to a single function, and to a list of them). "
+            "Use fewer functions, or data in which the scheduling changes."
+        )
+
+    def _estimate_names(self) -> list[str]:
+        fixed = self._function.max() if self._with_constant else -1
+        return [
+            self.parameter_names_[i] + ("" if j == fixed else f"[{j}]")
+            for i, j in zip(self._entry, self._function, strict=True)
+        ]
+
+    def _show(self, weights: np.ndarray, grid: ModelGrid) -> None:
+        """Set the attributes of an estimate; ``weights`` are the mean functions."""
+        n_functions = int(weights.size + self._with_constant)
+        self.scheduled_coef_ = np.zeros((n_functions, self.orders_.n_params))
+        self.scheduled_coef_[self._function, self._entry] = self.estimates_
+        coef, covariance = self._at(weights[None])
+        self.coef_, self.covariance_ = coef[0], covariance[0]
+        self.standard_errors_ = np.sqrt(np.diag(self.covariance_))
+        self.a_, _, self.intercept_ = self.orders_.split(self.coef_)
+        self.b_ = self.orders_.input_rows(self.coef_)
+        sd = np.sqrt(np.diag(self.estimates_covariance_))
+        units, described = self._coefficient_units(), self._schedule.descriptions
+        fixed = len(described) if self._with_constant else -1
+        self.parameters_ = pd.DataFrame(
+            {
+                "value": self.estimates_,
+                "sd": sd,
+                "low": self.estimates_ - NORMAL_95 * sd,
+                "high": self.estimates_ + NORMAL_95 * sd,
+                "unit": [units[i] for i in self._entry],
+                "meaning": [
+                    "constant" if j == fixed else f"times {described[j]}" for j in self._function
+                ],
+            },
+            index=pd.Index(self._estimate_names(), name="parameter"),
+        )
+        for name in PATH:
+            self.__dict__.pop(name, None)
+        if not self._channels:
+            self.time_path_ = Instants.of(grid).time
+            functions = self._schedule.functions(self.time_path_[:, None])
+            self.coef_path_, self.covariance_path_ = self._at(functions)
+
+    def _at(self, functions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """θ and its covariance where the functions have these values."""
+        factors = self._extended(functions)
+        theta = factors @ self.scheduled_coef_
+        covariance = np.zeros((len(theta), theta.shape[1], theta.shape[1]))
+        of_entry = [np.flatnonzero(self._entry == i) for i in range(theta.shape[1])]
+        for i, one in enumerate(of_entry):
+            for k, other in enumerate(of_entry[: i + 1]):
+                block = self.estimates_covariance_[np.ix_(one, other)]
+                left, right = factors[:, self._function[one]], factors[:, self._function[other]]
+                covariance[:, i, k] = covariance[:, k, i] = np.einsum(
+                    "tj,jl,tl->t", left, block, right, optimize=True
+                )
+        return theta, covariance
+
+    def coef_at(self, scheduling: Any, *, return_covariance: bool = False) -> Any:
+        """Coefficients θ for values of the scheduling signal.
+
+        Parameters
+        ----------
+        scheduling : array-like of shape (n,), or (n, n_channels) for several channels
+            Times in seconds, or values of the channels, in the unit and order of the fit.
+        return_covariance : bool, default=False
+            Return their covariance as well.
+
+        Returns
+        -------
+        theta : ndarray of shape (n, n_params)
+            Ordered as ``parameter_names_``; NaN where ``scheduling`` is.
+        covariance : ndarray of shape (n, n_params, n_params)
+            Only with ``return_covariance``.
+
+        Raises
+        ------
+        ValueError
+            If the shape is not that of the scheduling signal.
+
+        Examples
+        --------
+        >>> from skhoid import LPVARX, Sigmoid, make_tracking_runs
+        >>> X, y = make_tracking_runs("C4", n_runs=1, random_state=0)
+        >>> model = LPVARX(nk=29, basis=Sigmoid(0, 1, rate=100.0, time=40.96)).fit(X, y)
+        >>> model.coef_at([10.0, 70.0]).shape
+        (2, 4)
+        """
+        self._check_fitted()
+        signal = np.asarray(scheduling, dtype=np.float64)
+        n_channels = len(self.scheduling_)
+        if signal.ndim < 2 and n_channels == 1:
+            signal = signal.reshape(-1, 1)
+        if signal.ndim != 2 or signal.shape[1] != n_channels:
+            wanted = "(n,)" if n_channels == 1 else f"(n, {n_channels})"
+            raise ValueError(
+                f"scheduling must have the shape {wanted}, values of {self.scheduling_}; got the "
+                f"shape {np.shape(scheduling)}."
+            )
+        theta, covariance = self._at(self._schedule.functions(signal))
+        return (theta, covariance) if return_covariance else theta
+
+    # Predictions take θ from the scheduling of the rows they are made for.
+
+    def _following(self, grid: ModelGrid, values: np.ndarray) -> LPVARX:
+        """The model with θ of each row of the grid."""
+        thin = grid.thin_inputs(values)
+        if self._channels:
+            held = self._hold(grid, thin, self._channels, self.scheduling_)
+            signal = held[slice(0, len(thin))]
+        else:
+            signal = self._signal(grid, thin)
+        following = copy(self)
+        factors = self._extended(self._schedule.functions(signal))
+        following._theta_of_rows = factors @ self.scheduled_coef_
+        return following
+
+    _theta_of_rows: np.ndarray | None = None
+
+    def _parameters(self, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray]:
+        if self._theta_of_rows is None:
+            raise AssertionError("predictions go through _following")
+        return self._theta_of_rows, np.arange(len(self._theta_of_rows))
+
+    def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        return BaseARX._free_run(self._following(grid, values), grid, values)
+
+    def _simulated(
+        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray | None
+    ) -> np.ndarray:
+        return BaseARX._simulated(self._following(grid, values), grid, values, output)
+
+    def _ahead(
+        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, horizon: int
+    ) -> np.ndarray:
+        return BaseARX._ahead(self._following(grid, values), grid, values, output, horizon)
+
+    def _one_step_errors(self, X: Any, y: Any) -> np.ndarray:
+        grid, values = self._read_X(X, reset=False)
+        return BaseARX._one_step_errors(self._following(grid, values), X, y)
+
+    def _fitted(self, regressors: np.ndarray, rows: np.ndarray, grid: ModelGrid) -> np.ndarray:
+        theta, at = self._parameters(grid)
+        return np.einsum("tp,tp->t", regressors, theta[at[rows]])
+
+    def _summary(self) -> ModelSummary:
+        facts = {
+            "Model": orders_text(self.orders_),
+            **signal_facts(self),
+            "Method": f"least squares, {len(self._schedule.descriptions)} functions of "
+            f"{', '.join(self.scheduling_)}",
+            "Rows": f"{self.n_rows_used_}"
+            + (f" ({self.n_rows_missing_} missing)" if self.n_rows_missing_ else ""),
+            "Runs": f"{self._n_runs}",
+            **grid_facts(self),
+            "Residual sd": quantity(
+                float(np.sqrt(self.noise_variance_)), self._units.get(self._output_name)
+            ),
+        }
+        hac = as_fitted(self).covariance == "hac"
+        notes = [
+            f"[j] belongs to function j: {', '.join(self._schedule.described())}.",
+            "Standard errors allow for a coloured equation error (Newey and West)."
+            if hac
+            else WHITE.format('; covariance="hac" allows for a coloured one'),
+            CLOSED_LOOP.format(""),
+            JUDGE.format(" is"),
+        ]
+        return ModelSummary(
+            f"{type(self).__name__}: {self._output_name} from {', '.join(self.inputs_)}",
+            facts,
+            estimates_table(self.parameters_),
+            notes,
+        )

@@ -1,0 +1,458 @@
+"""WaveletOperator: an operator fitted at each instant to a frequency response by wavelets."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from scipy.signal import fftconvolve, find_peaks
+from scipy.signal.windows import blackmanharris
+
+from .._sklearn import DT, ROLES, Interval, StrOptions, fit_context
+from ..arx.rls import grid_numbers
+from ..exceptions import RankDeficiencyError, ShortRunError
+from ..regression import DataToFit
+from ..runs.roles import columns_by_role
+from .operator_fitting import read_limits
+from .operator_path import ESTIMATED, OperatorPath
+from .response_fitting import fit_responses
+
+RATE = 25.0  # Hz, of the means that are transformed
+CONE = 0.92  # share of a wavelet's envelope that must lie in the record: its edge is sqrt(2) sd off
+AT_LEAST = 4  # frequencies, to fit five parameters
+LINE = 1e-5  # of the power of the strongest line of a multisine
+MOST_LINES, PURE, PERIODIC = 40, 0.9, 0.9999  # of a multisine, and least shares of the power
+N_LOGARITHMIC = 12  # frequencies, if the target is no multisine
+SCALES = ((-1.0, 0.25), (0.0, 0.5), (1.0, 0.25))  # places and weights of smoothing over scale
+REACH = 4.0  # standard deviations of Gaussian smoothing
+
+
+class WaveletOperator(OperatorPath):
+    """Operator whose parameters are fitted at each instant to a response found by wavelets.
+
+    H(w, t) = S{W_u conj(W_f)} / S{W_e conj(W_f)} with Morlet wavelet transforms W of output, error
+    and target, and a smoothing S over time and scale: the target is an instrument, so that the
+    remnant, which goes round the loop into the error, does not bias the ratio. Then, at each
+    instant, K_e, K_edot, tau_e, omega_nm and zeta_nm of Eqs. 3-5 are fitted to H.
+
+    Parameters
+    ----------
+    omega0 : float, default=8.0
+        Frequency of the Morlet wavelet in rad per standard deviation of its envelope: at w the
+        envelope has a standard deviation of ``omega0 / w`` seconds and of ``w / omega0`` rad/s.
+    time_smoothing : float, default=1.5
+        Standard deviation in time of the smoothing S, in those of the envelope. Zero is none, and
+        leaves no standard errors.
+    scale_smoothing : float, default=0.5
+        Reach of S over scale, in standard deviations of the wavelet in frequency; zero is none.
+    step : float, default=0.5
+        Time from one instant to the next, in s.
+    frequencies : array-like of shape (n_frequencies,) or None, default=None
+        Frequencies in rad/s. None takes the lines of the target within ``band`` if it is a
+        multisine, else 12 on a log scale.
+    band : (float, float), default=(0.2, 20.0)
+        Lowest and highest frequency in rad/s for ``frequencies=None``.
+    instrument : {"f_t"} or None, default="f_t"
+        ``"f_t"`` takes the column of role f_t (or e + x, if these are there). None uses the error
+        itself, which the remnant biases in a closed loop; a warning says so.
+    bounds : dict or None, default=None
+        Bounds ``{parameter: (low, high)}`` of omega_nm (rad/s), zeta_nm and tau_e (s), if not the
+        usual ones: (2, 40), (0.02, 2) and (0.05, 0.8).
+    inputs : column name or list with one, or None, default=None
+        The error. None means the column of role ``e``.
+    roles : dict or None, default=None
+        Roles of columns, ``{column: role}``, where names do not show them.
+    dt : float or None, default=None
+        Sampling time in seconds of data without a time index (None: 1).
+    run : column name or position, or None, default=None
+        Run column of data without a run index.
+
+    Attributes
+    ----------
+    frequencies_ : ndarray of shape (n_frequencies,)
+        In rad/s.
+    frequency_response_ : ndarray of complex, shape (n_instants, n_frequencies)
+        H; NaN outside the cone of influence.
+    frequency_response_sd_ : ndarray of shape (n_instants, n_frequencies)
+        Standard deviation of its distance from the true one in the complex plane.
+    coherence_ : ndarray of shape (n_instants, n_frequencies)
+        Squared coherence of output and instrument, from 0 to 1.
+    parameters_path_ : DataFrame of shape (n_instants, 12)
+        Over time (s): K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm and their standard errors
+        ``sd_K_e`` ... NaN where fewer than four frequencies are known; predictions hold the
+        nearest known values there.
+    parameters_ : DataFrame
+        Those of the last known instant: value, sd, low and high (95 % interval), unit, meaning.
+    time_path_ : ndarray of shape (n_instants,)
+        Instants in s.
+    at_bound_ : ndarray of bool, shape (n_instants, 3)
+        Whether omega_nm, zeta_nm and tau_e ended at a bound; such have no standard error.
+    dt_ : float
+        Sampling time of the fitted grid in seconds.
+    inputs_ : list of str
+        Name of the error channel.
+    n_features_in_ : int
+        Number of columns seen in ``fit``.
+    feature_names_in_ : ndarray of str
+        Column names seen in ``fit``, if all are strings.
+
+    Raises
+    ------
+    ImportError
+        If PyWavelets is missing: ``pip install "skhoid[wavelets]"``.
+    ShortRunError
+        If no instant has enough frequencies: runs are too short for their wavelets.
+    ValueError
+        If there is no target, or options do not fit each other.
+
+    See Also
+    --------
+    WindowedOperator : Less sensitive to the remnant.
+    fourier_coefficients : The response of an operator that does not vary.
+
+    Notes
+    -----
+    Signals are averaged to 25 Hz, differentiated, so that slow power does not leak into what is
+    fast (both leave the ratio as it is), and transformed by ``pywt.cwt`` with the wavelet exp(-t²/2
+    + i omega0 t). S weighs time by a Gaussian and takes three scales with weights 1/4, 1/2, 1/4.
+    Several runs are pooled: S also sums over runs at the same time in the run. Missing output is
+    interpolated and counts as not recorded. A transform counts where 92 % of its envelope lie in
+    what was recorded, which is sqrt(2) standard deviations from an end: the cone of influence.
+
+    The variance of H is S_rr S_ff / ((n - 1) |S_ef|²), with the smoothed spectrum S_rr of the
+    residual W_u - H W_e, which is the remnant, and n = sqrt(1 + 2 time_smoothing²) averages in S,
+    times the number of runs; plus 1 % of abs(H) for lines that leak into each other. It weighs the
+    fit, and gives the standard errors of parameters, which grow if the misfit exceeds it.
+    Frequencies are taken as independent; instants share data, so their errors are alike.
+
+    The response that is fitted is that of the operator to an error held between samples: the hold
+    adds half a sample of delay to tau_e.
+
+    References
+    ----------
+    Zaal and Sweet, Estimation of time-varying pilot model parameters (2011), for the two steps.
+    Torrence and Compo, A practical guide to wavelet analysis (1998), for cone and smoothing.
+
+    Examples
+    --------
+    >>> from skhoid import make_tracking_runs
+    >>> from skhoid.tracking.wavelet_operator import WaveletOperator
+    >>> X, y = make_tracking_runs("C1", n_runs=1, channels=["e", "f_t"])
+    >>> model = WaveletOperator().fit(X, y)  # doctest: +SKIP
+    >>> model.parameters_path_.loc[41.0:42.0, "K_e"].round(2).tolist()  # doctest: +SKIP
+    [0.09, 0.09, 0.09]
+    """
+
+    _parameter_constraints: dict = {
+        "omega0": [Interval(Real, 2, 60, closed="both")],
+        "time_smoothing": [Interval(Real, 0, 100, closed="both")],
+        "scale_smoothing": [Interval(Real, 0, 1.5, closed="both")],
+        "step": [Interval(Real, 0, None, closed="neither")],
+        "frequencies": ["array-like", None],
+        "band": [tuple, list, np.ndarray],
+        "instrument": [StrOptions({"f_t"}), None],
+        "bounds": [Mapping, None],
+        "inputs": "no_validation",
+        "roles": ROLES,
+        "dt": DT,
+        "run": "no_validation",
+    }
+
+    def __init__(
+        self,
+        *,
+        omega0: float = 8.0,
+        time_smoothing: float = 1.5,
+        scale_smoothing: float = 0.5,
+        step: float = 0.5,
+        frequencies: Any = None,
+        band: tuple[float, float] = (0.2, 20.0),
+        instrument: str | None = "f_t",
+        bounds: dict | None = None,
+        inputs: Any = None,
+        roles: dict | None = None,
+        dt: float | None = None,
+        run: Any = None,
+    ):
+        self.omega0 = omega0
+        self.time_smoothing = time_smoothing
+        self.scale_smoothing = scale_smoothing
+        self.step = step
+        self.frequencies = frequencies
+        self.band = band
+        self.instrument = instrument
+        self.bounds = bounds
+        self.inputs = inputs
+        self.roles = roles
+        self.dt = dt
+        self.run = run
+
+    @fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X: Any, y: Any) -> WaveletOperator:
+        """Find the frequency response over time, and fit an operator to it.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample: the error, and the target.
+        y : Series or array of shape (n_rows,)
+            Control output; NaN where it was not measured.
+
+        Returns
+        -------
+        self : WaveletOperator
+        """
+        pywt = require_wavelets()
+        limits = read_limits(self.bounds)
+        data = self._read_operator_data(X, y)
+        signals = self._signals(data)
+        blocks = Blocks.of(data, signals)
+        self.frequencies_ = self._read_frequencies(blocks)
+        spectra = self._spectra(pywt, blocks)
+        step = max(1, round(self.step / blocks.dt))
+        self._keep_response(spectra, slice(step // 2, None, step), blocks.n_runs)
+        known = np.isfinite(self.frequency_response_)
+        enough = known.sum(axis=1) >= AT_LEAST
+        if not enough.any():
+            raise ShortRunError(
+                "WaveletOperator: no instant lies in the cone of influence of "
+                f"{AT_LEAST} frequencies (n_samples = {len(signals)} rows of X). At "
+                f"{self.frequencies_[-1]:.3g} rad/s a wavelet needs "
+                f"{2**1.5 * self.omega0 / self.frequencies_[-1]:.3g} s, at lower ones more. Use "
+                "longer runs, higher frequencies or a smaller omega0."
+            )
+        self._fit_instants(enough, limits)
+        numbers = (blocks.first + np.arange(blocks.n)[step // 2 :: step]) * blocks.size
+        self._set_instants(numbers + blocks.size // 2)
+        return self
+
+    def _signals(self, data: DataToFit) -> np.ndarray:
+        """Output, error and instrument on the grid, in columns; output may be NaN."""
+        grid = data.grid
+        names = list(range(data.values.shape[1])) if self._names is None else list(self._names)
+        positions, wanted = columns_by_role(names, self.roles), [self._columns[0]]
+        if self.instrument is None:
+            warnings.warn(
+                "WaveletOperator uses the error as its own instrument (instrument=None): in a "
+                "closed loop the remnant biases the response towards minus the inverse of the "
+                "controlled element.",
+                UserWarning,
+                stacklevel=4,
+            )
+        elif "f_t" in positions:
+            wanted.append(positions["f_t"])
+        elif "x" in positions:
+            wanted.append(positions["x"])
+        else:
+            raise ValueError(
+                "WaveletOperator needs the target as its instrument, but X has no column of role "
+                f"'f_t' (nor 'x' beside the error); the columns are {names}. Add it, name it by "
+                "roles={column: 'f_t'}, or pass instrument=None, which the remnant biases."
+            )
+        labels = [str(names[i]) for i in wanted]
+        held = self._hold(grid, grid.thin_inputs(data.values), wanted, labels)[:]
+        error, other = held[:, 0], held[:, -1]
+        if self.instrument is not None and "f_t" not in positions:
+            other = other + error
+        return np.stack([data.output, error, other], axis=1)
+
+    def _read_frequencies(self, blocks: Blocks) -> np.ndarray:
+        highest = np.pi / blocks.dt
+        if self.frequencies is not None:
+            found = np.unique(np.asarray(self.frequencies, dtype=float).ravel())
+            if found.size < AT_LEAST or not (found[0] > 0 and found[-1] < highest):
+                raise ValueError(
+                    f"frequencies must be at least {AT_LEAST} different numbers in rad/s above 0 "
+                    f"and below {highest:.4g}; got {self.frequencies!r}."
+                )
+            return found
+        band = np.asarray(self.band, dtype=float)
+        if band.shape != (2,) or not 0 < band[0] < band[1]:
+            raise ValueError(f"band must be (low, high) in rad/s, 0 < low < high; got {self.band}.")
+        low, high = band[0], min(band[1], 0.9 * highest)
+        found = blocks.lines(low, high)
+        if found.size < AT_LEAST and low < high:
+            found = np.geomspace(low, high, N_LOGARITHMIC)
+        if found.size < AT_LEAST:
+            raise ValueError(
+                f"band begins at {low:g} rad/s, beyond the {high:.4g} rad/s that a sampling time "
+                f"of {self.dt_:g} s allows."
+            )
+        return found
+
+    def _spectra(self, pywt: Any, blocks: Blocks) -> np.ndarray:
+        """Smoothed sums over runs of what H and its variance need, NaN outside the cone.
+
+        Rows are S_uf, S_ef, S_ue, S_uu, S_ee, S_ff; of shape (6, n_frequencies, n_blocks).
+        """
+        wavelet = f"cmor2.0-{self.omega0 / (2 * np.pi)!r}"
+        omega = self.frequencies_
+        shares = SCALES if self.scale_smoothing > 0 else ((0.0, 1.0),)
+        total = np.zeros((6, omega.size, blocks.n), dtype=complex)
+        weight = np.zeros((omega.size, blocks.n))
+        for begin, values, known in blocks.pieces:
+            here = np.s_[..., begin : begin + len(values)]
+            cross = np.zeros((6, omega.size, len(values)), dtype=complex)
+            for place, share in shares:
+                scales = self.omega0 / (
+                    omega * (1 + place * self.scale_smoothing / self.omega0) * blocks.dt
+                )
+                u, e, f = (
+                    pywt.cwt(column, scales, wavelet, method="fft")[0] for column in values.T
+                )
+                pairs = ((u, f), (e, f), (u, e), (u, u), (e, e), (f, f))
+                for row, (a, b) in zip(cross, pairs, strict=True):
+                    row += share * a * b.conj()
+            for i, width in enumerate(self.omega0 / omega / blocks.dt):
+                covered = smoothed(known, width)
+                inside = (covered >= CONE).astype(float)
+                weight[i][here[1:]] += inside
+                total[:, i][here] += cross[:, i] * inside
+        for i, width in enumerate(self.time_smoothing * self.omega0 / omega / blocks.dt):
+            outside = weight[i] == 0
+            total[:, i] = smoothed(total[:, i], width)
+            total[:, i, outside] = np.nan
+        return total
+
+    def _keep_response(self, spectra: np.ndarray, instants: slice, n_runs: int) -> None:
+        uf, ef, ue, uu, ee, ff = np.swapaxes(spectra[:, :, instants], 1, 2)
+        uu, ee, ff = uu.real, ee.real, ff.real
+        averages = np.sqrt(1 + 2 * self.time_smoothing**2) * n_runs
+        with np.errstate(divide="ignore", invalid="ignore"):
+            H = uf / ef
+            residual = uu - 2 * (H.conj() * ue).real + abs(H) ** 2 * ee
+            variance = np.maximum(residual, 0.0) * ff / abs(ef) ** 2
+            self.coherence_ = abs(uf) ** 2 / (uu * ff)
+        H[~np.isfinite(H)] = np.nan
+        self.frequency_response_ = H
+        self.frequency_response_sd_ = np.sqrt(
+            variance / (averages - 1) if averages > 1 else np.full_like(variance, np.nan)
+        )
+
+    def _fit_instants(self, enough: np.ndarray, limits: dict[str, tuple[float, float]]) -> None:
+        H, sd = self.frequency_response_[enough], self.frequency_response_sd_[enough]
+        found = fit_responses(self.frequencies_, H, sd, self.dt_, limits)
+        shape = enough.size, found.values.shape[1]
+        self._found = np.full((2, *shape), np.nan)
+        self._found[:, enough] = found.values, found.deviations
+        self.at_bound_ = np.zeros((enough.size, 3), dtype=bool)
+        self.at_bound_[enough] = found.stuck
+
+    def _set_instants(self, numbers: np.ndarray) -> None:
+        names = (*ESTIMATED, "T_L")
+        values, deviations = (
+            dict(zip(names[:n], table.T, strict=False))
+            for n, table in zip((5, 6), self._found, strict=True)
+        )
+        del self._found
+        self._set_path(numbers, values, deviations)
+
+    def _method_name(self) -> str:
+        return f"wavelets (Morlet, omega0 = {self.omega0:g}), fit at each instant"
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Means of ``size`` samples of output, error and instrument, aligned by time in the run.
+
+    ``pieces`` are the first block of a stretch (counted from that of all), its means, and which
+    were recorded.
+    """
+
+    size: int
+    dt: float
+    first: int
+    n: int
+    n_runs: int
+    pieces: list[tuple[int, np.ndarray, np.ndarray]]
+
+    @classmethod
+    def of(cls, data: DataToFit, signals: np.ndarray) -> Blocks:
+        grid = data.grid
+        size = max(1, int(1 / (RATE * grid.dt) + 1e-9))
+        number = grid_numbers(grid)
+        found = []
+        for begin, end in zip(
+            grid.begin[grid.measured].tolist(), grid.end[grid.measured].tolist(), strict=True
+        ):
+            begin += -int(number[begin]) % size
+            count = max(end - begin, 0) // size
+            part = signals[begin : begin + count * size]
+            known = ~np.isnan(part).any(axis=1)
+            if known.sum() < 2:
+                continue
+            rows = np.arange(len(part))
+            part = np.stack([between_known(rows, x) for x in part.T], axis=1)
+            means = np.gradient(part.reshape(count, size, 3).mean(axis=1), axis=0)
+            of_blocks = known.reshape(count, size).mean(axis=1)
+            found.append((int(number[begin]) // size, means, of_blocks))
+        first = min((at for at, _, _ in found), default=0)
+        last = max((at + len(means) for at, means, _ in found), default=0)
+        pieces = [(at - first, means, known) for at, means, known in found]
+        return cls(size, size * grid.dt, first, last - first, len(grid.layout.labels), pieces)
+
+    def lines(self, low: float, high: float) -> np.ndarray:
+        """Frequencies of the instrument in a band, if it is a multisine."""
+        if not self.pieces:
+            return np.array([])
+        _, means, _ = max(self.pieces, key=lambda piece: len(piece[1]))
+        f = means[:, 2]
+        bins = whole_bins(f)
+        if not bins.size:
+            bins = peak_bins(f)
+        omega = 2 * np.pi * bins / (f.size * self.dt)
+        return omega[(omega >= low) & (omega <= high)]
+
+
+def whole_bins(f: np.ndarray) -> np.ndarray:
+    """Bins that hold nearly all power of a signal, if these are few: it is then periodic."""
+    power = abs(np.fft.rfft(f)) ** 2
+    if not power.max() > 0:
+        raise RankDeficiencyError("WaveletOperator: the instrument does not move.")
+    found = np.flatnonzero(power > LINE * power.max())
+    few = found.size <= min(MOST_LINES, f.size // 10)
+    return found if few and power[found].sum() > PERIODIC * power.sum() else np.array([])
+
+
+def peak_bins(f: np.ndarray) -> np.ndarray:
+    """Places between bins of the peaks that hold most power of a signal, if these are few."""
+    power = abs(np.fft.rfft(f * blackmanharris(f.size))) ** 2
+    log_power = np.log(np.maximum(power, 1e-30 * power.max()))
+    peaks, _ = find_peaks(log_power, height=np.log(LINE * power.max()))
+    near = (peaks[:, None] + np.arange(-4, 5)).clip(0, power.size - 1)
+    few = 0 < peaks.size <= min(MOST_LINES, f.size // 10)
+    if not few or power[np.unique(near)].sum() < PURE * power.sum():
+        return np.array([])
+    before, at, after = log_power[peaks - 1], log_power[peaks], log_power[peaks + 1]
+    return peaks + 0.5 * (before - after) / (before - 2 * at + after)
+
+
+def smoothed(values: np.ndarray, width: float) -> np.ndarray:
+    """Gaussian smoothing along the last axis, zero outside; ``width`` in samples."""
+    if width == 0:
+        return values
+    reach = np.arange(-int(REACH * width + 1), int(REACH * width + 1) + 1)
+    kernel = np.exp(-0.5 * (reach / width) ** 2)
+    kernel = (kernel / kernel.sum()).reshape((1,) * (values.ndim - 1) + (-1,))
+    return fftconvolve(values, kernel, mode="same", axes=-1)
+
+
+def between_known(rows: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values with NaN interpolated; the ends hold."""
+    known = ~np.isnan(values)
+    return np.interp(rows, rows[known], values[known])
+
+
+def require_wavelets() -> Any:
+    """PyWavelets, or an error that says how to install it."""
+    try:
+        import pywt
+    except ImportError:
+        raise ImportError(
+            'WaveletOperator needs PyWavelets: pip install "skhoid[wavelets]".'
+        ) from None
+    return pywt

@@ -1,0 +1,381 @@
+"""LPVARX against least squares written out, the truth behind simulated runs, and other models."""
+
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import lfilter
+from sklearn.base import clone
+from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import SplineTransformer
+from support.synthetic import DT, NK, arx_runs, run_time, stretches_of
+
+from skhoid import (
+    ARXRegressor,
+    Decimator,
+    DelayShift,
+    MissingDataWarning,
+    RankDeficiencyError,
+    ShortRunError,
+    Sigmoid,
+    arx_to_operator,
+    make_tracking_runs,
+    operator_parameters,
+)
+from skhoid.tracking.lpv_arx import LPVARX
+
+T_M = 1.0
+STEP = Sigmoid(0.0, 1.0, rate=6.0, time=T_M)
+THETA = np.array([[-1.5, 0.7, 1.0, 0.5], [0.1, 0.05, 1.0, -0.8]])  # times 1 and v or STEP
+
+
+def simulated(v, e, white):
+    """u of an ARX model with θ = THETA[0] + v THETA[1]."""
+    theta = THETA[0] + np.multiply.outer(v, THETA[1])
+    u = np.zeros(e.size)
+    for t in range(e.size):
+        for i in (1, 2):
+            u[t] -= theta[t, i - 1] * (u[t - i] if t >= i else 0.0)
+        for i in (0, 1):
+            u[t] += theta[t, 2 + i] * (e[t - NK - i] if t >= NK + i else 0.0)
+        u[t] += white[t]
+    return u
+
+
+def recording(lengths=(300, 260), noise=0.1, seed=0, by="v"):
+    rng = np.random.default_rng(seed)
+    index = run_time(lengths)
+    time = index.get_level_values("time").to_numpy()
+    e, f = rng.standard_normal((2, len(index)))
+    v = STEP(time) if by == "time" else 0.5 * np.sin(3 * time + index.get_level_values("run"))
+    u = np.concatenate(
+        [
+            simulated(v[a:b], e[a:b], noise * f[a:b])
+            for a, b in stretches_of(pd.DataFrame(index=index))
+        ]
+    )
+    X = pd.DataFrame({"e": e, "v": v}, index=index)
+    return X, pd.Series(u, index=index, name="u")
+
+
+def model(**params):
+    return LPVARX(**{"nk": NK, "scheduling": "v", **params})
+
+
+def stacked(X, y, functions, constant=False):
+    """Products μ_j φ_i, entry by entry, of the rows with known lags."""
+    tables, outputs = [], []
+    e, u = X["e"].to_numpy(), y.to_numpy()
+    for a, b in stretches_of(X):
+        for t in range(a + NK + 1, b):
+            phi = [-u[t - 1], -u[t - 2], e[t - NK], e[t - NK - 1]] + [1.0] * constant
+            tables.append(np.kron(phi, functions[t]))
+            outputs.append(u[t])
+    return np.array(tables), np.array(outputs)
+
+
+X, Y = recording()
+V = X["v"].to_numpy()
+BASES = {
+    "linear": ({"basis": "linear"}, np.stack([V**0, V], 1)),
+    "polynomial": ({"basis": "polynomial", "degree": 3}, np.stack([V**0, V, V**2, V**3], 1)),
+    "table": ({"basis": lambda s: np.stack([np.cos(s), s, s**2], 1)},
+              np.stack([np.cos(V), V, V**2], 1)),
+    "one": ({"basis": np.tanh}, np.stack([V**0, np.tanh(V)], 1)),
+    "several": ({"basis": [np.tanh, np.square]}, np.stack([V**0, np.tanh(V), V**2], 1)),
+    "spline": ({"basis": SplineTransformer(n_knots=3, degree=2)},
+               SplineTransformer(n_knots=3, degree=2).fit_transform(V[:, None])),
+}  # fmt: skip
+each_basis = pytest.mark.parametrize(("params", "functions"), BASES.values(), ids=BASES.keys())
+
+
+# The estimate
+
+
+@each_basis
+@pytest.mark.parametrize("intercept", [False, True])
+def test_it_is_least_squares_on_stacked_regressors(params, functions, intercept):
+    fitted = model(fit_intercept=intercept, **params).fit(X, Y)
+    table, u = stacked(X, Y, functions, intercept)
+    found, rest, rank, _ = np.linalg.lstsq(table, u, rcond=None)
+    assert rank == table.shape[1]
+    np.testing.assert_allclose(fitted.estimates_, found, rtol=1e-10, atol=1e-10)
+    variance = rest[0] / (len(u) - rank)
+    assert fitted.noise_variance_ == pytest.approx(variance, rel=1e-9)
+    covariance = variance * np.linalg.inv(table.T @ table)
+    np.testing.assert_allclose(
+        fitted.estimates_covariance_, covariance, rtol=1e-7, atol=1e-9 * covariance.max()
+    )
+    theta = functions @ found.reshape(-1, functions.shape[1]).T
+    np.testing.assert_allclose(fitted.coef_at(V), theta, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(fitted.coef_, theta.mean(axis=0), rtol=1e-9)
+    G = np.kron(np.eye(4 + intercept), functions.mean(axis=0))
+    sd = np.sqrt(np.diag(G @ fitted.estimates_covariance_ @ G.T))
+    np.testing.assert_allclose(fitted.standard_errors_, sd, rtol=1e-6)
+
+
+def test_several_channels_and_inputs():
+    """A polynomial of two channels; the two other columns are the inputs."""
+    rng = np.random.default_rng(3)
+    Z = X.rename(columns={"e": "p"}).assign(q=rng.standard_normal(len(X)), w=np.cos(V * 4))
+    fitted = LPVARX(1, 1, [NK, 0], scheduling=["v", "w"]).fit(Z, Y)
+    assert (fitted.inputs_, fitted.scheduling_) == (["p", "q"], ["v", "w"])
+    functions = np.stack([V**0, V, np.cos(V * 4)], 1)
+    rows = np.concatenate([np.arange(a + NK, b) for a, b in stretches_of(X)])
+    phi = np.stack([-Y.to_numpy()[rows - 1], Z["p"].to_numpy()[rows - NK], Z["q"].to_numpy()[rows]])
+    table = np.concatenate([phi[i] * functions[rows].T for i in range(3)]).T
+    found = np.linalg.lstsq(table, Y.to_numpy()[rows], rcond=None)[0]
+    np.testing.assert_allclose(fitted.estimates_, found, rtol=1e-10)
+    assert fitted.coef_at([[0.1, 0.2]]).shape == (1, 3)
+
+
+def test_a_constant_basis_is_the_batch_model():
+    Xc, Yc = arx_runs(3, 200)
+    one = ARXRegressor(nk=NK, fit_intercept=True).fit(Xc, Yc)
+    for basis in ({"basis": "polynomial", "degree": 0}, {"basis": lambda t: np.ones((t.size, 1))}):
+        other = LPVARX(nk=NK, fit_intercept=True, **basis).fit(Xc, Yc)
+        np.testing.assert_allclose(other.coef_, one.coef_, rtol=1e-12)
+        np.testing.assert_allclose(other.covariance_, one.covariance_, rtol=1e-12)
+        np.testing.assert_allclose(other.coef_path_, np.tile(one.coef_, (200, 1)), rtol=1e-12)
+        np.testing.assert_allclose(
+            other.predict_ahead(Xc, Yc, 3), one.predict_ahead(Xc, Yc, 3), rtol=1e-9, atol=1e-12
+        )
+    hac = ARXRegressor(nk=NK, covariance="hac").fit(Xc, Yc)
+    lpv = LPVARX(nk=NK, basis="polynomial", degree=0, covariance="hac").fit(Xc, Yc)
+    np.testing.assert_allclose(lpv.covariance_, hac.covariance_, rtol=1e-10)
+
+
+def test_without_noise_the_coefficients_are_found():
+    fitted = model().fit(*recording(noise=0.0))
+    np.testing.assert_allclose(fitted.scheduled_coef_, THETA, atol=1e-10)
+    np.testing.assert_allclose(fitted.predict(X), recording(noise=0.0)[1], atol=1e-9)
+    by_time = LPVARX(nk=NK, basis=STEP).fit(*recording(noise=0.0, by="time"))
+    np.testing.assert_allclose(by_time.scheduled_coef_, THETA, atol=1e-10)
+
+
+def test_poles_that_do_not_vary():
+    """varying="inputs" leaves a1 and a2 one value each, and finds them better."""
+    functions = np.stack([V**0, V], 1)
+    fitted = model(varying="inputs", fit_intercept=True).fit(X, Y)
+    table, u = stacked(X, Y, functions, constant=True)
+    kept = [0, 2, 4, 5, 6, 7, 8]
+    found = np.linalg.lstsq(table[:, kept], u, rcond=None)[0]
+    np.testing.assert_allclose(fitted.estimates_, found, rtol=1e-10, atol=1e-12)
+    names = ["a1", "a2", "b0[0]", "b0[1]", "b1[0]", "b1[1]", "intercept"]
+    assert list(fitted.parameters_.index) == names
+    np.testing.assert_array_equal(np.ptp(fitted.coef_at([-1.0, 0.3, 2.0])[:, [0, 1, 4]], axis=0), 0)
+
+
+@pytest.mark.parametrize(("condition", "rate"), [("C3", 0.5), ("C4", 100.0)])
+def test_the_truth_behind_simulated_runs(condition, rate):
+    """Against what the batch model finds where nothing changes, and against the operator itself.
+
+    The simulation is in continuous time, and gains change while the neuromuscular system responds:
+    some per cent of the truth remain, also for the batch model.
+    """
+    data = make_tracking_runs(condition, n_runs=2, random_state=0)
+    basis = Sigmoid(0.0, 1.0, rate=rate, time=40.96)
+    fitted = LPVARX(nk=29, basis=basis, varying="inputs").fit(*data)
+    table = operator_parameters(fitted)
+    for row, state, gains in ((0, "C1", (0.09, 0.036)), (-1, "C2", (0.07, 0.084))):
+        steady = ARXRegressor(nk=29).fit(*make_tracking_runs(state, n_runs=2, random_state=0))
+        batch = operator_parameters(steady).iloc[0]
+        for name in ("K_e", "K_edot", "omega_nm", "zeta_nm"):
+            assert table[name].iloc[row] == pytest.approx(batch[name], rel=0.02), name
+        np.testing.assert_allclose(table[["K_e", "K_edot"]].iloc[row], gains, rtol=0.04)
+        assert (table[["sd_K_e", "sd_K_edot", "sd_omega_nm"]].iloc[row] > 0).all()
+    assert table["tau_e"].iloc[0] == pytest.approx(0.28)
+    assert len(table) == 8192
+
+
+# Uncertainty
+
+
+def test_intervals_cover():
+    """95 % of 4 coefficients at 3 values of v in 60 runs, whose share has a sd below 2 %."""
+    at, covered = np.array([-0.4, 0.0, 0.4]), []
+    truth = THETA[0] + np.multiply.outer(at, THETA[1])
+    for seed in range(60):
+        fitted = model().fit(*recording((150,), noise=0.5, seed=seed))
+        theta, covariance = fitted.coef_at(at, return_covariance=True)
+        sd = np.sqrt(np.einsum("tii->ti", covariance))
+        covered.append(np.abs(theta - truth) < 1.96 * sd)
+    assert np.mean(covered) == pytest.approx(0.95, abs=0.04)
+
+
+def test_hac_allows_for_coloured_errors():
+    """The spread of estimates under a coloured error is nearer to the sd of "hac"."""
+    rng = np.random.default_rng(0)
+    found = {"ols": [], "hac": []}
+    estimates = []
+    for _ in range(100):
+        v = np.repeat([0.0, 1.0], 200)
+        e = lfilter([1], [1, -0.7], rng.standard_normal(400))
+        white = lfilter([1], [1, -0.7], rng.standard_normal(400))
+        data = np.stack([e, v], 1), (1 + v) * e + white
+        for kind, sds in found.items():
+            fitted = LPVARX(0, 1, scheduling=[1], inputs=[0], covariance=kind).fit(*data)
+            sds.append(np.sqrt(fitted.estimates_covariance_[0, 0]))
+        estimates.append(fitted.estimates_[0])
+    spread = np.std(estimates)
+    assert np.mean(found["ols"]) < 0.75 * spread
+    assert np.mean(found["hac"]) == pytest.approx(spread, rel=0.3)
+
+
+def test_covariance_of_the_path_is_propagated():
+    fitted = LPVARX(nk=NK, basis=STEP).fit(*recording(by="time"))
+    assert fitted.coef_path_.shape == (300, 4)
+    np.testing.assert_allclose(fitted.time_path_, np.arange(300) * DT)
+    for t in (0, 120, 299):
+        G = np.kron(np.eye(4), [1.0, STEP([t * DT])[0]])
+        expected = G @ fitted.estimates_covariance_ @ G.T
+        np.testing.assert_allclose(fitted.covariance_path_[t], expected, rtol=1e-10)
+
+
+# Predictions
+
+
+def test_predictions_follow_the_scheduling_of_the_rows_given():
+    fitted = model().fit(X, Y)
+    new, _ = recording((90,), seed=9)
+    theta = fitted.coef_at(new["v"])
+    e, u = new["e"].to_numpy(), np.zeros(90)
+    for t in range(90):
+        for i in (1, 2):
+            u[t] -= theta[t, i - 1] * (u[t - i] if t >= i else 0.0)
+        for i in (0, 1):
+            u[t] += theta[t, 2 + i] * (e[t - NK - i] if t >= NK + i else 0.0)
+    np.testing.assert_allclose(fitted.predict(new), u, rtol=1e-9, atol=1e-12)
+    errors = fitted._one_step_errors(X, Y)
+    known = ~np.isnan(errors)
+    assert known.sum() == fitted.n_rows_used_
+    assert errors[known] @ errors[known] == pytest.approx(
+        fitted.noise_variance_ * (known.sum() - 8), rel=1e-9
+    )
+    ahead = fitted.predict_ahead(X, Y)
+    np.testing.assert_allclose((Y - ahead).to_numpy()[known], errors[known], atol=1e-9)
+
+
+def test_initial_states_and_score():
+    fitted = model().fit(X, Y)
+    late, measured = X.iloc[50:300], Y.iloc[50:300]
+    from_rest = np.sum((measured - fitted.simulate(late)) ** 2)
+    fitted_start = fitted.simulate(late, measured, initial_state="estimate")
+    assert np.sum((measured - fitted_start) ** 2) < from_rest
+    assert fitted.score(X, Y) > ARXRegressor(nk=NK).fit(X, Y).score(X, Y) + 5
+
+
+def test_nan_in_any_channel_leaves_out_rows():
+    Xn, Yn = X.copy(), Y.copy()
+    Xn.iloc[50:53, 1] = np.nan  # v: these rows alone
+    Xn.iloc[100, 0] = np.nan  # e: two rows, by its lags
+    Yn.iloc[150] = np.nan  # y: three
+    with pytest.warns(MissingDataWarning, match="5 rows of 'u', 'e', 'v' are NaN"):
+        fitted = model().fit(Xn, Yn)
+    table, u = stacked(Xn, Yn, np.stack([V**0, Xn["v"]], 1))
+    known = ~np.isnan(table).any(axis=1) & ~np.isnan(u)
+    found = np.linalg.lstsq(table[known], u[known], rcond=None)[0]
+    np.testing.assert_allclose(fitted.estimates_, found, rtol=1e-10)
+    assert fitted.n_rows_missing_ == (~known).sum() == 8
+    with pytest.warns(MissingDataWarning, match="8 rows whose lags need them are left out"):
+        assert np.isfinite(model(varying="inputs").fit(Xn, Yn).estimates_).all()
+    with pytest.warns(MissingDataWarning, match=r"3 rows of the inputs \['v'\] are NaN"):
+        held = fitted.predict(X.assign(v=Xn["v"]))
+    np.testing.assert_array_equal(held, fitted.predict(X.assign(v=Xn["v"].ffill())))
+
+
+def test_lags_do_not_cross_gaps():
+    kept = np.r_[0:120, 160:300]
+    fitted = model().fit(X.iloc[kept], Y.iloc[kept])
+    functions = np.stack([V**0, V], 1)
+    parts = [stacked(X.iloc[a:b], Y.iloc[a:b], functions[a:b]) for a, b in ((0, 120), (160, 300))]
+    table, u = (np.concatenate(part) for part in zip(*parts, strict=True))
+    np.testing.assert_allclose(
+        fitted.estimates_, np.linalg.lstsq(table, u, rcond=None)[0], rtol=1e-10
+    )
+
+
+# The API
+
+
+def test_operator_parameters_of_a_channel():
+    """The table has one row, of the average model; values of the channel by coef_at."""
+    data = make_tracking_runs("C4", n_runs=1, random_state=0)
+    late = (data[0].index.get_level_values("time") > 40.96).astype(float)
+    fitted = LPVARX(nk=29, scheduling="late").fit(data[0].assign(late=late), data[1])
+    assert len(operator_parameters(fitted)) == 1
+    assert not hasattr(fitted, "coef_path_")
+    theta, covariance = fitted.coef_at([0.0, 1.0], return_covariance=True)
+    values, deviations, _ = arx_to_operator(theta, fitted.dt_, covariance)
+    np.testing.assert_allclose(values["K_edot"], [0.036, 0.084], rtol=0.03)
+    assert (deviations["K_edot"] > 0).all()
+
+
+def test_pipelines():
+    data = make_tracking_runs("C3", n_runs=2, random_state=0)
+    X3 = data[0].assign(s=STEP.unit()(data[0].index.get_level_values("time")))
+    basis = Sigmoid(0.0, 1.0, rate=0.5, time=40.96)
+    found = make_pipeline(Decimator(4), DelayShift(0.28), LPVARX(nk=0, basis=basis)).fit(*data)
+    assert found[-1].dt_ == pytest.approx(0.04)
+    assert found.score(*data) > 95
+    assert operator_parameters(found)["K_edot"].iloc[[0, -1]].diff().iloc[-1] > 0.03
+    shifted = make_pipeline(DelayShift(0.29), LPVARX(basis=basis)).fit(*data)
+    lagged = LPVARX(nk=29, basis=basis).fit(*data)
+    np.testing.assert_allclose(shifted[-1].estimates_, lagged.estimates_, rtol=1e-7)
+    np.testing.assert_allclose(operator_parameters(shifted), operator_parameters(lagged), rtol=1e-5)
+    channel = make_pipeline(Decimator(4), LPVARX(nk=7, scheduling="s"))
+    assert channel.fit(X3, data[1]).score(X3, data[1]) > 80
+
+
+def test_clone_pickle_and_search():
+    fitted = LPVARX(nk=NK, basis=STEP).fit(*recording(by="time"))
+    again = pickle.loads(pickle.dumps(clone(fitted))).fit(*recording(by="time"))
+    np.testing.assert_array_equal(again.coef_path_, fitted.coef_path_)
+    search = GridSearchCV(model(), {"basis": ["linear", SplineTransformer()]}, cv=2).fit(X, Y)
+    assert search.best_estimator_.scheduling_ == ["v"]
+    text = LPVARX(nk=NK, basis=STEP, covariance="hac").fit(*recording(by="time")).summary(X, Y)
+    assert "b1[1]" in text
+    assert "Sigmoid(initial=0.0" in text
+
+
+def test_arrays():
+    fitted = LPVARX(nk=NK, scheduling=1, dt=DT).fit(X.to_numpy()[:300], Y.to_numpy()[:300])
+    same = model().fit(X.iloc[:300], Y.iloc[:300])
+    np.testing.assert_allclose(fitted.estimates_, same.estimates_, rtol=1e-12)
+    assert (fitted.inputs_, fitted.scheduling_) == (["x0"], ["x1"])
+
+
+@pytest.mark.parametrize(
+    ("params", "message"),
+    [
+        ({"scheduling": "w"}, "scheduling names 'w', which is not a column of X"),
+        ({"scheduling": []}, "scheduling is empty"),
+        ({"inputs": ["e", "v"]}, "'v' is in scheduling and in inputs"),
+        ({"scheduling": ["v", "e"], "inputs": None}, "no column left|'e' is in scheduling"),
+        ({"basis": [1, 2]}, "basis must be"),
+        ({"basis": lambda s: s[:3]}, r"returned the shape \(3,\) for the scheduling"),
+        ({"basis": lambda s: 1.0 if s > 0 else 0.0}, "choose between values with np.where"),
+        ({"basis": lambda s: np.log(s)}, "is not finite for s = "),
+        ({"basis": "cubic"}, "basis"),
+        ({"varying": "none"}, "varying"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:invalid value encountered in log")
+def test_options_without_sense(params, message):
+    with pytest.raises(ValueError, match=message):
+        model(**params).fit(X, Y)
+
+
+def test_what_cannot_be_estimated():
+    with pytest.raises(RankDeficiencyError, match="scheduling hardly changes"):
+        model().fit(X.assign(v=2.0), Y)
+    with pytest.raises(RankDeficiencyError, match="excites nothing"):
+        model().fit(X.assign(e=0.0), Y)
+    with pytest.raises(ShortRunError, match="successive rows"):
+        model().fit(X[:4], Y[:4])
+    with pytest.raises(ValueError, match="'v' contains NaN in all rows"):
+        model().fit(X.assign(v=np.nan), Y)
+    with pytest.raises(ValueError, match=r"must have the shape \(n,\)"):
+        model().fit(X, Y).coef_at(np.ones((3, 2)))

@@ -1,0 +1,505 @@
+"""RecursiveFIR against least squares written out, in streams, at rest, and in other units."""
+
+import pickle
+import warnings
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.base import clone
+from sklearn.model_selection import GridSearchCV
+from sklearn.pipeline import make_pipeline
+from support import fir_twin
+from support.synthetic import DT, run_time
+
+from skhoid import (
+    Decimator,
+    DelayShift,
+    MissingDataWarning,
+    PoorExcitationWarning,
+    ShortRunError,
+    make_tracking_runs,
+    operator_parameters,
+)
+from skhoid.tracking.fir_filter import tc_kernel
+from skhoid.tracking.recursive_fir import RecursiveFIR
+
+TAPS, NK, LAMBDA, N = 6, 2, 0.97, 260
+LAGS = [range(NK, NK + TAPS)]
+H = np.array([0.2, 1.0, 0.7, 0.3, -0.1, 0.05])
+WHERE = [20, 60, 133, N - 1]
+
+
+def responses(e, noise, rng):
+    u = np.convolve(np.r_[np.zeros(NK), H], e)[: e.size]
+    return u + noise * rng.standard_normal(e.size)
+
+
+def recording(lengths=(N,), noise=0.2, seed=0):
+    """Runs of a finite impulse response to white noise."""
+    rng = np.random.default_rng(seed)
+    e = rng.standard_normal(sum(lengths))
+    edges = np.cumsum([0, *lengths])
+    u = np.concatenate([responses(e[a:b], noise, rng) for a, b in pairwise(edges)])
+    index = run_time(lengths)
+    return pd.DataFrame({"e": e}, index=index), pd.Series(u, index=index, name="u")
+
+
+def model(**params):
+    return RecursiveFIR(**{"n_taps": TAPS, "nk": NK, "forgetting": LAMBDA, "dt": DT, **params})
+
+
+X, Y = recording()
+ARRAYS = (X.to_numpy(), Y.to_numpy())
+PHI, ROWS = fir_twin.regressors(ARRAYS[0], 0, N, LAGS)
+U = ARRAYS[1][ROWS]
+
+
+def weighted(t):
+    """Regressors, outputs and weights λ^k of all rows up to t."""
+    so_far = t >= ROWS
+    return PHI[so_far], U[so_far], LAMBDA ** (t - ROWS[so_far])
+
+
+# The estimate
+
+
+@pytest.mark.parametrize("t", WHERE)
+def test_without_ridge_it_is_weighted_least_squares(t):
+    phi, u, weights = weighted(t)
+    root = np.sqrt(weights)
+    theta = np.linalg.lstsq(phi * root[:, None], u * root, rcond=None)[0]
+    found = model(ridge=0.0).fit(X, Y).coef_path_[t]
+    np.testing.assert_allclose(found, theta, rtol=1e-8)
+
+
+@pytest.mark.parametrize("penalty", ["identity", "tc"])
+@pytest.mark.parametrize("t", [8, *WHERE])
+def test_ridge_is_least_squares_with_rows_of_the_prior(penalty, t):
+    phi, u, weights = weighted(t)
+    R, _, total = fir_twin.information(phi, u, weights)
+    prior = np.eye(TAPS) if penalty == "identity" else tc_kernel(TAPS)[0]
+    delta = fir_twin.deltas(R, total, np.zeros(TAPS, int), prior, 3.0)[0]
+    root = np.sqrt(weights)
+    below = np.sqrt(delta) * np.linalg.inv(np.linalg.cholesky(prior))
+    theta = np.linalg.lstsq(
+        np.concatenate([phi * root[:, None], below]), np.r_[u * root, np.zeros(TAPS)], rcond=None
+    )[0]
+    fitted = model(ridge=3.0, penalty=penalty).fit(X, Y)
+    np.testing.assert_allclose(fitted.coef_path_[t], theta, rtol=1e-8)
+    if t == N - 1:
+        np.testing.assert_allclose(fitted.delta_, [delta], rtol=1e-12)
+
+
+@pytest.mark.parametrize("ridge", [0.0, 1.0, 4.0, 9.0])
+def test_pseudoinverse_is_that_of_numpy(ridge):
+    smooth = X.copy()
+    smooth["e"] = np.convolve(X["e"], np.ones(5) / 5)[:N]
+    phi_all, _ = fir_twin.regressors(smooth.to_numpy(), 0, N, LAGS)
+    fitted = model(form="pseudoinverse", ridge=ridge).fit(smooth, Y)
+    for t in WHERE:
+        so_far = t >= ROWS
+        weights = LAMBDA ** (t - ROWS[so_far])
+        R, s, total = fir_twin.information(phi_all[so_far], U[so_far], weights)
+        delta = ridge * np.trace(R) / total
+        largest = np.linalg.eigvalsh(R)[-1]
+        inverse = np.linalg.pinv(R, rcond=max(delta / largest, 1e-14), hermitian=True)
+        np.testing.assert_allclose(fitted.coef_path_[t], inverse @ s, rtol=1e-7, atol=1e-12)
+    dropped = (np.linalg.eigvalsh(R) <= delta).sum()
+    assert np.linalg.matrix_rank(fitted.covariance_) == TAPS - dropped
+
+
+def test_cases_of_the_pseudoinverse_drop_some_and_not_all_directions():
+    smooth = np.convolve(X["e"], np.ones(5) / 5)[:N, None]
+    phi, _ = fir_twin.regressors(smooth, 0, N, LAGS)
+    R, _, total = fir_twin.information(phi, U, LAMBDA ** (N - 1 - ROWS))
+    kept = [(np.linalg.eigvalsh(R) > r * np.trace(R) / total).sum() for r in (1.0, 4.0, 9.0)]
+    assert TAPS > kept[0] > kept[1] > kept[2] > 0
+
+
+def test_pooled_runs_are_stacked_least_squares():
+    lengths = (N, 200, 230)
+    Xs, Ys = recording(lengths, seed=3)
+    fitted = model(ridge=0.0).fit(Xs, Ys)
+    edges = np.cumsum([0, *lengths])
+    for t in (60, 190, N - 1):
+        phis, us, weights = [], [], []
+        for a, b in pairwise(edges):
+            phi, rows = fir_twin.regressors(Xs.to_numpy(), a, b, LAGS)
+            so_far = rows - a <= t
+            phis.append(phi[so_far])
+            us.append(Ys.to_numpy()[rows[so_far]])
+            weights.append(LAMBDA ** (t - (rows[so_far] - a)))
+        root = np.sqrt(np.concatenate(weights))
+        theta = np.linalg.lstsq(
+            np.concatenate(phis) * root[:, None], np.concatenate(us) * root, rcond=None
+        )[0]
+        np.testing.assert_allclose(fitted.coef_path_[t], theta, rtol=1e-8)
+
+
+def test_several_inputs_and_a_constant():
+    """Each input has its δ, whatever its unit; the constant has none."""
+    rng = np.random.default_rng(5)
+    table = np.stack([X["e"], 40 * rng.standard_normal(N)], axis=1)
+    u = Y.to_numpy() + 0.02 * table[:, 1] + 3.0
+    fitted = RecursiveFIR([TAPS, 3], [NK, 0], ridge=2.0, forgetting=LAMBDA, fit_intercept=True)
+    fitted.fit(table, u)
+    phi, rows = fir_twin.regressors(table, 0, N, [*LAGS, range(3)])
+    phi = np.column_stack([phi, np.ones(len(phi))])
+    R, s, total = fir_twin.information(phi, u[rows], LAMBDA ** (N - 1 - rows))
+    owner = np.array([0] * TAPS + [1] * 3 + [-1])
+    delta = fir_twin.deltas(R, total, owner, np.eye(TAPS + 4), 2.0)
+    np.testing.assert_allclose(fitted.coef_, np.linalg.solve(R + np.diag(delta), s), rtol=1e-9)
+    np.testing.assert_allclose(fitted.delta_, delta[[0, -2]], rtol=1e-12)
+    assert [b.size for b in fitted.b_] == [TAPS, 3]
+    assert fitted.a_.size == 0
+    assert fitted.intercept_ == fitted.coef_[-1] == pytest.approx(3.0, abs=0.3)
+
+
+@pytest.mark.parametrize("form", ["regularized", "pseudoinverse"])
+@pytest.mark.parametrize("penalty", ["identity", "tc"])
+def test_units_change_nothing_but_units(form, penalty):
+    if (form, penalty) == ("pseudoinverse", "tc"):
+        pytest.skip("is refused")
+    options = {"form": form, "penalty": penalty, "ridge": 0.5}
+    one = model(**options).fit(X, Y)
+    other = model(**options).fit(1000 * X, Y / 8)
+    np.testing.assert_allclose(other.coef_path_ * 8000, one.coef_path_, rtol=1e-9)
+    np.testing.assert_allclose(other.standard_errors_ * 8000, one.standard_errors_, rtol=1e-9)
+    assert other.noise_variance_ * 64 == pytest.approx(one.noise_variance_, rel=1e-9)
+
+
+def test_best_ridge_is_the_ratio_of_variances():
+    """Of drawn taps and few rows: the mean squared error is least near ridge = σ² / var(u)."""
+    rng = np.random.default_rng(0)
+    taps, n_rows, share = 12, 40, 0.5
+    ridges = share * np.array([0.05, 1.0, 20.0])
+    lost = np.zeros(3)
+    for _ in range(60):
+        e = rng.standard_normal(n_rows)
+        h = rng.standard_normal(taps) / np.sqrt(taps)
+        u = np.convolve(h, e)[:n_rows] + np.sqrt(share) * rng.standard_normal(n_rows)
+        for i, ridge in enumerate(ridges):
+            found = RecursiveFIR(taps, ridge=ridge, every=n_rows).fit(e[:, None], u).coef_
+            lost[i] += np.sum((found - h) ** 2)
+    assert lost[1] < 0.8 * lost[0]
+    assert lost[1] < 0.8 * lost[2]
+
+
+# Uncertainty
+
+
+def test_covariance_is_the_sandwich():
+    fitted = model(ridge=1.0, store_covariance=True).fit(X, Y)
+    for t in (60, N - 1):
+        phi, u, weights = weighted(t)
+        R, _, total = fir_twin.information(phi, u, weights)
+        S, _, _ = fir_twin.information(phi, u, weights**2)
+        penalty = np.trace(R) / total * np.eye(TAPS)
+        A = np.linalg.inv(R + penalty)
+        covariance = fitted.noise_variance_ * A @ (S + penalty) @ A
+        np.testing.assert_allclose(fitted.covariance_path_[t], covariance, rtol=1e-9)
+    np.testing.assert_allclose(fitted.covariance_, covariance, rtol=1e-9)
+
+
+def test_noise_variance_is_that_of_errors_over_their_expected_size():
+    fitted = model(ridge=1.0, store_covariance=True).fit(X, Y)
+    spread = fitted.covariance_path_ / fitted.noise_variance_
+    total, count = 0.0, 0
+    for phi, t in zip(PHI[1:], ROWS[1:], strict=True):
+        error = Y.iloc[t] - phi @ fitted.coef_path_[t - 1]
+        assert fitted.one_step_errors_[t] == pytest.approx(error, rel=1e-9, abs=1e-12)
+        total, count = total + error**2 / (1 + phi @ spread[t - 1] @ phi), count + 1
+    assert fitted.noise_variance_ == pytest.approx(total / count, rel=1e-9)
+
+
+def test_intervals_of_drawn_taps_cover_their_bias():
+    """Few rows and a strong ridge: the sandwich alone would cover far fewer than 95 %."""
+    rng = np.random.default_rng(2)
+    covered = []
+    for _ in range(60):
+        e = rng.standard_normal(20)
+        h = rng.standard_normal(12) / np.sqrt(12)
+        u = np.convolve(h, e)[:20] + 0.5 * rng.standard_normal(20)
+        fitted = RecursiveFIR(12, ridge=0.25, every=20, dt=DT).fit(e[:, None], u)
+        covered.append(
+            np.abs(fitted.coef_ - h) < 1.96 * 0.5 * np.sqrt(np.diag(fitted._state.spread()))
+        )
+    # δ follows the power of each sample, hence not 95 % to the digit.
+    assert np.mean(covered) == pytest.approx(0.95, abs=0.04)
+
+
+def test_intervals_cover():
+    """White noise, no ridge: 95 % of 6 taps in 200 runs, whose share has a sd of 1 %."""
+    rng = np.random.default_rng(1)
+    covered = []
+    for _ in range(200):
+        e = rng.standard_normal(150)
+        fitted = model(ridge=0.0, every=150).fit(e[:, None], responses(e, 0.5, rng))
+        # One solution alone does not tell the noise, whose sd is 0.5.
+        sd = 0.5 * np.sqrt(np.diag(fitted._state.spread()))
+        covered.append(np.abs(fitted.coef_ - H) < 1.96 * sd)
+    assert np.mean(covered) == pytest.approx(0.95, abs=0.03)
+
+
+def test_noise_variance_is_that_of_the_noise():
+    found = [
+        model().fit(*recording((600,), noise=0.2, seed=seed)).noise_variance_ for seed in range(12)
+    ]
+    # Of 12 * 600 errors: sd 0.04 * sqrt(2 / 7200) = 0.0007.
+    assert np.mean(found) == pytest.approx(0.04, abs=4 * 0.0007)
+
+
+# What is missing, or at rest
+
+
+def test_nan_leaves_out_rows_and_forgets_nothing():
+    Xn, Yn = X.copy(), Y.copy()
+    Yn.iloc[100:110] = np.nan
+    Xn.iloc[150] = np.nan
+    with pytest.warns(MissingDataWarning, match="11 rows"):
+        fitted = model(ridge=0.0).fit(Xn, Yn)
+    lost = np.isin(ROWS, np.r_[100:110, 150 + NK : 150 + NK + TAPS])
+    weights = np.sqrt(LAMBDA ** np.arange((~lost).sum())[::-1])
+    theta = np.linalg.lstsq(PHI[~lost] * weights[:, None], U[~lost] * weights, rcond=None)[0]
+    np.testing.assert_allclose(fitted.coef_, theta, rtol=1e-8)
+    assert fitted.n_rows_missing_ == lost.sum() == 16
+    assert np.isnan(fitted.one_step_errors_[100:110]).all()
+    np.testing.assert_array_equal(fitted.coef_path_[109], fitted.coef_path_[99])
+
+
+def test_lags_do_not_cross_gaps():
+    kept = np.r_[0:120, 160:N]
+    fitted = model(ridge=0.0).fit(X.iloc[kept], Y.iloc[kept])
+    parts = [fir_twin.regressors(ARRAYS[0], a, b, LAGS) for a, b in ((0, 120), (160, N))]
+    phi, rows = (np.concatenate(part) for part in zip(*parts, strict=True))
+    weights = np.sqrt(LAMBDA ** np.arange(rows.size)[::-1])
+    theta = np.linalg.lstsq(phi * weights[:, None], ARRAYS[1][rows] * weights, rcond=None)[0]
+    np.testing.assert_allclose(fitted.coef_, theta, rtol=1e-8)
+
+
+@pytest.mark.parametrize("options", [{}, {"ridge": 0.0}, {"form": "pseudoinverse"}])
+@pytest.mark.parametrize("factor", [0.9, 0.999])
+def test_sixteen_thousand_zeros_change_nothing(options, factor):
+    e = np.concatenate([ARRAYS[0][:, 0], np.zeros(16_000), ARRAYS[0][:, 0]])
+    u = np.concatenate([ARRAYS[1], np.zeros(16_000), ARRAYS[1]])
+    fitted = model(forgetting=factor, every=20, **options).fit(e[:, None], u)
+    before = model(forgetting=factor, every=20, **options).fit(e[: N + 20, None], u[: N + 20])
+    at = np.searchsorted(fitted.time_path_, (N + 15_000) * DT)
+    np.testing.assert_array_equal(fitted.coef_path_[at], before.coef_)
+    assert np.isfinite(fitted.coef_path_).all()
+    assert np.isfinite(fitted.covariance_).all()
+    assert fitted.n_held_ == 16_000 - TAPS + 1
+    np.testing.assert_allclose(fitted.coef_, H, atol=0.15)
+
+
+def test_a_small_input_is_learned_from_and_a_negligible_one_not():
+    """What is left of rounding in an input at rest, a 1e-8 of its size, says nothing."""
+    e = ARRAYS[0][:, 0]
+    for size, learned in ((1e-3, True), (1e-8, False)):
+        both = np.concatenate([e, np.zeros(20), size * np.tile(e, 8)])
+        u = responses(both, 0.0, np.random.default_rng(0))
+        u[N + 20 :] *= 2
+        fitted = model(ridge=1e-9, forgetting=0.95).fit(both[:, None], u)
+        np.testing.assert_allclose(fitted.coef_, (1 + learned) * H, atol=1e-3)
+        assert (fitted.n_held_ > 8 * N) == (not learned)
+
+
+def test_an_input_that_never_moves_is_told():
+    with pytest.warns(PoorExcitationWarning, match="'x0' never determined all of the 6 taps"):
+        fitted = model(ridge=0.0).fit(np.ones((N, 1)), Y.to_numpy())
+    assert not fitted.coef_path_.any()
+    assert np.isnan(fitted.standard_errors_).all()
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    size=st.sampled_from([1e-20, 1e-6, 1.0, 1e6, 1e20]),
+    factor=st.sampled_from([0.5, 0.9, 1.0]),
+    seed=st.integers(0, 100),
+)
+def test_whatever_comes_it_stays_finite(size, factor, seed):
+    rng = np.random.default_rng(seed)
+    e = size * rng.standard_normal(400) * 10.0 ** rng.integers(-12, 12, 400)
+    e[rng.random(400) < 0.3] = 0.0
+    u = rng.standard_normal(400)
+    u[rng.random(400) < 0.2] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MissingDataWarning)
+        fitted = model(forgetting=factor).fit(e[:, None], u)
+    assert np.isfinite(fitted.coef_path_).all()
+    assert (
+        np.linalg.eigvalsh(fitted.covariance_) >= -1e-9 * np.abs(fitted.covariance_).max()
+    ).all()
+
+
+# Streams
+
+FORMS = {
+    "regularized": {},
+    "tc": {"penalty": "tc", "every": 7},
+    "pseudoinverse": {"form": "pseudoinverse", "ridge": 1.0},
+    "pseudoinverse, seldom": {"form": "pseudoinverse", "every": 9},
+    "constant": {"fit_intercept": True, "forgetting": None},
+}
+each_form = pytest.mark.parametrize("params", FORMS.values(), ids=FORMS.keys())
+cut_places = st.lists(st.integers(1, N - 1), unique=True, max_size=8).map(sorted)
+
+
+def stream(target, X, y, cuts):
+    for begin, end in pairwise([0, *cuts, len(y)]):
+        target.partial_fit(X[begin:end], y[begin:end])
+    return target
+
+
+def assert_same_bits(one, other):
+    for name in ("coef_", "covariance_", "delta_"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    for name in ("noise_variance_", "n_updates_", "n_held_", "dt_", "intercept_"):
+        assert getattr(one, name) == getattr(other, name), name
+
+
+@each_form
+@settings(max_examples=4, deadline=None)
+@given(cuts=cut_places)
+def test_any_cut_of_a_stream(params, cuts):
+    whole = model(**params).fit(*ARRAYS)
+    assert_same_bits(stream(model(**params), *ARRAYS, cuts), whole)
+    assert_same_bits(stream(model(**params), X, Y, cuts), model(**params).fit(X, Y))
+
+
+@each_form
+def test_row_by_row(params):
+    assert_same_bits(stream(model(**params), *ARRAYS, range(1, N)), model(**params).fit(*ARRAYS))
+
+
+@each_form
+def test_a_stream_goes_on_after_fit(params):
+    begun = pickle.loads(pickle.dumps(model(**params).fit(ARRAYS[0][:101], ARRAYS[1][:101])))
+    assert_same_bits(
+        begun.partial_fit(ARRAYS[0][101:], ARRAYS[1][101:]), model(**params).fit(*ARRAYS)
+    )
+    assert not hasattr(begun, "coef_path_")
+
+
+@settings(max_examples=10, deadline=None)
+@given(cuts=cut_places, seed=st.integers(0, 2**16))
+@pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
+def test_streams_with_nan_and_a_gap(cuts, seed):
+    rng = np.random.default_rng(seed)
+    Xn, Yn = X.mask(rng.random(X.shape) < 0.02), Y.mask(rng.random(N) < 0.05)
+    kept = np.r_[0:130, 140:N]
+    Xn, Yn = Xn.iloc[kept], Yn.iloc[kept]
+    cuts = [cut for cut in cuts if cut < len(kept)]
+    assert_same_bits(stream(model(), Xn, Yn, cuts), model().fit(Xn, Yn))
+
+
+def test_a_stream_goes_on_after_several_runs():
+    """The next rows are a new run; what was learned is kept."""
+    Xs, Ys = recording((N, 200), seed=3)
+    begun = model(ridge=0.0).fit(Xs, Ys)
+    before = begun.coef_
+    begun.partial_fit(X.iloc[: NK + TAPS - 1], Y.iloc[: NK + TAPS - 1])
+    np.testing.assert_array_equal(begun.coef_, before)
+    begun.partial_fit(X.iloc[NK + TAPS - 1 :], Y.iloc[NK + TAPS - 1 :])
+    np.testing.assert_allclose(begun.coef_, model(ridge=0.0).fit(X, Y).coef_, atol=2e-3)
+
+
+def test_a_new_run_clears_the_lags_alone():
+    streamed = model(ridge=0.0).partial_fit(*(a[:100] for a in ARRAYS))
+    streamed.partial_fit(*(a[150:] for a in ARRAYS), new_run=True)
+    parts = [fir_twin.regressors(ARRAYS[0], a, b, LAGS) for a, b in ((0, 100), (150, N))]
+    phi, rows = (np.concatenate(part) for part in zip(*parts, strict=True))
+    weights = np.sqrt(LAMBDA ** np.arange(rows.size)[::-1])
+    theta = np.linalg.lstsq(phi * weights[:, None], ARRAYS[1][rows] * weights, rcond=None)[0]
+    np.testing.assert_allclose(streamed.coef_, theta, rtol=1e-8)
+
+
+# Predictions and the API
+
+
+def test_free_run_follows_the_path():
+    fitted = model(every=5).fit(X, Y)
+    assert len(fitted.coef_path_) == len(fitted.time_path_) == N // 5
+    np.testing.assert_allclose(fitted.time_path_, (np.arange(N // 5) * 5 + 4) * DT)
+    padded = np.r_[np.zeros(NK + TAPS), ARRAYS[0][:, 0]]
+    expected = []
+    for t in range(N):
+        theta = fitted.coef_path_[max((t + 1) // 5 - 1, 0)]
+        expected.append(theta @ padded[t + TAPS : t : -1])
+    np.testing.assert_allclose(fitted.predict(X), expected, rtol=1e-9, atol=1e-12)
+    last = model(parameters="last").fit(X, Y)
+    np.testing.assert_allclose(
+        last.predict(X), np.convolve(np.r_[np.zeros(NK), last.coef_], ARRAYS[0][:, 0])[:N]
+    )
+
+
+def test_one_step_errors_are_those_of_predict_ahead():
+    fitted = model().fit(X, Y)
+    ahead = Y.to_numpy() - fitted.predict_ahead(X, Y, 1)
+    np.testing.assert_allclose(ahead[ROWS], fitted.one_step_errors_[ROWS], rtol=1e-9, atol=1e-12)
+
+
+def test_length_in_seconds_keeps_its_meaning_when_decimated():
+    Xl, Yl = recording((1200,))
+    full = RecursiveFIR(length=0.4, memory_time=2.0).fit(Xl, Yl)
+    thin = make_pipeline(Decimator(4), RecursiveFIR(length=0.4, memory_time=2.0)).fit(Xl, Yl)[-1]
+    assert (full.coef_.size, thin.coef_.size) == (40, 10)
+    assert thin.memory_horizon_ == pytest.approx(full.memory_horizon_ / 4)
+    assert "b39" in full.summary()
+    assert "ridge" in full.summary()
+
+
+def test_operator_of_a_simulated_run():
+    """A delay shift and a decimator before it; without remnant the operator is found."""
+    data = make_tracking_runs("C4", n_runs=2, random_state=0)
+    found = make_pipeline(
+        Decimator(4),
+        DelayShift(0.24),
+        RecursiveFIR(25, ridge=1e-3, memory_time=5.12, every=128, store_covariance=True),
+    ).fit(*data)
+    table = operator_parameters(found, method="fit")
+    for when, gains in ((35.0, (0.09, 0.036)), (80.0, (0.07, 0.084))):
+        row = table.iloc[np.searchsorted(table.index, when)]
+        # Zero-order hold over 40 ms and the finite length leave some per cent.
+        np.testing.assert_allclose(row[["K_e", "K_edot"]], gains, rtol=0.08)
+        np.testing.assert_allclose(row[["omega_nm", "zeta_nm"]], (11.25, 0.35), rtol=0.08)
+        assert row["tau_e"] == pytest.approx(0.28, abs=0.02)
+        assert 0 < row["sd_K_edot"] < 0.01
+    assert found.score(*data) > 95
+
+
+def test_clone_and_search():
+    search = GridSearchCV(model(), {"ridge": [1e-3, 1.0]}, cv=2)
+    assert search.fit(*recording((400, 400))).best_score_ > 80
+    assert clone(search.best_estimator_).get_params() == search.best_estimator_.get_params()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"forgetting": 0.9, "memory_time": 1.0}, "at most one of forgetting"),
+        ({"form": "pseudoinverse", "penalty": "tc"}, "form='pseudoinverse' has no penalty"),
+        ({"length": 0.001}, "less than the sampling time"),
+        ({"n_taps": 2000}, "2000 taps are too many"),
+        ({"ridge": -1.0}, "ridge"),
+        ({"forgetting": 0.0}, "forgetting"),
+        ({"memory_horizon": 0.5}, "memory_horizon"),
+    ],
+)
+def test_options_without_sense(options, message):
+    options = options if "forgetting" in options else {"forgetting": None, **options}
+    with pytest.raises(ValueError, match=message):
+        model(**options).fit(X, Y)
+
+
+def test_too_short():
+    with pytest.raises(ShortRunError, match="Run 1 has at most 7 successive rows"):
+        model().fit(X[:7], Y[:7])
+    with pytest.raises(ShortRunError, match="every=300"):
+        model(every=300).fit(X, Y)
+    with pytest.raises(ValueError, match="decimated"):
+        model().partial_fit(Decimator(2).fit_transform(X), Y)

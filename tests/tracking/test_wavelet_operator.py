@@ -1,0 +1,264 @@
+"""Operators by wavelets: the response against the true one, and the fit against known ones."""
+
+import builtins
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+
+from skhoid import HumanOperator, make_tracking_runs
+from skhoid.exceptions import RankDeficiencyError, ShortRunError
+from skhoid.tracking.operator_fitting import read_limits
+from skhoid.tracking.response_fitting import _Problem, fit_responses
+from skhoid.tracking.wavelet_operator import Blocks, WaveletOperator, peak_bins
+
+pytest.importorskip("pywt")
+
+DT = 0.01
+OMEGA = 2 * np.pi / 81.92 * np.array([3, 5, 8, 13, 22, 34, 53, 86, 139, 229])
+OPERATOR = HumanOperator(K_e=0.09, T_L=0.4, tau_e=0.28)
+TRUE = {"K_e": 0.09, "K_edot": 0.036, "tau_e": 0.28, "omega_nm": 11.25, "zeta_nm": 0.35}
+
+
+def closed_loop(n=8192, seed=0):
+    """e, f_t and u of a loop in steady state, exactly: each is a sum of the target's sines."""
+    rng = np.random.default_rng(seed)
+    amplitude = 1.0 / (1 + (OMEGA / 3) ** 2) * np.exp(1j * rng.uniform(0, 2 * np.pi, OMEGA.size))
+    H = OPERATOR.frequency_response(OMEGA)
+    G = 90.0 / (1j * OMEGA * (1j * OMEGA + 6.0))
+    waves = np.exp(1j * np.outer(np.arange(n) * DT, OMEGA))
+    error = amplitude / (1 + G * H)
+    e, f, u = ((waves @ part).real for part in (error, amplitude, H * error))
+    return pd.DataFrame({"e": e, "f_t": f}), u, H
+
+
+@pytest.fixture(scope="module")
+def exact():
+    X, u, H = closed_loop()
+    return X, u, H, WaveletOperator(dt=DT).fit(X, u)
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    return make_tracking_runs(
+        "C1", n_runs=1, remnant_intensity=0.15, random_state=5, channels=["e", "f_t"]
+    )
+
+
+def test_response_of_a_constant_loop_without_remnant_is_within_two_percent(exact):
+    _, _, H, model = exact
+    np.testing.assert_allclose(model.frequencies_, OMEGA, rtol=1e-9)
+    middle = abs(model.time_path_ - 40.96) < 2.5
+    away = abs(model.frequency_response_[middle] / H - 1)
+    assert np.isfinite(away[:, 1:]).all()
+    assert np.nanmax(away) < 0.02
+    assert (model.coherence_[middle][:, 1:] > 0.95).all()
+
+
+def test_parameters_of_a_constant_loop_without_remnant(exact):
+    X, u, _, model = exact
+    path = model.parameters_path_.loc[20:62]
+    for name, value in TRUE.items():
+        # The fitted response holds the error between samples, half a sample later.
+        expected = value - DT / 2 if name == "tau_e" else value
+        assert abs(path[name] / expected - 1).max() < 0.03, name
+    assert model.score(X, u) > 95
+
+
+def test_outside_the_cone_responses_are_unknown(exact):
+    model = exact[3]
+    known = np.isfinite(model.frequency_response_)
+    for omega, column in zip(model.frequencies_[3:], known.T[3:], strict=True):
+        edge = 2**0.5 * model.omega0 / omega
+        inside = (model.time_path_ > edge) & (model.time_path_ < 81.92 - edge)
+        near = abs(np.minimum(model.time_path_, 81.92 - model.time_path_) - edge) < 0.6
+        assert (column == inside)[~near].all()
+    few = known.sum(axis=1) < 4
+    path = model.parameters_path_
+    assert few.any()
+    assert path[few].isna().all(axis=None)
+    assert path[~few]["K_e"].notna().all()
+
+
+def test_wavelets_are_good_without_remnant_and_poor_with_it(noisy):
+    quiet = make_tracking_runs("C1", n_runs=1, random_state=5, channels=["e", "f_t"])
+    rms = {}
+    for name, (X, y) in {"quiet": quiet, "noisy": noisy}.items():
+        path = WaveletOperator().fit(X, y).parameters_path_.loc[15:67]
+        rms[name] = np.sqrt(((path["K_edot"] / 0.036 - 1) ** 2).mean())
+    assert rms["quiet"] < 0.05 < 0.1 < rms["noisy"]
+
+
+def test_the_instrument_keeps_the_remnant_out():
+    """The error as its own instrument shifts the response towards -1 / G; the target does not."""
+    X, y = make_tracking_runs(
+        "C1", n_runs=8, remnant_intensity=0.3, random_state=2, channels=["e", "f_t"]
+    )
+    H = OPERATOR.frequency_response(OMEGA)
+    biases = []
+    for instrument in ("f_t", None):
+        model = WaveletOperator(instrument=instrument, frequencies=OMEGA)
+        if instrument is None:
+            with pytest.warns(UserWarning, match="uses the error as its own instrument"):
+                model.fit(X, y)
+        else:
+            model.fit(X, y)
+        mean = np.nanmean(model.frequency_response_[:, 5:9], axis=0)
+        biases.append(abs(mean / H[5:9] - 1).mean())
+    assert biases[0] < 0.6 * biases[1]
+
+
+def test_error_and_output_of_the_element_give_the_target(exact):
+    X, u, _, model = exact
+    other = pd.DataFrame({"e": X["e"], "x": X["f_t"] - X["e"]})
+    found = WaveletOperator(dt=DT).fit(other, u)
+    np.testing.assert_allclose(found.frequency_response_, model.frequency_response_, rtol=1e-8)
+
+
+def test_roles_name_the_target(exact):
+    X, u, _, model = exact
+    renamed = X.rename(columns={"f_t": "reference"})
+    found = WaveletOperator(dt=DT, inputs=["e"], roles={"reference": "f_t"}).fit(renamed, u)
+    np.testing.assert_allclose(found.frequency_response_, model.frequency_response_)
+
+
+def test_without_a_target_the_error_says_what_to_do(exact):
+    with pytest.raises(ValueError, match=r"needs the target as its instrument.*instrument=None"):
+        WaveletOperator(dt=DT).fit(exact[0][["e"]], exact[1])
+
+
+def test_runs_are_pooled():
+    X, y = make_tracking_runs(
+        "C1", n_runs=6, remnant_intensity=0.15, random_state=5, channels=["e", "f_t"]
+    )
+    one = WaveletOperator().fit(X.loc[[0]], y.loc[[0]])
+    six = WaveletOperator().fit(X, y)
+    assert one.parameters_path_.shape == six.parameters_path_.shape
+    ratio = six.frequency_response_sd_ / one.frequency_response_sd_
+    assert np.nanmedian(ratio) < 0.5
+    rms = [np.nanstd(m.parameters_path_["K_edot"].loc[15:67] / 0.036) for m in (one, six)]
+    assert rms[1] < 0.7 * rms[0]
+
+
+def test_missing_output_counts_as_not_recorded(exact):
+    X, u, H, _ = exact
+    holes = u.copy()
+    holes[4000:4400] = np.nan
+    model = WaveletOperator(dt=DT).fit(X, holes)
+    known = np.isfinite(model.frequency_response_)
+    inside = (model.time_path_ > 40.5) & (model.time_path_ < 43.5)
+    assert not known[inside].any()
+    assert np.nanmax(abs(model.frequency_response_ / H - 1)[:, 5:]) < 0.15
+
+
+def test_frequencies_of_a_target_that_is_no_multisine():
+    rng = np.random.default_rng(0)
+    f = np.cumsum(rng.standard_normal(8192)) * 0.1
+    blocks = Blocks(4, 0.04, 0, 2048, 1, [(0, np.repeat(f[::4, None], 3, 1), np.ones(2048))])
+    assert blocks.lines(0.2, 20).size == 0
+    sines = np.sin(np.outer(np.arange(1900) * 0.04, OMEGA[3:])).sum(axis=1)
+    found = peak_bins(sines) * 2 * np.pi / (1900 * 0.04)
+    np.testing.assert_allclose(found, OMEGA[3:], atol=0.01)
+
+
+def test_fit_of_exact_responses_is_exact():
+    omega = np.geomspace(0.3, 18, 12)
+    rng = np.random.default_rng(1)
+    K_e, T_L = rng.uniform(0.03, 0.3, 25), rng.uniform(0.1, 1.5, 25)
+    tau, natural, zeta = rng.uniform(0.1, 0.5, 25), rng.uniform(5, 20, 25), rng.uniform(0.1, 1, 25)
+    H = np.array(
+        [
+            HumanOperator(K_e=a, T_L=b, tau_e=c + DT / 2, omega_nm=d, zeta_nm=z)
+            .frequency_response(omega)
+            for a, b, c, d, z in zip(K_e, T_L, tau, natural, zeta, strict=True)
+        ]
+    )  # fmt: skip
+    H[3, :4] = np.nan
+    fits = fit_responses(omega, H, np.zeros(H.shape), DT, read_limits(None))
+    expected = np.stack([K_e, K_e * T_L, tau, natural, zeta, T_L], axis=1)
+    np.testing.assert_allclose(fits.values, expected, rtol=1e-4)
+    assert not fits.stuck.any()
+
+
+def test_slopes_of_the_fit_are_derivatives():
+    omega = np.geomspace(0.3, 18, 7)
+    H = np.ones((2, 7), dtype=complex)
+    problem = _Problem(omega, H, np.full((2, 7), 3.0), DT, np.full(5, -9.0), np.full(5, 9.0))
+    p = np.array([[0.09, 0.04, 2.4, -1.0, 0.28], [0.2, -0.04, 1.9, -0.3, 0.11]])
+    slopes = problem.slopes(p)
+    for i, step in enumerate(1e-6 * np.eye(5)):
+        difference = (problem.residuals(p - step) - problem.residuals(p + step)) / 2e-6
+        np.testing.assert_allclose(slopes[:, :, i], difference, atol=1e-6)
+
+
+def test_standard_errors_of_the_fit_are_the_spread_of_its_estimates():
+    omega, n = np.geomspace(0.3, 18, 12), 400
+    rng = np.random.default_rng(4)
+    H = np.tile(OPERATOR.frequency_response(omega), (n, 1))
+    sd = np.tile(0.02 * abs(H[0]), (n, 1))
+    noise = rng.standard_normal((2, n, 12)) / np.sqrt(2)
+    spread = np.hypot(sd, 0.01 * abs(H))
+    responses = H + spread * (noise[0] + 1j * noise[1])
+    fits = fit_responses(omega, responses, sd, DT, read_limits(None))
+    # Errors only grow with a misfit, so they are a little too large on average.
+    ratio = np.std(fits.values, axis=0) / np.mean(fits.deviations, axis=0)
+    assert (ratio > 0.75).all()
+    assert (ratio < 1.05).all()
+
+
+def test_bounds_hold(noisy):
+    model = WaveletOperator(bounds={"omega_nm": (2.0, 5.0)}).fit(*noisy)
+    path = model.parameters_path_
+    known = path["K_e"].notna().to_numpy()
+    at = model.at_bound_[:, 0] & known
+    assert at.sum() > 50
+    assert (path["omega_nm"][known] <= 5.0 + 1e-9).all()
+    assert path["sd_omega_nm"][at].isna().all()
+    assert path["sd_K_e"][at].notna().all()
+
+
+def test_pywavelets_is_named_where_it_is_missing(exact, monkeypatch):
+    real = builtins.__import__
+
+    def without(name, *args, **kwargs):
+        if name == "pywt":
+            raise ImportError("none")
+        return real(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(ImportError, match=r'pip install "skhoid\[wavelets\]"'):
+        WaveletOperator(dt=DT).fit(exact[0], exact[1])
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"frequencies": [1.0, 2.0]}, "at least 4 different numbers"),
+        ({"frequencies": [1.0, 2.0, 3.0, 400.0]}, "below 78.54"),
+        ({"band": (3.0, 1.0)}, "band must be"),
+        ({"omega0": 0.5}, "The 'omega0' parameter"),
+        ({"instrument": "e"}, "The 'instrument' parameter"),
+        ({"bounds": {"K_e": (0, 1)}}, "bounds has no 'K_e'"),
+    ],
+)
+def test_bad_options_are_refused(exact, options, match):
+    with pytest.raises(ValueError, match=match):
+        WaveletOperator(dt=DT, **options).fit(exact[0], exact[1])
+
+
+def test_runs_too_short_and_still_targets_are_refused(exact):
+    X, u = exact[:2]
+    with pytest.raises(ShortRunError, match="no instant lies in the cone"):
+        WaveletOperator(dt=DT, frequencies=OMEGA).fit(X.iloc[:300], u[:300])
+    with pytest.raises(RankDeficiencyError, match="the instrument does not move"):
+        WaveletOperator(dt=DT).fit(X.assign(f_t=0.0), u)
+
+
+def test_clones_and_summaries(exact):
+    X, u = exact[:2]
+    model = clone(WaveletOperator(step=2.0, time_smoothing=0.0, scale_smoothing=0.0, dt=DT))
+    model.fit(X, u)
+    assert model.frequency_response_.shape == (41, 10)
+    assert np.isnan(model.frequency_response_sd_).all()
+    assert "wavelets (Morlet" in model.summary()
