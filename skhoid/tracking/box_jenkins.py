@@ -44,7 +44,8 @@ class RecursiveBoxJenkins(WhitenedRecursion):
     operator instead, which biases its parameters where the remnant has others. With w = B/F e and
     v = u - w, at each instant
 
-    eps = D v, psi = D/F [-w(t-1) ... e(t-nk) ...], R = ΛRΛ + psi psi', theta += R^-1 psi eps
+    eps = D u - B/F (D e), psi = D/F [-w(t-1) ... e(t-nk) ...], R = ΛRΛ + psi psi',
+    theta += R^-1 psi eps
 
     and D follows v by least squares, with a memory of its own.
 
@@ -128,20 +129,24 @@ class RecursiveBoxJenkins(WhitenedRecursion):
 
     Notes
     -----
-    The textbook's recursion (Ljung and Söderström 1983) filters the gradient by the newest F, and
-    often diverges with short memories (Ortiz Moya 2025). Here the filters follow F with a lag of
-    the memory: a psi of a slightly older F is still a descent direction, and what R holds stays
-    comparable. Steps that would take a pole of F out of the unit circle are halved until they do
-    not. As R contains psi psi', a step never raises the error of its own instant to first order. D
-    is a moving average of v and needs no projection; P of its least squares is stored in factors
-    (Bierman 1977).
+    The textbook's recursion (Ljung and Söderström 1983) often diverges with short memories (Ortiz
+    Moya 2025). Here
 
-    The remnant's model must hold for the recursion to be unbiased in a closed loop: an
-    autoregressive one of sufficient order does for any stationary remnant. The estimate lags
-    behind changes by about the memory. Rows count from 1 s after the lags of a run are known.
-    Where y or an input is NaN, nothing is updated or forgotten; inputs hold their last value.
+    - the signals are whitened first and simulated then. The other way round, D would take every
+      step of theta for noise, and amplify it: remnant of order 4 makes D large where steps are;
+    - the gradient is filtered by an F that follows the estimate with a lag of the memory: psi of a
+      slightly older F is still a descent direction, and what R holds stays comparable;
+    - steps that would take a pole of F out of the unit circle are halved until they do not. As R
+      contains psi psi', a step never raises the error of its own instant, to first order;
+    - D is a moving average of v and needs no projection; its least squares are stored in factors
+      (Bierman 1977). Errors of more than two standard deviations, as a change of the operator
+      makes them, count less in it, the less the larger they are.
 
-    With nd the order of D, a row costs about 1 µs (na = nb = 2, nd = 6).
+    In a closed loop the estimate is unbiased if the noise model holds: an autoregressive one of
+    sufficient order does for any stationary remnant. It is so for long memories; with few seconds,
+    estimates scatter so much that their mean is not the truth. The estimate lags behind changes by
+    about the memory. Rows count from 2 s after the lags of a run are known. Where y or an input is
+    NaN, nothing is updated or forgotten; inputs hold their last value.
 
     References
     ----------
