@@ -10,7 +10,10 @@ index. Estimators, searches and transformers follow the scikit-learn API. By tas
   `ensemble_average`.
 - Identify: `ARXRegressor`; delay and orders with `DelaySearchCV`, `OrderSearchCV`;
   the physical model `OperatorRegressor`.
-- Track a change: `RecursiveARX`, `RecursiveARXCV`, `forgetting_factor`.
+- Track a change: `RecursiveARX`, `RecursiveARXCV`, `forgetting_factor`; without the bias of remnant
+  `RecursiveBoxJenkins`, `RecursiveIV`; by other means `OperatorKalman`, `DelayBankARX`,
+  `RecursiveFIR`, `WindowedOperator`, `SigmoidOperator`, `WaveletOperator`, `LPVARX`; which of them,
+  `recommend_method`, `run_tournament`.
 - Validate: `vaf_score`, `VAFScorer`, `compare`, `remnant_estimate`, `performance_scores`.
 - Find what is missing: `EffectSearchCV`, `report`; the catalogue is `skhoid.effects`, and
   `skhoid.testing` checks effects of your own.
@@ -47,6 +50,7 @@ _NAMESPACES = {
     "plotting",
     "testing",
     "thesis",
+    "tournament",
 }
 # Without the namespaces: a star import would import matplotlib with skhoid.plotting.
 __all__ = [name for name in _names if name not in _NAMESPACES]

@@ -1,6 +1,6 @@
 """
-Remnant biases least squares, and what to do about it
-=====================================================
+Who follows a person without the bias of remnant?
+=================================================
 
 The parameters of a recursive ARX model follow a change, but settle at wrong values: least squares
 gives the remnant the poles of the operator. Two recursions do not: one has a model of the noise,
@@ -33,7 +33,6 @@ models = {
     "Box-Jenkins": RecursiveBoxJenkins(**common),
     "instruments": RecursiveIV(**common),
 }
-colours = {"least squares": "tab:orange", "Box-Jenkins": "tab:blue", "instruments": "tab:purple"}
 names = {"K_edot": "s", "omega_nm": "rad/s", "zeta_nm": "-"}
 figure, axes = plt.subplots(3, 4, figsize=(11, 7), sharex=True, sharey="row", layout="constrained")
 found = {}
@@ -53,9 +52,9 @@ for column, order in enumerate((1, 2, 3, 4)):
             path = operator_parameters(model.fit(X, y))
         found[label, order] = path
         for ax, name in zip(axes[:, column], names, strict=True):
-            ax.plot(path.index, path[name], color=colours[label], lw=1, label=label)
+            ax.plot(path.index, path[name], lw=1, label=label)
     for ax, name in zip(axes[:, column], names, strict=True):
-        ax.plot(truth.parameters.index, truth.parameters[name], "--", color="green", label="truth")
+        ax.plot(truth.parameters.index, truth.parameters[name], "--", label="truth")
     axes[0, column].set_title(f"remnant of order {order}")
     axes[-1, column].set_xlabel("time (s)")
 for ax, (name, unit), top in zip(axes[:, 0], names.items(), (0.14, 20, 1.0), strict=True):
@@ -83,11 +82,16 @@ for (label, order), path in found.items():
     print(f"{label:14s} order {order}: " + "  ".join(f"{n} {e:+5.0f} %" for n, e in errors.items()))
 
 # %%
-# A noise model of one's own costs little
-# ---------------------------------------
-# For the gains the estimates scatter about as much as those of least squares. The damping scatters
-# more, since all that is known of it is known from few oscillations; least squares only seems to
-# know it better, as remnant with its own poles tells it so.
+# And the scatter
+# ---------------
 
 spread = {label: np.std(found[label, 3].loc[66.9:, "zeta_nm"]) for label in models}
 print({label: round(float(value), 3) for label, value in spread.items()})
+
+# %%
+# The answer
+# ----------
+# A recursion with a noise model of its own, :class:`~skhoid.RecursiveBoxJenkins`, or with the target
+# as instrument, :class:`~skhoid.RecursiveIV`. For the gains they scatter about as much as least
+# squares. The damping scatters more, since all that is known of it is known from few oscillations:
+# least squares only seems to know it better, as remnant with its own poles tells it so.

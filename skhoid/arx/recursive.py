@@ -142,6 +142,8 @@ class RecursiveARX(FollowedPath, PartialFit):
     See Also
     --------
     RecursiveARXCV : Chooses the memory horizon on validation runs.
+    RecursiveBoxJenkins : A noise model of its own: coloured remnant does not bias it.
+    RecursiveIV : Instruments: nor this one.
     skhoid.plotting.ParameterPathDisplay : Plots the path.
     reference_fits : Batch models of the constant parts to compare with.
 

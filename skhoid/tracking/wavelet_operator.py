@@ -15,6 +15,7 @@ from scipy.signal.windows import blackmanharris
 from .._sklearn import DT, ROLES, Interval, StrOptions, fit_context
 from ..arx.rls import grid_numbers
 from ..exceptions import RankDeficiencyError, ShortRunError
+from ..preprocessing.base import as_fitted
 from ..regression import DataToFit
 from ..runs.roles import columns_by_role
 from .operator_fitting import read_limits
@@ -352,7 +353,7 @@ class WaveletOperator(OperatorPath):
         self._set_path(numbers, values, deviations)
 
     def _method_name(self) -> str:
-        return f"wavelets (Morlet, omega0 = {self.omega0:g}), fit at each instant"
+        return f"wavelets (Morlet, omega0 = {as_fitted(self).omega0:g}), fit at each instant"
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 
 from .._sklearn import DT, ROLES, Interval, fit_context
 from ..exceptions import ShortRunError
+from ..preprocessing.base import as_fitted
 from .operator_fitting import (
     OperatorFit,
     OperatorRecord,
@@ -242,4 +243,5 @@ class WindowedOperator(OperatorPath):
         return min(fit, other, key=lambda one: one.squares)
 
     def _method_name(self) -> str:
-        return f"maximum likelihood in windows of {self.window:g} s, {self.step:g} s apart"
+        told = as_fitted(self)
+        return f"maximum likelihood in windows of {told.window:g} s, {told.step:g} s apart"

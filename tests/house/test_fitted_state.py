@@ -14,18 +14,27 @@ from sklearn.pipeline import make_pipeline
 
 import skhoid
 from skhoid import (
+    LPVARX,
     ARXRegressor,
     Decimator,
+    DelayBankARX,
     DelaySearchCV,
     DelayShift,
     EffectSearchCV,
     GroupEffectSearch,
+    OperatorKalman,
     OperatorRegressor,
     OrderSearchCV,
     RecursiveARX,
     RecursiveARXCV,
+    RecursiveBoxJenkins,
+    RecursiveFIR,
+    RecursiveIV,
     RunInTrimmer,
+    SigmoidOperator,
     VAFScorer,
+    WaveletOperator,
+    WindowedOperator,
     compare,
     make_tracking_runs,
     operator_parameters,
@@ -41,6 +50,9 @@ READING = {
     "run": [None, 1],
 }
 ORDERS = {"na": [0, 3], "nb": [1, 5, [2, 2]], "nk": [0, 3], "fit_intercept": [False, True]}
+WHITENED = READING | {name: ORDERS[name] for name in ("na", "nb", "nk")}
+WHITENED |= {"noise_order": [0, 3], "parameters": ["last"], "init_window": [0.1]}
+WHITENED |= {"memory_time": [1.0], "store_covariance": [True]}
 BATCH = READING | ORDERS | INITIAL | ELEMENTS
 OTHERS = {
     ARXRegressor: BATCH | {"method": ["iv"], "covariance": ["hac"], "effects": ["bias"]},
@@ -50,6 +62,15 @@ OTHERS = {
     | {"parameters": ["path", "last"], "smooth": [True], "store_covariance": [True]}
     | {"forgetting": ["auto", 0.9], "combine": ["average_estimates"], "init_window": [0.1]},
     RecursiveARXCV: READING | ORDERS | {"parameters": ["path", "last"]},
+    RecursiveBoxJenkins: WHITENED | {"init": ["pem"]},
+    RecursiveIV: WHITENED | {"instruments": [None, ["x"]]},
+    DelayBankARX: READING | {"nk": [[3], [1, 2]], "parameters": ["last"], "path": ["viterbi"]},
+    RecursiveFIR: READING | {"n_taps": [3], "nk": [3], "parameters": ["last"], "every": [7]},
+    LPVARX: READING | {"scheduling": ["time", ["x"]], "nk": [3], "varying": ["inputs"]},
+    OperatorKalman: READING | {"method": ["ekf"], "smooth": [True], "init_window": [0.1]},
+    WindowedOperator: READING | {"window": [1.0], "step": [9.0]},
+    SigmoidOperator: READING | {"common": [False], "varying": [["K_e"]]},
+    WaveletOperator: READING | {"omega0": [5.0], "time_smoothing": [9.0]},
     Decimator: {"factor": [1, 3], "method": ["aggregate"], "padding": ["odd"]},
     DelayShift: READING | {"delay": [0.0, 0.5]},
     RunInTrimmer: {"run_in": [None, 2.0], "measurement_time": [None, 4.0]},
@@ -67,6 +88,15 @@ CASES = {
     "path": RecursiveARX(nk=11, memory_time=2.0),
     "last": RecursiveARX(nk=11, memory_time=2.0, parameters="last"),
     "horizons": RecursiveARXCV([32.0, 128.0], nk=11),
+    "box jenkins": RecursiveBoxJenkins(nk=11, inputs=["e"], memory_time=5.0),
+    "recursive instruments": RecursiveIV(nk=11, inputs=["e"], instruments=["f_t"], memory_time=5.0),
+    "bank": DelayBankARX([10, 11], inputs=["e"], memory_time=5.0),
+    "fir": RecursiveFIR(15, nk=11, inputs=["e"], memory_time=5.0, every=50),
+    "lpv": LPVARX(nk=11, inputs=["e"]),
+    "kalman": OperatorKalman(inputs=["e"], init_window=8.0),
+    "windows": WindowedOperator(inputs=["e"], window=6.0),
+    "sigmoid": SigmoidOperator(inputs=["e"]),
+    "wavelets": WaveletOperator(inputs=["e"], omega0=4.0),
     "decimated": Decimator(2),
     "shifted": DelayShift(0.2),
     "trimmed": RunInTrimmer(1.0),
@@ -130,6 +160,8 @@ def told_by_array(estimator):
             told.set_params(**{name: [0]})
         elif name.split("__")[-1] == "instruments" and value:
             told.set_params(**{name: [places[v] for v in value]})
+        elif name == "instrument":
+            told.set_params(roles={2: "f_t"})
     return told
 
 
@@ -160,7 +192,8 @@ def answers(model, X, y):
         if hasattr(model, "to_transfer_function"):
             found["transfer"] = model.to_transfer_function().num
         if hasattr(model, "predict_ahead") or hasattr(model, "steps"):
-            found["physics"] = operator_parameters(model)
+            method = "fit" if isinstance(model, RecursiveFIR) else "poles"
+            found["physics"] = operator_parameters(model, method=method)
         if hasattr(model, "_found_html"):
             found["page"] = model._found_html()
         if isinstance(model, (OperatorRegressor, EffectSearchCV)):

@@ -1,0 +1,406 @@
+"""Kalman filters over rows: what one run or a stream of rows needs beside the kernel.
+
+Open it to see how options become the kernel's settings, and how runs become lanes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import _kernels
+from ..arx.rls import Instants
+from ..exceptions import ShortRunError
+from ..regression import DataToFit
+from .kalman_start import (
+    MOST_REMNANT_ORDER,
+    NAMES,
+    SETTLING,
+    Noise,
+    Start,
+    batch_values,
+    fitted_noise,
+    given_values,
+    settings_of,
+    simulated,
+    state_of,
+)
+
+METHODS = {
+    "ukf": "unscented Kalman filter",
+    "ekf": "extended Kalman filter",
+    "dual_ekf": "dual extended Kalman filter",
+}
+BOUNDS = {"omega_nm": (3.0, 30.0), "zeta_nm": (0.05, 1.0), "tau_e": (0.05, 0.6)}
+RATIOS = {"omega_nm": 0.1, "zeta_nm": 0.1, "tau_e": 0.1, "K_e": 1.0, "K_edot": 1.0}
+REACH = 3.0**0.5  # of sigma points: alpha = 1, kappa = 3 - n
+BEND = 1.0  # beta - alpha^2 with beta = 2
+MOST_VARIANCE = 1.0
+SCALES = (0.05, 50.0)  # between which the noise's scale stays
+GIVEN_ERROR = 0.3  # standard deviation of logarithms of parameters that are given
+GIVEN_SHARE = 0.01  # of white noise in a remnant that is given
+FLAT = 10.0  # standard deviation of logarithms about which nothing is known
+NOTHING, NOTHING_WIDE = np.empty((0, 0, 0)), np.empty((0, 0, 0, 0))
+GAP, NO_ROW = 1, 2
+GAP_ROWS = 100  # between rows of a stream that do not follow each other
+
+
+class Window(NamedTuple):
+    """The first seconds of a run: sample numbers, error, output, and where signals begin anew."""
+
+    numbers: np.ndarray
+    e: np.ndarray
+    y: np.ndarray
+    fresh: np.ndarray
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """Runs side by side, aligned by time in the run; arrays of shape (n_runs, n_instants).
+
+    ``fresh`` is 1 where a run begins or goes on after a gap, 2 where a run has no row.
+    """
+
+    numbers: np.ndarray
+    e: np.ndarray
+    y: np.ndarray
+    fresh: np.ndarray
+
+    @property
+    def n_lanes(self) -> int:
+        return len(self.e)
+
+    @classmethod
+    def of_rows(cls, e: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> Lanes:
+        """A lane of rows one after the other, with a gap where they do not follow each other."""
+        begins = fresh.astype(np.int8)
+        begins[:1] = GAP
+        numbers = np.arange(y.size) + GAP_ROWS * (np.cumsum(begins) - 1)
+        return cls(numbers, e[None], y[None], begins[None])
+
+    def windows(self, n_rows: int) -> list[Window]:
+        """The first rows of each run from the first one that is known."""
+        found = []
+        for e, y, fresh in zip(self.e, self.y, self.fresh, strict=True):
+            rows = np.flatnonzero(fresh != NO_ROW)
+            known = np.flatnonzero(~np.isnan(e[rows]) & ~np.isnan(y[rows]))
+            if known.size == 0:
+                continue
+            rows = rows[known[0] : known[0] + n_rows]
+            flags = fresh[rows]
+            flags[0] = GAP
+            found.append(Window(self.numbers[rows], e[rows], y[rows], flags))
+        return found
+
+
+def lanes_of(data: DataToFit, instants: Instants) -> Lanes:
+    """Lanes of the runs of data to fit; a run-in gives its error alone."""
+    shape = instants.n_runs, len(instants)
+    e, y = np.full(shape, np.nan), np.full(shape, np.nan)
+    fresh = np.full(shape, NO_ROW, dtype=np.int8)
+    place = instants.run, instants.of_row
+    grid = data.grid
+    measured = np.zeros(grid.n_rows, dtype=bool)
+    for begin, end, use in zip(grid.begin, grid.end, grid.measured, strict=True):
+        measured[begin:end] = use
+    begins = np.zeros(grid.n_rows, dtype=np.int8)
+    begins[grid.past] = GAP
+    e[place] = data.inputs[:, 0]
+    y[place] = np.where(measured, data.output, np.nan)
+    fresh[place] = begins
+    return Lanes(instants.number, e, y, fresh)
+
+
+def log_bounds(bounds: Mapping[str, Any] | None) -> np.ndarray:
+    """Logarithms of the bounds of omega_nm, zeta_nm and tau_e, of shape (3, 2)."""
+    given = {**BOUNDS, **(bounds or {})}
+    refusal = (
+        "bounds must be a dict {name: (low, high)} with 0 < low < high for omega_nm, zeta_nm or "
+        f"tau_e; got {bounds!r}."
+    )
+    if set(given) != set(BOUNDS):
+        raise ValueError(refusal)
+    try:
+        pairs = np.array([given[name] for name in BOUNDS], dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ValueError(refusal) from error
+    if pairs.shape != (3, 2) or not np.isfinite(pairs).all():
+        raise ValueError(refusal)
+    if (pairs[:, 0] <= 0).any() or (pairs[:, 0] >= pairs[:, 1]).any():
+        raise ValueError(refusal)
+    return np.log(pairs)
+
+
+def walk_of(model: Any, start: Start) -> np.ndarray:
+    """Standard deviation of the change of each logarithm in a second."""
+    given = model.process_noise
+    if model.memory_time is not None:
+        given = start.spread / float(model.memory_time)
+    if not isinstance(given, Mapping):
+        return float(given) * np.array([RATIOS[name] for name in NAMES])
+    wrong = set(given) ^ set(NAMES)
+    values = np.array([float(given.get(name, np.nan)) for name in NAMES])
+    if wrong or not np.isfinite(values).all() or (values < 0).any():
+        raise ValueError(
+            f"process_noise must be a number or a dict with a number, at least 0, for each of "
+            f"{', '.join(NAMES)}; got {given!r}."
+        )
+    return values
+
+
+class KalmanPlan:
+    """What all filters of a model have in common."""
+
+    def __init__(self, model: Any, dt: float, bounds: np.ndarray) -> None:
+        self.model, self.dt, self.bounds = model, dt, bounds
+        names = [*METHODS]
+        self.method = names.index(model.method)
+
+    def start(self, windows: list[Window]) -> Start:
+        """Parameters and noise to begin with."""
+        model = self.model
+        init = model.init
+        if isinstance(init, Mapping):
+            values, deviations = given_values(init), np.full(5, GIVEN_ERROR)
+        else:
+            values, deviations = batch_values([(w.numbers, w.e, w.y) for w in windows], self.dt)
+        if model.p0 is not None:
+            deviations = np.full(5, float(model.p0))
+        values[:3] = np.clip(values[:3], *np.exp(self.bounds.T))
+        residuals, states = [], []
+        for w in windows:
+            e = np.where(np.isnan(w.e), 0.0, w.e)
+            residual, z = simulated(values, e, w.y, w.fresh, self.dt)
+            residuals.append(residual[min(round(SETTLING / self.dt), residual.size // 2) :])
+            states.append(z)
+        sizes = np.mean(np.concatenate([*states, np.zeros((1, 2))]) ** 2, axis=0)
+        start = Start(values, self._noise(residuals, windows), deviations, sizes)
+        start = replace(start, usual_square=self._usual_square(start, windows))
+        if model.memory_time is not None:
+            start = replace(start, spread=self._spread(start, windows))
+        if model.covariance == "constant":
+            start = replace(start, covariance=self._steady(start, windows))
+        return start
+
+    def _noise(self, residuals: list[np.ndarray], windows: list[Window]) -> Noise:
+        model = self.model
+        order, constant = model.remnant_order, model.remnant_time_constant
+        if isinstance(model.init, Mapping) and "remnant" in model.init and constant is not None:
+            variance = float(model.init["remnant"]) ** 2
+            order = 1 if order == "auto" else order
+            white = GIVEN_SHARE * variance if order else variance
+            return Noise(order, constant, variance if order else 0.0, white)
+        orders = [*range(1, MOST_REMNANT_ORDER + 1)] if order == "auto" else [int(order)]
+        if not residuals or max(int((~np.isnan(r)).sum()) for r in residuals) < 50:
+            raise ShortRunError(
+                f"The first window holds {sum(w.y.size for w in windows)} rows, too few to "
+                "estimate the remnant. Give a longer init_window, or init={..., 'remnant': "
+                "standard deviation} and remnant_time_constant."
+            )
+        return fitted_noise(residuals, self.dt, orders, constant)
+
+    def _steady(self, start: Start, windows: list[Window]) -> np.ndarray:
+        """Mean covariance of an ordinary filter over the second half of the windows."""
+        means = []
+        for w in windows:
+            rows = KalmanRows(self, start)
+            half = w.y.size // 2
+            rows.run(w.e[:half], w.y[:half], w.fresh[:half])
+            n = 7 + start.noise.order
+            kept = np.zeros((1, w.y.size - half, n + n * n))
+            rows.run(w.e[half:], w.y[half:], w.fresh[half:], filtered=kept)
+            means.append(kept[0, :, n:].mean(axis=0).reshape(n, n))
+        return np.mean(means, axis=0)
+
+    def _spread(self, start: Start, windows: list[Window]) -> float:
+        """Standard deviation of the gains' logarithms after windows, times the root of seconds."""
+        total, seconds = np.zeros((5, 5)), 0.0
+        for w in windows:
+            rows = KalmanRows(self, start, method=_kernels.kalman.EKF, fixed=True)
+            rows.run(w.e, w.y, w.fresh)
+            total += np.linalg.inv(rows.covariance[:5, :5])
+            seconds += w.y.size * self.dt
+        variances = np.diag(np.linalg.inv(total))[3:]
+        return float(np.sqrt(np.sqrt(variances.prod()) * seconds))
+
+    def _usual_square(self, start: Start, windows: list[Window]) -> float:
+        """Mean square of innovations over their variance with the parameters of the start.
+
+        It is below 1 where the remnant has less power at high frequencies than assumed.
+        """
+        squares, updates = 0.0, 0.0
+        for w in windows:
+            rows = KalmanRows(self, start, method=_kernels.kalman.EKF, fixed=True, p0=0.0)
+            rows.run(w.e, w.y, w.fresh)
+            squares += float(rows.number("squares")[0])
+            updates += float(rows.number("updates")[0])
+        return squares / updates if squares > 0 else 1.0
+
+    def options(self, *, fixed: bool) -> dict[str, float]:
+        """Settings of the kernel that are numbers."""
+        model = self.model
+        memory = None if fixed else model.noise_memory
+        return {
+            "reach": REACH,
+            "bend": BEND,
+            "gate": np.inf if fixed else float(model.gate),
+            "usual_square": 1.0,
+            "scale_gain": 0.0 if memory is None else min(self.dt / memory, 0.1),
+            "least_scale": SCALES[0],
+            "most_scale": SCALES[1],
+            "most_variance": FLAT**2 if fixed else max(MOST_VARIANCE, (model.p0 or 0.0) ** 2),
+            "frozen": 0.0,
+        }
+
+
+class KalmanRows:
+    """A filter that goes on from row to row."""
+
+    def __init__(
+        self,
+        plan: KalmanPlan,
+        start: Start,
+        *,
+        method: int | None = None,
+        fixed: bool = False,
+        p0: float = FLAT,
+    ) -> None:
+        self.start = start
+        self.walk = np.zeros(5) if fixed else walk_of(plan.model, start)
+        options = plan.options(fixed=fixed)
+        frozen = start.covariance is not None
+        options["frozen"] = float(frozen)
+        options["usual_square"] = start.usual_square
+        self.settings = settings_of(start, plan.dt, self.walk, plan.bounds, options)[None]
+        deviations = np.full(5, p0) if fixed else start.errors
+        self.state = state_of(start, plan.dt, deviations, plan.bounds)[None]
+        order = start.noise.order
+        self._kind = order, plan.method if method is None else method
+        self.at, self.n = _kernels.kalman.layout(order), 7 + order
+        if start.covariance is not None:
+            self.covariance[:] = start.covariance
+        self._signs = np.sign(start.parameters)
+        self._fresh = True
+
+    def __deepcopy__(self, memo: Any) -> KalmanRows:
+        other = object.__new__(KalmanRows)
+        other.__dict__.update(self.__dict__)
+        other.state = self.state.copy()
+        return other
+
+    @property
+    def advance(self) -> Any:
+        """The compiled filter, which is not pickled."""
+        return _kernels.kalman.filters(*self._kind)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """P, as a view of the state."""
+        begin = self.at["P"]
+        return self.state[0, begin : begin + self.n**2].reshape(self.n, self.n)
+
+    def number(self, name: str, size: int = 1) -> np.ndarray:
+        """Numbers of the state by their name."""
+        return self.state[0, self.at[name] : self.at[name] + size]
+
+    def rest(self) -> None:
+        self._fresh = True
+
+    def take(self, X: np.ndarray, y: np.ndarray) -> None:
+        fresh = np.zeros(y.size, dtype=np.int8)
+        fresh[0] = self._fresh
+        self._fresh = False
+        self.run(X.reshape(-1), y, fresh)
+
+    def run(
+        self, e: np.ndarray, y: np.ndarray, fresh: np.ndarray, filtered: np.ndarray = NOTHING
+    ) -> None:
+        """Take rows with flags of where signals begin anew."""
+        self.advance(
+            self.state, self.settings, e.reshape(1, -1), y.reshape(1, -1), fresh.reshape(1, -1),
+            0, y.size, NOTHING, NOTHING, filtered, NOTHING, NOTHING_WIDE,
+        )  # fmt: skip
+
+    def latest(self) -> np.ndarray:
+        """The last parameters as a row, in the order of an OperatorPath."""
+        omega, zeta, tau, K_e, K_edot = (self._signs * np.exp(self.state[0, :5])).tolist()
+        return np.array([[K_e, K_edot, tau, omega, zeta]])
+
+    def last_path(self) -> np.ndarray:
+        """The last row of a path as the kernel gives it."""
+        P = self.covariance
+        row = [*self.state[0, :5], *np.diag(P)[:5], P[3, 4]]
+        return np.array(row).reshape(1, 1, -1)
+
+
+class Found(NamedTuple):
+    """What filters found: path (n_runs, n_instants, N_PATH), errors, and where runs have rows."""
+
+    path: np.ndarray
+    errors: np.ndarray
+    present: np.ndarray
+
+
+def run_lanes(filters: list[KalmanRows], lanes: Lanes, *, smooth: bool) -> Found:
+    """Run the filters over their lanes, which leaves them at the end."""
+    kernel, n = _kernels.kalman, filters[0].n
+    shape = lanes.e.shape
+    path, errors = np.zeros((*shape, kernel.N_PATH)), np.full((*shape, 2), np.nan)
+    present = lanes.fresh != NO_ROW
+    if not smooth:
+        states = np.concatenate([f.state for f in filters])
+        settings = np.concatenate([f.settings for f in filters])
+        filters[0].advance(
+            states, settings, lanes.e, lanes.y, lanes.fresh, 0, shape[1],
+            path, errors, NOTHING, NOTHING, NOTHING_WIDE,
+        )  # fmt: skip
+        for lane, one in enumerate(filters):
+            one.state[0] = states[lane]
+            one._fresh = False
+        return Found(path, errors[..., 0], present)
+    for lane, one in enumerate(filters):  # one after the other, for their covariances' sake
+        own = slice(lane, lane + 1)
+        filtered, priors = np.zeros((2, 1, shape[1], n + n * n))
+        crosses = np.zeros((1, shape[1], n, n))
+        one.advance(
+            one.state, one.settings, lanes.e[own], lanes.y[own], lanes.fresh[own], 0, shape[1],
+            path[own], errors[own], filtered, priors, crosses,
+        )  # fmt: skip
+        one._fresh = False
+        kernel.smooth_kalman(filtered, priors, crosses, lanes.fresh[own])
+        covariance = filtered[0, :, n:].reshape(-1, n, n)
+        path[lane, :, :5] = filtered[0, :, :5]
+        path[lane, :, 5:10] = np.maximum(np.diagonal(covariance, axis1=1, axis2=2)[:, :5], 0.0)
+        path[lane, :, 10] = covariance[:, 3, 4]
+        low, high = (settings_bounds(one.settings[0], n - 7, name) for name in ("low", "high"))
+        path[lane, :, :5] = np.clip(path[lane, :, :5], low, high)
+    return Found(path, errors[..., 0], present)
+
+
+def settings_bounds(settings: np.ndarray, order: int, name: str) -> np.ndarray:
+    """Bounds of the logarithms in the settings of a lane."""
+    at = _kernels.kalman.settings_layout(order)[name]
+    return settings[at : at + 5]
+
+
+def combined(
+    path: np.ndarray, present: np.ndarray, start: Start
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Parameters over instants and their standard errors, of runs weighed by certainty."""
+    logarithms, variances = path[..., :5], np.maximum(path[..., 5:10], 1e-300)
+    weights = np.where(present[..., None], 1 / variances, 0.0)
+    precision = weights.sum(axis=0)
+    weights /= precision
+    mean = np.einsum("rtp,rtp->tp", weights, logarithms)
+    values = dict(zip(NAMES, (np.sign(start.parameters) * np.exp(mean)).T, strict=True))
+    deviation = 1 / np.sqrt(precision)
+    deviations = {
+        name: np.abs(values[name]) * sd for name, sd in zip(NAMES, deviation.T, strict=True)
+    }
+    shared = np.einsum("rt,rt,rt->t", weights[..., 3], weights[..., 4], path[..., 10])
+    lead = np.maximum(deviation[:, 3] ** 2 + deviation[:, 4] ** 2 - 2 * shared, 0.0)
+    deviations["T_L"] = np.abs(values["K_edot"] / values["K_e"]) * np.sqrt(lead)
+    return values, deviations
