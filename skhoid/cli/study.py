@@ -1,4 +1,4 @@
-"""The command ``skhoid study``: the paper's Monte-Carlo studies, ``experiment``, ``recommend``."""
+"""The command ``skhoid study``: the paper's Monte-Carlo studies, and those of one's own plans."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ..experiment import analyse_experiment, recommend_forgetting, simulate_expe
 from ..io.tables import check_table_format
 from ..simulation import CompensatoryTask
 from ..thesis import PAPER_STUDIES, paper_study
+from ..tournament import recommend_method, run_tournament, tournament_cells
 from .arguments.study import TABLES
 from .files import check_folders, read_files, save_figures, without_screen
 from .options import refuse
@@ -22,7 +23,8 @@ from .tables import write_tables
 OF_EXPERIMENT = ("paths", "batch", "scores", "validation", "changes", "delays", "verdicts")
 OTHERS = {
     "experiment": "subjects, conditions and runs: Figs. 16-17, App. M, Table VI",
-    "recommend": "the memory horizon for an experiment to come",
+    "recommend": "the memory horizon, or the method, for an experiment to come",
+    "tournament": "methods that follow a changing operator, compared",
     "all": "every study of the paper",
 }
 PARTS = {  # options of a paper's study, as far as its function has them
@@ -40,6 +42,14 @@ APPLY = {
     "list": [],
     "all": ["replications", *PARTS, "seed", *KEPT],
     "recommend": ["replications", "validation", "conditions", "intensities", "rate", "seed", *KEPT],
+    "recommend with --question": [
+        *("question", "causal", "methods", "replications", "validation", "conditions"),
+        *("intensities", "orders", "rate", "seed", *KEPT),
+    ],
+    "tournament": [
+        *("methods", "size", "replications", "validation", "conditions", "intensities", "orders"),
+        *("seed", *KEPT),
+    ],
     "experiment": ["subjects", "conditions", "runs", "last", "seed", *KEPT],
     "experiment with files": [*OF_FILES, "last", *KEPT],
 }
@@ -58,8 +68,10 @@ def study(options: argparse.Namespace) -> int:
         return 0
     if options.name == "experiment":
         return _experiment(options)
+    if options.name == "tournament":
+        return _tournament(options)
     if options.name == "recommend":
-        return _recommend(options)
+        return _recommend(options) if options.question is None else _recommend_method(options)
     names = WHOLE if options.name == "all" else [options.name]
     found = [_paper(name, options) for name in names]
     if options.json:
@@ -93,6 +105,8 @@ def _applying(options: argparse.Namespace) -> tuple[str, list[str]]:
         if options.files:
             return "'experiment' with files", APPLY["experiment with files"]
         return "'experiment' without files: name them first", APPLY["experiment"]
+    if name == "recommend" and options.question is not None:
+        return "'recommend' with --question", APPLY["recommend with --question"]
     if name in APPLY:
         return repr(name), APPLY[name]
     missing = {part for part, key in PARTS.items() if key not in _parameters(name)}
@@ -147,13 +161,116 @@ def _save(result: Any, folder: Path, options: argparse.Namespace) -> list[str]:
     return [*map(str, files), *pictures]
 
 
-def _recommend(options: argparse.Namespace) -> int:
+def _tournament(options: argparse.Namespace) -> int:
+    size = options.size or "full"
+    folder = None if options.out is None else Path(options.out) / "tournament"
+    begin = time.perf_counter()
+    result = run_tournament(
+        options.methods,
+        tournament_cells(
+            size,
+            conditions=options.conditions,
+            intensities=options.intensities,
+            orders=options.orders,
+        ),
+        size=size,
+        n_replications=options.replications,
+        n_validation=options.validation or 3,
+        random_state=options.seed or 0,
+        out=None if folder is None else folder / "blocks",
+        n_jobs=options.jobs,
+        progress=False if options.json else None,
+    )
+    seconds = time.perf_counter() - begin
+    files = []
+    if folder is not None:
+        files = [
+            str(path)
+            for path in result.save(
+                folder, figures=False, table_format=options.table_format or TABLES
+            )
+        ]
+        if not options.no_pictures:
+            without_screen()
+            figures = _pictures(result)
+            files += save_figures(figures, folder, "study", form=options.format or "png")
+    if options.json:
+        print_json(
+            {
+                "ranking": _rankings(result),
+                "notes": result.notes,
+                "seconds": seconds,
+                "files": files,
+            }
+        )
+    else:
+        print(result)
+        print(f"{len(result.table)} rows in {seconds:.1f} s.")
+        say_files({"files": files})
+    return 0
+
+
+def _pictures(result: Any) -> dict[str, Any]:
+    """The figures of a tournament; nothing settles where nothing changes."""
+    changing = (result.table["kind"] == "changing").any()
+    kinds = ["winners", "bias", *(["settling"] if changing else [])]
+    return {f"{kind}.png": result.plot(kind).figure_ for kind in kinds}
+
+
+def _rankings(result: Any) -> dict[str, Any]:
+    """Methods by the question to follow K_edot, the best first."""
+    return {
+        kind: result.ranking(causal=causal)["loss"].to_dict()
+        for kind, causal in (("causal", True), ("offline", False))
+        if (~result.methods["oracle"] & (result.methods["causal"] == causal)).any()
+    }
+
+
+def _one_task(options: argparse.Namespace) -> CompensatoryTask:
     conditions = options.conditions or ["C4"]
     if len(conditions) > 1:
         raise ValueError("recommend takes one condition; an average over tasks suits none of them.")
-    task = CompensatoryTask.of_condition(conditions[0], sampling_rate=options.rate or 100.0)
-    advice = recommend_forgetting(
+    return CompensatoryTask.of_condition(conditions[0], sampling_rate=options.rate or 100.0)
+
+
+def _recommend_method(options: argparse.Namespace) -> int:
+    task = _one_task(options)
+    orders = options.orders or [2]
+    if len(orders) > 1:
+        raise ValueError("recommend takes one order of the remnant filter.")
+    advice = recommend_method(
         task,
+        options.intensities or [0.15],
+        question=options.question,
+        causal=True if options.causal else None,
+        methods=options.methods,
+        remnant_order=int(orders[0]) if str(orders[0]).isdigit() else orders[0],
+        n_replications=options.replications or 10,
+        n_validation=options.validation or 3,
+        random_state=options.seed or 0,
+        n_jobs=options.jobs,
+        progress=False if options.json else None,
+    )
+    files = []
+    if options.out is not None:
+        folder = Path(options.out) / "recommend"
+        files = write_tables({"ranking": advice.ranking}, folder, options.table_format or TABLES)
+        if not options.no_pictures:
+            without_screen()
+            figures = {"bias.png": advice.plot().figure_}
+            files += save_figures(figures, folder, "study", form=options.format or "png")
+    if options.json:
+        found = {name: getattr(advice, name) for name in ("question", "method", "close")}
+        print_json(found | {"estimator": repr(advice.estimator), "files": files})
+    else:
+        print(advice)
+        say_files({"files": files})
+    return 0
+
+
+def _recommend(options: argparse.Namespace) -> int:
+    advice = recommend_forgetting(
+        _one_task(options),
         options.intensities or [0.15],
         n_replications=options.replications or 20,
         n_validation=options.validation or 10,

@@ -34,6 +34,9 @@ from .study_boxes import StudyBoxDisplay
 from .study_paths import StudyPathDisplay
 from .study_responses import StudyResponseDisplay
 from .study_trade_off import StudyTradeOffDisplay
+from .tournament_bias import TournamentBiasDisplay
+from .tournament_settling import TournamentSettlingDisplay
+from .tournament_winners import TournamentWinnersDisplay
 from .tracking import TrackingDisplay
 from .vaf_contour import VAFContourDisplay
 
@@ -69,6 +72,9 @@ __all__ = [
     "StudyPathDisplay",
     "StudyResponseDisplay",
     "StudyTradeOffDisplay",
+    "TournamentBiasDisplay",
+    "TournamentSettlingDisplay",
+    "TournamentWinnersDisplay",
     "TrackingDisplay",
     "VAFContourDisplay",
 ]

@@ -103,7 +103,7 @@ class Window:
             lags = [-lagged(v, k + 1) for k in range(self.nd)]
             table.append(np.stack([*lags, v], axis=1)[self.skip :])
         stacked = np.concatenate(table)
-        triangle = np.linalg.qr(stacked[:, :-1], mode="r")
+        triangle = np.asarray(np.linalg.qr(stacked[:, :-1], mode="r"))
         return np.linalg.lstsq(stacked[:, :-1], stacked[:, -1], rcond=None)[0], triangle
 
     def estimate(self) -> Start:

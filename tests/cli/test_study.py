@@ -7,6 +7,9 @@ import pytest
 
 from skhoid import make_tracking_runs, write_runs
 from skhoid.cli import main
+from skhoid.cli.arguments import study as arguments
+from skhoid.tournament.cells import SIZES
+from skhoid.tournament.questions import QUESTIONS
 
 SMALL = ["--conditions", "C1", "--intensities", "0.1", "--replications", "3"]
 
@@ -61,6 +64,40 @@ def test_recommend(capsys, tmp_path):
     assert (tmp_path / "recommend" / "trade-off.png").exists()
 
 
+def test_recommend_a_method(capsys, run_json):
+    words = ["study", "recommend", "--question", "follow", "--methods", "rls", "arx"]
+    words += ["--conditions", "C4", "--replications", "2", "--validation", "1"]
+    found = run_json(*words)
+    assert found["method"] == "rls"
+    assert found["close"] == ["rls"]
+    assert found["estimator"].startswith("RecursiveARX(memory_time=")
+
+
+@pytest.mark.slow
+def test_recommend_a_method_in_words(capsys, tmp_path):
+    words = ["study", "recommend", "--question", "detect", "--causal", "--orders", "nm"]
+    words += ["--replications", "2", "--methods", "rls", "rls_smooth", "--out", str(tmp_path)]
+    assert main(words) == 0
+    assert "To see from K_edot that something changed: rls (" in capsys.readouterr().out
+    assert (tmp_path / "recommend" / "ranking.csv").exists()
+    assert (tmp_path / "recommend" / "bias.png").stat().st_size > 5000
+
+
+@pytest.mark.slow
+def test_tournament(capsys, tmp_path, run_json):
+    words = ["study", "tournament", "--size", "small", "--methods", "rls", "arx"]
+    words += ["--conditions", "C1", "C4", "--replications", "2", "--validation", "1"]
+    assert main([*words, "--out", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "- Causal, to follow K_edot over time: rls" in out
+    folder = tmp_path / "tournament"
+    made = {path.name for path in folder.iterdir()}
+    assert {"blocks", "table.csv.gz", "summary.csv", "winners.png", "settling.png"} <= made
+    found = run_json(*words, "--out", str(tmp_path), "--no-pictures", "--table-format", "parquet")
+    assert list(found["ranking"]["causal"]) == ["rls"]
+    assert f"{folder}/by_cell.parquet" in found["files"]
+
+
 @pytest.mark.slow
 def test_experiment(capsys, tmp_path):
     words = ["study", "experiment", "--subjects", "2", "--runs", "4", "--last", "3"]
@@ -85,7 +122,7 @@ def test_experiment_of_ones_own_files(capsys, tmp_path):
     ("words", "message"),
     [
         (["fig99"], "No study 'fig99'"),
-        (["nonsense"], "there are list, experiment, recommend, all, fig9"),
+        (["nonsense"], "there are list, experiment, recommend, tournament, all, fig9"),
         (["list", "run.csv"], "Only 'experiment' takes files; 'list' does not."),
         (["fig12", "--no-pictures"], "--no-pictures needs --out FOLDER"),
         (["recommend", "--table-format", "tsv"], "--table-format needs --out FOLDER"),
@@ -93,6 +130,12 @@ def test_experiment_of_ones_own_files(capsys, tmp_path):
         (["fig13", "run.csv"], "Only 'experiment' takes files"),
         (["recommend", "--conditions", "C1", "C2"], "takes one condition"),
         (["fig9", "--conditions", "C7"], "Unknown condition 'C7'"),
+        (["fig9", "--question", "follow"], "--question does not apply to the study 'fig9'"),
+        (["recommend", "--causal"], "--causal does not apply to 'recommend'"),
+        (["tournament", "--rate", "50"], "--rate does not apply to 'tournament'"),
+        (["tournament", "--conditions", "C9"], "Unknown condition 'C9'"),
+        (["tournament", "--methods", "rsl"], "Unknown method 'rsl'"),
+        (["recommend", "--question", "detect", "--conditions", "C1"], "Nothing changes"),
         (["fig13", "--intensities", "0.12"], "--gains tuned"),
     ],
 )
@@ -101,9 +144,14 @@ def test_errors(words, message, capsys):
     assert message in capsys.readouterr().err
 
 
+def test_choices_are_those_of_the_package():
+    assert tuple(QUESTIONS) == arguments.QUESTIONS
+    assert arguments.SIZES == SIZES
+
+
 def test_list_as_json(run_json):
     studies = run_json("study", "list")["studies"]
-    assert {"fig13", "experiment", "recommend", "all"} <= set(studies)
+    assert {"fig13", "experiment", "recommend", "tournament", "all"} <= set(studies)
 
 
 @pytest.mark.parametrize("form", ["tsv", "parquet"])

@@ -71,6 +71,7 @@ STUDIES = (
     "list",
     "experiment",
     "recommend",
+    "tournament",
     "all",
     "fig9",
     "fig10",
