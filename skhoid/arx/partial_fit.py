@@ -46,6 +46,17 @@ READ_ANEW = attrgetter(  # parameters that partial_fit looks at in each call
 )
 
 
+def check_streamable(orders: Orders) -> None:
+    """Refuse more lags than a stream can keep."""
+    if orders.first_row > MOST_ROWS_BACK or orders.n_params > MOST_PARAMETERS:
+        raise ValueError(
+            f"{orders.n_params} parameters with lags that reach {orders.first_row} samples "
+            f"back are too many to stream; the limits are {MOST_PARAMETERS} parameters and "
+            f"{MOST_ROWS_BACK} samples. Use fewer lags na and nb, or a smaller delay nk (in "
+            "samples)."
+        )
+
+
 class PartialFit(BaseARX):
     """``partial_fit`` of a recursive model."""
 
@@ -174,13 +185,7 @@ class PartialFit(BaseARX):
                 f"The stream began with {self.orders_} and now has {orders}. Orders cannot change "
                 "within a stream: call fit, or begin a new stream with sklearn.base.clone."
             )
-        if orders.first_row > MOST_ROWS_BACK or orders.n_params > MOST_PARAMETERS:
-            raise ValueError(
-                f"{orders.n_params} parameters with lags that reach {orders.first_row} samples "
-                f"back are too many to stream; the limits are {MOST_PARAMETERS} parameters and "
-                f"{MOST_ROWS_BACK} samples. Use fewer lags na and nb, or a smaller delay nk (in "
-                "samples)."
-            )
+        check_streamable(orders)
         self.orders_ = orders
         self.parameter_names_ = orders.parameter_names(self.inputs_)
         if callable(self.forgetting) or isinstance(self.forgetting, str):

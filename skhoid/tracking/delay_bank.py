@@ -16,7 +16,7 @@ from ..arx.base import check_lengths, check_row_count
 from ..arx.forgetting import Forgetting
 from ..arx.model_summary import recursive_summary
 from ..arx.orders import Orders, regressors, whole_number
-from ..arx.partial_fit import OF_RUNS
+from ..arx.partial_fit import MOST_ROWS_BACK, OF_RUNS, check_streamable
 from ..arx.recursive import RecursiveARX
 from ..arx.rls import (
     RecursionData,
@@ -181,7 +181,7 @@ class DelayBankARX(Follower, RecursiveARX):
     } | {
         "nk": "no_validation",
         "stay_time": [Interval(Real, 0, None, closed="neither")],
-        "ahead": [Interval(Real, 0, None, closed="left")],
+        "ahead": [Interval(Real, 0, 10, closed="both")],
         "path": [StrOptions({"filtered", "viterbi"})],
     }
 
@@ -288,8 +288,8 @@ class DelayBankARX(Follower, RecursiveARX):
         return RecursionData.of(grid, inputs, output, self.orders_)
 
     def _set_orders(self, grid: ModelGrid) -> None:
-        check_lengths(grid, self._each_orders[-1])
-        self.orders_ = self._each_orders[-1]
+        check_lengths(grid, self.orders_)
+        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
 
     def _read_candidates(self) -> None:
         """Set the candidates, and the orders with each of them."""
@@ -300,7 +300,6 @@ class DelayBankARX(Follower, RecursiveARX):
         ]
         self.candidates_ = given
         self.orders_ = self._each_orders[-1]
-        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
         if given.size > 1 and self.stay_time <= self.dt_:
             raise ValueError(
                 f"stay_time must be longer than the sampling time, {self.dt_:g} s; got "
@@ -456,6 +455,8 @@ class DelayBankARX(Follower, RecursiveARX):
 
     def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> BankRows:
         self._read_candidates()
+        check_streamable(self.orders_)
+        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
         tables: list[np.ndarray | None] = [None] * self.candidates_.size
         if needs_data(self.init, self.p0):
             first = int(np.flatnonzero(~np.isnan(y) & ~np.isnan(X).any(axis=1))[0])
@@ -487,6 +488,8 @@ def _candidates(nk: Any, dt: float) -> np.ndarray:
     if not given:
         raise ValueError("nk is empty; give the delays to choose from, such as range(15, 56, 2).")
     delays = [whole_number("Each delay in nk", delay, 0) for delay in given]
+    if max(delays) > MOST_ROWS_BACK:
+        raise ValueError(f"Delays in nk are at most {MOST_ROWS_BACK} samples; got {max(delays)}.")
     if len(set(delays)) < len(delays):
         raise ValueError(f"nk has a delay twice: {delays}. Give each candidate once.")
     return np.array(sorted(delays), dtype=np.int64)

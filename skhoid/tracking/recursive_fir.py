@@ -18,6 +18,7 @@ from ..arx.followed_path import FollowedPath
 from ..arx.forgetting import forgetting_factor
 from ..arx.model_summary import orders_text
 from ..arx.orders import Orders
+from ..arx.partial_fit import check_streamable
 from ..arx.rls import RecursionData
 from ..arx.streaming import Clock
 from ..exceptions import ShortRunError
@@ -210,7 +211,7 @@ class RecursiveFIR(Follower, FollowedPath):
         "forgetting": [Interval(Real, 0, 1, closed="right"), None],
         "memory_horizon": [Interval(Real, 1, None, closed="neither"), None],
         "memory_time": [Interval(Real, 0, None, closed="neither"), None],
-        "every": [Interval(Integral, 1, None, closed="left")],
+        "every": [Interval(Integral, 1, 10**9, closed="both")],
         "parameters": [StrOptions({"path", "last"})],
         "store_covariance": ["boolean"],
         "roles": [dict, None],
@@ -341,13 +342,14 @@ class RecursiveFIR(Follower, FollowedPath):
         else:
             taps = round(self.length / self.dt_)
         self.orders_ = Orders.of(0, taps, self.nk, len(self._columns), bool(self.fit_intercept))
-        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
         if self.orders_.n_params > MOST_TAPS:
             raise ValueError(
                 f"{self.orders_.n_params} taps are too many to solve for at each instant; the "
                 f"limit is {MOST_TAPS}. Put a Decimator before the model, use fewer taps, or give "
                 "the delay as nk."
             )
+        check_streamable(self.orders_)
+        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
 
     def _factor(self) -> float:
         """λ, from whichever of the three was given."""

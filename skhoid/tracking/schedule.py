@@ -89,8 +89,8 @@ def _checked(function: Any, argument: np.ndarray, *, may_be_table: bool) -> np.n
         values = np.asarray(function(argument.copy()), dtype=np.float64)
     except (TypeError, ValueError, ArithmeticError, LookupError) as error:
         raise ValueError(
-            f"The basis {name} failed for the scheduling s of shape {argument.shape} ({error}). It "
-            "is called with all rows at once: choose between values with np.where, not if."
+            f"The basis {name} failed for the array s of {argument.shape} values ({error}). It is "
+            "called with all rows at once: choose between values with np.where, not if."
         ) from error
     allowed = (n,) == values.shape or (may_be_table and values.ndim == 2 and len(values) == n)
     if not allowed or (values.ndim == 2 and values.shape[1] == 0):

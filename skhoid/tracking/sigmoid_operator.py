@@ -199,10 +199,10 @@ class SigmoidOperator(OperatorPath):
         first, last = int(record.number.min()), int(record.number.max()) + 1
         share_of = [0 if name in varying else -1 for name in VARYING]
         search = self._search(record, limits, share_of)
-        pieces = record.enough(first, last, self.noise_order, search.n_parameters)
+        pieces = record.enough(first, last, int(self.noise_order), search.n_parameters)
         if pieces is None:
             raise too_short(type(self).__name__, record, search.n_parameters, len(e))
-        plain = OperatorSearch.of(record, limits).started(pieces, self.noise_order)
+        plain = OperatorSearch.of(record, limits).started(pieces, int(self.noise_order))
         fit = self._from_grid(search, pieces, plain)
         if not self.common and len(varying) > 1:
             own = np.array(share_of)
@@ -222,7 +222,8 @@ class SigmoidOperator(OperatorPath):
 
     def _varying(self) -> list[str]:
         names = [self.varying] if isinstance(self.varying, str) else list(self.varying)
-        if not names or len(set(names)) < len(names) or not set(names) <= set(VARYING):
+        known = [name for name in names if isinstance(name, str) and name in VARYING]
+        if not names or known != names or len(set(names)) < len(names):
             raise ValueError(
                 f"varying must list some of {list(VARYING)}, each once; got {self.varying!r}."
             )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
@@ -15,6 +14,7 @@ from scipy.signal.windows import blackmanharris
 from .._sklearn import DT, ROLES, Interval, StrOptions, fit_context
 from ..arx.rls import grid_numbers
 from ..exceptions import RankDeficiencyError, ShortRunError
+from ..human.checks import as_floats
 from ..preprocessing.base import as_fitted
 from ..regression import DataToFit
 from ..runs.roles import columns_by_role
@@ -59,7 +59,7 @@ class WaveletOperator(OperatorPath):
         Lowest and highest frequency in rad/s for ``frequencies=None``.
     instrument : {"f_t"} or None, default="f_t"
         ``"f_t"`` takes the column of role f_t (or e + x, if these are there). None uses the error
-        itself, which the remnant biases in a closed loop; a warning says so.
+        itself, which the remnant biases in a closed loop, towards minus the inverse of the element.
     bounds : dict or None, default=None
         Bounds ``{parameter: (low, high)}`` of omega_nm (rad/s), zeta_nm and tau_e (s), if not the
         usual ones: (2, 40), (0.02, 2) and (0.05, 0.8).
@@ -237,13 +237,7 @@ class WaveletOperator(OperatorPath):
         names = list(range(data.values.shape[1])) if self._names is None else list(self._names)
         positions, wanted = columns_by_role(names, self.roles), [self._columns[0]]
         if self.instrument is None:
-            warnings.warn(
-                "WaveletOperator uses the error as its own instrument (instrument=None): in a "
-                "closed loop the remnant biases the response towards minus the inverse of the "
-                "controlled element.",
-                UserWarning,
-                stacklevel=4,
-            )
+            pass  # the error is its own
         elif "f_t" in positions:
             wanted.append(positions["f_t"])
         elif "x" in positions:
@@ -264,14 +258,14 @@ class WaveletOperator(OperatorPath):
     def _read_frequencies(self, blocks: Blocks) -> np.ndarray:
         highest = np.pi / blocks.dt
         if self.frequencies is not None:
-            found = np.unique(np.asarray(self.frequencies, dtype=float).ravel())
+            found = np.unique(as_floats(self.frequencies, "frequencies").ravel())
             if found.size < AT_LEAST or not (found[0] > 0 and found[-1] < highest):
                 raise ValueError(
                     f"frequencies must be at least {AT_LEAST} different numbers in rad/s above 0 "
                     f"and below {highest:.4g}; got {self.frequencies!r}."
                 )
             return found
-        band = np.asarray(self.band, dtype=float)
+        band = as_floats(self.band, "band")
         if band.shape != (2,) or not 0 < band[0] < band[1]:
             raise ValueError(f"band must be (low, high) in rad/s, 0 < low < high; got {self.band}.")
         low, high = band[0], min(band[1], 0.9 * highest)
@@ -434,7 +428,7 @@ def peak_bins(f: np.ndarray) -> np.ndarray:
 
 def smoothed(values: np.ndarray, width: float) -> np.ndarray:
     """Gaussian smoothing along the last axis, zero outside; ``width`` in samples."""
-    if width == 0:
+    if width < 1e-9:
         return values
     reach = np.arange(-int(REACH * width + 1), int(REACH * width + 1) + 1)
     kernel = np.exp(-0.5 * (reach / width) ** 2)

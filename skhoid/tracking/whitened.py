@@ -19,6 +19,7 @@ from ..arx.followed_path import FollowedPath
 from ..arx.forgetting import read_forgetting
 from ..arx.model_summary import orders_text
 from ..arx.orders import Orders
+from ..arx.partial_fit import check_streamable
 from ..arx.rls import Instants, spread_weights, window_rows
 from ..exceptions import ShortRunError
 from ..greybox.estimates import arx_parameter_table
@@ -206,6 +207,7 @@ class WhitenedRecursion(Follower, FollowedPath):
     def _started_filter(
         self, parts: list[tuple[np.ndarray, np.ndarray]], n_runs: int
     ) -> WhitenedFilter:
+        check_streamable(self.orders_)
         self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
         n, nd = self.orders_.n_params, int(self.noise_order)
         window = Window(parts, self.orders_, nd, self.dt_)

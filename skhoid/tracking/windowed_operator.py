@@ -188,7 +188,7 @@ class WindowedOperator(OperatorPath):
         )
         self._set_path(middles, values, deviations)
         self.at_bound_ = np.stack([fit.stuck for fit in fits])
-        self.noise_ar_ = np.zeros((len(fits), self.noise_order))
+        self.noise_ar_ = np.zeros((len(fits), int(self.noise_order)))
         for row, fit in zip(self.noise_ar_, fits, strict=True):
             row[: fit.ar.size] = fit.ar
         self.noise_variance_ = np.array([fit.squares / fit.n_rows for fit in fits])
@@ -215,15 +215,15 @@ class WindowedOperator(OperatorPath):
         """Fits of the windows that have enough rows, and their first sample numbers."""
         record, needed = search.record, search.n_parameters
         begin, end = int(firsts[0]), int(record.number.max()) + 1
-        whole = record.enough(begin, end, self.noise_order, needed)
+        whole = record.enough(begin, end, int(self.noise_order), needed)
         if whole is None:
             raise too_short(type(self).__name__, record, needed, n_samples)
-        general = search.started(whole, self.noise_order)
+        general = search.started(whole, int(self.noise_order))
         self.whole_ = general.values()
         fits: list[OperatorFit] = []
         used: list[int] = []
         for first in firsts.tolist():
-            pieces = record.enough(first, first + length, self.noise_order, needed)
+            pieces = record.enough(first, first + length, int(self.noise_order), needed)
             if pieces is None:
                 continue
             fits.append(self._likeliest(search, pieces, fits[-1] if fits else general, general))
