@@ -55,9 +55,11 @@ SLOW_PAGES = {  # whose examples search, simulate or start processes for many se
     "scale-out.md",
     "search.py",
     "shape.py",
+    "sigmoid_operator.py",
     "thesis-studies.md",
     "track-a-change.md",
     "which-method.md",
+    "windowed_operator.py",
 }
 
 

@@ -131,7 +131,7 @@ def prediction_errors(
     (U by columns, then its diagonal); ``shared`` the information matrix, then the largest regressor
     so far of each parameter; ``memory`` by run: rows since a rest, rows to leave out, and the
     signals before, the latest first. ``counts`` are updates, their sum of squared errors,
-    instants that did not forget, and the variance of ordinary errors.
+    instants that did not forget, the variance of ordinary errors, and instants with updates.
     """
     na, nd = orders[0], orders[1]
     n_inputs, n_instants, n_runs = signals.shape
@@ -249,6 +249,7 @@ def prediction_errors(
         if n_used == 0:
             counts[2] += 1
         else:
+            counts[4] += 1
             if factorised(R, L, 1e-14):
                 solve(L, g, step)
                 # F stays inside the unit circle: half the step, and half of that, as need be.
@@ -411,6 +412,7 @@ def instruments(
         if n_used == 0:
             counts[2] += 1
         elif not frozen:
+            counts[4] += 1
             factorised(ZZ, L, 1e-13)
             for i in range(nz):  # G = L^-1 ZP and h = L^-1 ZY
                 h[i] = ZY[i]

@@ -32,6 +32,7 @@ MEANINGS = {
     "zeta_nm": "neuromuscular damping ratio",
 }
 NORMAL_95 = 1.96
+WHOLE = 1e-6  # of a number of samples, which a delay so near is
 ORDERS = Orders(2, (1, 1), (0, 0))  # the delayed error, and the same a sample before
 
 
@@ -210,11 +211,14 @@ def operator_output(e: np.ndarray, parameters: np.ndarray, grid: ModelGrid) -> n
     # The rate is that of K_edot e: each sample of the error keeps the gains that it met.
     theta = np.stack([a1, a2, b0, np.r_[b1[:1], b1[:-1]]], axis=-1)
     lag = tau_e / grid.dt + 1.0
+    whole = np.rint(lag)
+    lag = np.where(np.abs(lag - whole) <= WHOLE * whole, whole, lag)
     delayed = np.zeros((e.size, 2))
     for begin, end in segments(grid):
         rows = np.arange(end - begin)
+        known, values = np.r_[-1, rows], np.r_[0.0, e[begin:end]]
         for column in range(2):
             where = rows - lag[begin:end] - column
-            delayed[begin:end, column] = np.interp(where, rows, e[begin:end], left=0.0)
+            delayed[begin:end, column] = np.interp(where, known, values)
     stretches = (grid.begin, grid.end, grid.past)
     return free_run_output(delayed, stretches, ORDERS, theta, np.arange(e.size))

@@ -99,7 +99,7 @@ class WhitenedFilter:
         self.waits = np.array([depth + nd + round(SETTLE / dt), depth + nd], dtype=float)
         self.theta, self.slow = start.theta.copy(), start.theta[: orders.na].copy()
         self.noise = np.concatenate([start.d, *unit_factors(start.noise_triangle)])
-        self.counts = np.array([0.0, 0.0, 0.0, max(start.noise_variance, 1e-300)])
+        self.counts = np.array([0.0, 0.0, 0.0, max(start.noise_variance, 1e-300), 0.0])
         self.prior_variance = start.noise_variance
         self.largest = np.sqrt(np.diag(start.information) / start.n_rows)
         self._none = (np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0, 0)), np.empty((0, 0)))
@@ -290,7 +290,7 @@ class WhitenedRecursion(Follower, FollowedPath):
     @property
     def covariance_(self) -> np.ndarray:
         self._check_fitted()
-        return self._current.covariance(self._current.information, self._current.counts[0])
+        return self._current.covariance(self._current.information, self._current.counts[4])
 
     @property
     def standard_errors_(self) -> np.ndarray:

@@ -10,6 +10,8 @@ from skhoid._kernels import kalman
 from skhoid.human.discretisation import held_filter
 from tests.support import kalman_twin as twin
 
+pytestmark = pytest.mark.slow  # compiles for many seconds, and fits
+
 PARAMETERS = np.array([11.25, 0.35, 0.284, 0.09, 0.036])
 METHODS = {"ukf": kalman.UKF, "ekf": kalman.EKF, "dual_ekf": kalman.DUAL}
 

@@ -28,6 +28,7 @@ from skhoid import (
 )
 
 pytestmark = [
+    pytest.mark.slow,  # compiles for many seconds, and fits
     pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning"),
     pytest.mark.filterwarnings("ignore:.*ARX models have:UserWarning"),
 ]

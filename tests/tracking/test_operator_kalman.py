@@ -14,6 +14,8 @@ from skhoid.exceptions import PoorExcitationWarning, RankDeficiencyError, ShortR
 from skhoid.tracking.kalman_start import Noise, cascade, fitted_noise
 from skhoid.tracking.operator_kalman import OperatorKalman
 
+pytestmark = pytest.mark.slow  # compiles for many seconds, and fits
+
 METHODS = ["ukf", "ekf", "dual_ekf"]
 NAMES = ["K_e", "K_edot", "omega_nm", "zeta_nm", "tau_e"]
 TRUE = {"K_e": 0.09, "K_edot": 0.036, "omega_nm": 11.25, "zeta_nm": 0.35, "tau_e": 0.28}

@@ -12,6 +12,8 @@ from skhoid.exceptions import ShortRunError
 from skhoid.tracking.operator_fitting import OperatorFit
 from skhoid.tracking.sigmoid_operator import SigmoidOperator, followed
 
+pytestmark = pytest.mark.slow  # compiles for many seconds, and fits
+
 DT = 0.01
 ENDS = {"K_e": (0.09, 0.07), "K_edot": (0.036, 0.084)}
 

@@ -17,6 +17,8 @@ from skhoid.exceptions import MissingDataWarning, ShortRunError
 from skhoid.tracking.operator_fitting import OperatorRecord, OperatorSearch, read_limits
 from skhoid.tracking.windowed_operator import WindowedOperator
 
+pytestmark = pytest.mark.slow  # compiles for many seconds, and fits
+
 DT = 0.01
 TRUE = pd.Series({"K_e": 0.09, "K_edot": 0.036, "tau_e": 0.28, "omega_nm": 11.25, "zeta_nm": 0.35})
 NO_SHARE = np.full(4, -1)

@@ -1,0 +1,181 @@
+"""RecursiveBoxJenkins: exact where it is linear, unbiased where least squares is not."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from support.synthetic import NK, arx_runs
+
+from skhoid import (
+    MissingDataWarning,
+    RecursiveARX,
+    RecursiveBoxJenkins,
+    ShortRunError,
+    make_tracking_runs,
+    operator_parameters,
+)
+from skhoid.tracking.whitened import SETTLE, START_WORTH, foreseen
+
+DT = 0.01
+
+
+def linear_run(n=3000, noise=0.2, seed=0):
+    rng = np.random.default_rng(seed)
+    e = rng.standard_normal((n, 1))
+    u = 0.5 * np.r_[0, e[:-1, 0]] - 0.2 * np.r_[0, 0, e[:-2, 0]]
+    return e, u + noise * rng.standard_normal(n)
+
+
+def test_without_poles_and_noise_model_it_is_weighted_least_squares():
+    """With na = 0 and noise_order = 0 the model is linear, and the recursion exact."""
+    e, u = linear_run()
+    lam, m = 0.99, 1000
+    model = RecursiveBoxJenkins(
+        0, 2, 1, noise_order=0, forgetting=lam, init_window=m * DT, dt=DT
+    ).fit(e, u)
+    phi = np.stack([np.r_[0, e[:-1, 0]], np.r_[0, 0, e[:-2, 0]]], axis=1)
+    skip = 2 + round(SETTLE / DT)  # rows before lags are known, and of settling
+    R = phi[skip:m].T @ phi[skip:m]
+    theta = np.linalg.solve(R, phi[skip:m].T @ u[skip:m])
+    np.testing.assert_allclose(model.initial_coef_, theta, rtol=1e-7)
+    R = R * START_WORTH * min(1 / (1 - lam), m - skip) / (m - skip)
+    s = R @ theta
+    for t in range(3 + round(SETTLE / DT), u.size):
+        R = lam * R + np.outer(phi[t], phi[t])
+        s = lam * s + phi[t] * u[t]
+        if t % 500 == 0:
+            np.testing.assert_allclose(model.coef_path_[t], np.linalg.solve(R, s), rtol=1e-6)
+    np.testing.assert_allclose(model.coef_, np.linalg.solve(R, s), rtol=1e-6)
+    expected = model.noise_variance_ * np.linalg.inv(R) / (1 + lam)
+    np.testing.assert_allclose(model.covariance_, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("noise_order", "within"), [(0, 1e-6), (8, 5e-3)])
+def test_without_noise_the_truth_is_found(noise_order, within):
+    X, y = arx_runs(2, 2500, noise=0.0, smooth=2)
+    model = RecursiveBoxJenkins(inputs=["e"], nk=NK, memory_time=5.0, noise_order=noise_order).fit(
+        X, y
+    )
+    errors = y.to_numpy() - model.predict(X)
+    assert np.abs(errors).max() < within * np.abs(y).max()
+
+
+@pytest.fixture(scope="module")
+def loop():
+    return make_tracking_runs(
+        "C1", n_runs=5, remnant_intensity=0.15, remnant_order=2, random_state=42, run_in=20.0
+    )
+
+
+def test_remnant_does_not_bias_it(loop):
+    """Standard deviations of these means, by 60 seeds: 2.5 % of omega_nm, 9 % of zeta_nm."""
+    ends = {}
+    for cls in (RecursiveARX, RecursiveBoxJenkins):
+        path = operator_parameters(cls(nk=29, memory_time=10.24).fit(*loop))
+        ends[cls] = path.loc[60:, ["omega_nm", "zeta_nm"]].mean() / [11.25, 0.35] - 1
+    assert (ends[RecursiveARX] > [0.2, 0.25]).all()
+    assert (ends[RecursiveBoxJenkins].abs() < [0.08, 0.25]).all()
+
+
+def test_intervals(loop):
+    X, y = loop
+    model = RecursiveBoxJenkins(nk=29, memory_time=10.24, store_covariance=True).fit(X, y)
+    path = operator_parameters(model).loc[20:]
+    z = (path["omega_nm"] - 11.25) / path["sd_omega_nm"]
+    assert z.abs().max() < 5
+    assert 0.3 < z.std() < 2
+    np.testing.assert_allclose(model.covariance_path_[-1], model.covariance_)
+
+
+def test_units_scale_the_coefficients(loop):
+    X, y = loop
+    one = RecursiveBoxJenkins(nk=29, memory_time=5.0).fit(X, y)
+    other = RecursiveBoxJenkins(nk=29, memory_time=5.0).fit(X * 1e3, y * 1e-2)
+    scale = np.array([1, 1, 1e-5, 1e-5])
+    np.testing.assert_allclose(other.coef_path_, one.coef_path_ * scale, rtol=1e-4)
+
+
+def test_one_memory_per_parameter(loop):
+    X, y = loop
+    slow = RecursiveBoxJenkins(nk=29, memory_time=[20.0, 20.0, 5.0, 5.0]).fit(X, y)
+    fast = RecursiveBoxJenkins(nk=29, memory_time=5.0).fit(X, y)
+    a_slow, a_fast = (m.coef_path_[4000:, 0].std() for m in (slow, fast))
+    assert a_slow < 0.7 * a_fast
+
+
+def test_it_does_not_diverge_with_a_short_memory():
+    X, y = make_tracking_runs(
+        "C4", n_runs=6, remnant_intensity=0.25, remnant_order=4, random_state=9, run_in=20.0
+    )
+    for run in range(6):
+        model = RecursiveBoxJenkins(nk=29, memory_time=2.56).fit(X.loc[[run]], y.loc[[run]])
+        assert np.abs(model.coef_path_).max() < 10
+        poles = [np.abs(np.roots(np.r_[1, a])).max() for a in model.coef_path_[::200, :2]]
+        assert max(poles) < 1
+
+
+def test_given_start_and_late_options(loop):
+    X, y = loop
+    given = [-1.91, 0.92, 0.044, -0.043]
+    model = RecursiveBoxJenkins(nk=29, init=given, memory_time=5.0).fit(X, y)
+    np.testing.assert_array_equal(model.initial_coef_, given)
+
+
+def test_predictions_ahead_use_the_noise(loop):
+    X, y = loop
+    model = RecursiveBoxJenkins(nk=29, memory_time=5.0).fit(X, y)
+    one, ten = (np.std(y - model.predict_ahead(X, y, h)) for h in (1, 10))
+    free = np.std(y - model.predict(X))
+    assert one < 0.1 * free
+    assert one < ten < free
+
+
+@pytest.mark.parametrize("horizon", [1, 2, 5])
+def test_forecasts_of_noise(horizon):
+    v, d = np.random.default_rng(0).standard_normal(40), np.array([-1.2, 0.5, 0.1])
+    for t in range(horizon + 3, 40):
+        known = v[: t - horizon + 1].tolist()
+        for _ in range(horizon):
+            known.append(-(d @ np.array(known[-1:-4:-1])))
+        assert foreseen(v, d, horizon)[t] == pytest.approx(known[-1], abs=1e-12)
+
+
+def test_missing_rows_are_told(loop):
+    X, y = loop[0].copy(), loop[1].copy()
+    y.iloc[100:110] = np.nan
+    with pytest.warns(MissingDataWarning, match="10 rows"):
+        model = RecursiveBoxJenkins(nk=29).fit(X, y)
+    assert model.n_rows_missing_ == 10
+    assert np.isnan(model.one_step_errors_[100:110]).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"forgetting": "auto"}, "forgetting must be a number"),
+        ({"forgetting": np.ones((9, 1))}, "has the shape"),
+        ({"forgetting": 0.9, "memory_time": 2.0}, "at most one"),
+        ({"init": [1.0, 2.0]}, "4 finite numbers for a1, a2, b0, b1"),
+        ({"init": "ols"}, "must be"),
+        ({"noise_memory_time": 0.001}, "longer than a sample"),
+        ({"noise_order": -1}, "noise_order"),
+        ({"nk": -1}, "nk"),
+    ],
+)
+def test_errors(loop, options, message):
+    with pytest.raises(ValueError, match=message):
+        RecursiveBoxJenkins(**{"nk": 29, **options}).fit(*loop)
+
+
+def test_short_runs(loop):
+    X, y = loop
+    with pytest.raises(ShortRunError, match="Use longer runs, a longer init_window"):
+        RecursiveBoxJenkins(nk=29).fit(X.iloc[:260], y.iloc[:260])
+
+
+def test_it_is_cloned_and_set(loop):
+    model = clone(RecursiveBoxJenkins(nk=29)).set_params(memory_time=5.0)
+    assert model.get_params()["memory_time"] == 5.0
+    table = model.fit(*loop).parameters_
+    assert isinstance(table, pd.DataFrame)
+    assert (table["sd"] > 0).all()
