@@ -137,7 +137,7 @@ class OperatorKalman(Follower, OperatorPath):
 
     Notes
     -----
-    State x = [ln omega, ln zeta, ln tau, ln |K_e|, ln |K_edot|, z, z', n]; the signs of the gains
+    State x = [ln omega, ln zeta, ln tau, ln K_e, ln K_edot, z, z', n]; the signs of the gains
     are those of the start. z moves by its exact zero-order hold with the delayed error, which is
     interpolated linearly between samples; e is what the operator saw, so remnant that went round
     the loop does not bias. The parameters' variance grows by Q_i = σ_i² dt with each measurement:

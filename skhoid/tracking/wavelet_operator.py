@@ -124,7 +124,7 @@ class WaveletOperator(OperatorPath):
     interpolated and counts as not recorded. A transform counts where 92 % of its envelope lie in
     what was recorded, which is sqrt(2) standard deviations from an end: the cone of influence.
 
-    The variance of H is S_rr S_ff / ((n - 1) |S_ef|²), with the smoothed spectrum S_rr of the
+    The variance of H is S_rr S_ff / ((n - 1) abs(S_ef)²), with the smoothed spectrum S_rr of the
     residual W_u - H W_e, which is the remnant, and n = sqrt(1 + 2 time_smoothing²) averages in S,
     times the number of runs; plus 1 % of abs(H) for lines that leak into each other. It weighs the
     fit, and gives the standard errors of parameters, which grow if the misfit exceeds it.
