@@ -65,14 +65,14 @@ def assert_same_bits(found, expected):
 
 
 @each
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(cuts=cut_places)
 def test_any_cut_of_arrays(name, cuts):
     assert_same_bits(stream(of_arrays(name), A, U, cuts), of_arrays(name).fit(A, U))
 
 
 @each
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(cuts=cut_places)
 def test_any_cut_of_tables(name, cuts):
     whole = of_tables(name, dt=DT).fit(X, Y)
@@ -85,14 +85,14 @@ def test_any_cut_of_tables(name, cuts):
 def test_missing_values_anywhere(name, cuts, seed):
     rng = np.random.default_rng(seed)
     inputs, output = A.copy(), U.copy()
-    output[rng.random(N) < 0.1] = np.nan
-    at = rng.integers(0, N, 3)
+    # The first window has to have stretches in which simulations settle.
+    late = np.arange(N) > WINDOW
+    output[late & (rng.random(N) < 0.1)] = np.nan
+    at = rng.integers(WINDOW, N, 3)
     inputs[at, rng.integers(0, 2, 3)] = np.nan
-    inputs[0], output[1] = np.nan, np.nan
-    # The first window may be in pieces: it is long enough between three rows.
-    options = {"init_window": 35.0}
-    whole = of_arrays(name, **options).fit(inputs, output)
-    assert_same_bits(stream(of_arrays(name, **options), inputs, output, cuts), whole)
+    inputs[0], output[1], output[300] = np.nan, np.nan, np.nan
+    whole = of_arrays(name).fit(inputs, output)
+    assert_same_bits(stream(of_arrays(name), inputs, output, cuts), whole)
 
 
 @each
