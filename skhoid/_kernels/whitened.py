@@ -23,7 +23,9 @@ def factorised(R, L, least):
             if i > k:
                 L[i, k] = value / L[k, k]
             else:
-                if not value > least * R[i, i]:
+                if R[i, i] == 0.0:  # nothing is known of it yet: the others go on without
+                    value = 1.0
+                elif not value > least * R[i, i]:
                     good = False
                     value = 1.0
                 L[i, i] = np.sqrt(value)

@@ -156,6 +156,8 @@ class Follower(RunRegressor):
         X = np.concatenate([piece.X for piece in pieces], dtype=np.float64)
         y = np.concatenate([piece.y for piece in pieces])
         known = np.flatnonzero(~np.isnan(y) & ~np.isnan(X).any(axis=1))
+        moving = known[(y[known] != 0) | (X[known] != 0).any(axis=1)]
+        known = moving if moving.size else known
         needed = self._rows_to_begin()
         if needed and (known.size == 0 or y.size - known[0] < needed):
             return None
@@ -167,6 +169,7 @@ class Follower(RunRegressor):
     def _go_on_with(self, row_filter: RowFilter, layout: Any) -> None:
         """Let streams go on after a single run that was fitted."""
         self._row_filter = row_filter
+        self.__dict__.pop("_streamed", None)  # of a stream before
         time = float(layout.time[-1]) if layout.indexed else None
         self._clock = Clock(layout.labels[-1], time)
 

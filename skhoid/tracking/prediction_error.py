@@ -112,18 +112,19 @@ class Window:
         for theta in self._starts():
             d, _ = self.noise(theta)
             begin = np.r_[theta, d]
-            size = np.sqrt((self.slopes(begin) ** 2).sum(axis=0))
+            size = np.sqrt((self.slopes(begin) ** 2).mean(axis=0))
+            scale = self.scale or 1.0
+            unit = scale / np.where(size > 0, size, scale)  # so that tolerances have none
             found = least_squares(
-                self.errors,
-                begin,
-                jac=self.slopes,
-                x_scale=1.0 / np.where(size > 0, size, 1.0),
+                lambda q, unit=unit, scale=scale: self.errors(q * unit) / scale,
+                begin / unit,
+                jac=lambda q, unit=unit, scale=scale: self.slopes(q * unit) * (unit / scale),
                 max_nfev=MOST_STEPS,
             )
-            if best is None or found.cost < best.cost:
-                best = found
+            if best is None or found.cost < best[0]:
+                best = found.cost, found.x * unit
         assert best is not None
-        return self.at(best.x[:n])
+        return self.at(best[1][:n])
 
     def at(self, theta: np.ndarray) -> Start:
         """What the window tells about these parameters, and the noise beside them."""
@@ -150,7 +151,9 @@ class Window:
         edges = np.cumsum([0, *(y.size for _, y in self.parts)])
         begin, end = np.array(list(pairwise(edges))).T
         table = regressors(y, X, begin + self.skip - self.orders.first_row, end, self.orders)[0]
-        found = np.linalg.lstsq(table[:, :-1], table[:, -1], rcond=None)[0]
+        size = np.sqrt((table[:, :-1] ** 2).sum(axis=0))
+        size = np.where(size > 0, size, 1.0)
+        found = np.linalg.lstsq(table[:, :-1] / size, table[:, -1], rcond=None)[0] / size
         return stabilised(found, self.orders.na)
 
 
@@ -174,7 +177,8 @@ def whole_stretches(
     whole = ~np.isnan(y) & ~np.isnan(X).any(axis=1)
     if not whole.any():
         return []
-    first = int(np.argmax(whole))
+    moving = whole & ((y != 0) | (X != 0).any(axis=1))  # a rest before the task tells nothing
+    first = int(np.argmax(moving if moving.any() else whole))
     stop = min(first + n_rows, y.size)
     rows = np.flatnonzero(whole[first:stop]) + first
     cuts = np.flatnonzero((np.diff(rows) > 1) | fresh[rows[1:]]) + 1

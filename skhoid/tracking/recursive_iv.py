@@ -55,6 +55,14 @@ class InstrumentsFilter(WhitenedFilter):
         self.rest()
         self.memory, self.forgetting, self.counts = memory, forgetting, counts
         self.shared[self.sums] *= self.worth
+        # Until the first update, what the window told.
+        nz = next(k for k in range(1, self.sums.stop) if k * (k + self.n + 1) == self.sums.stop)
+        ZZ, ZP = np.split(self.shared[: nz * (nz + self.n)], [nz * nz])
+        ZZ, ZP = ZZ.reshape(nz, nz), ZP.reshape(nz, self.n)
+        size = np.sqrt(np.where(np.diag(ZZ) > 0, np.diag(ZZ), 1.0))
+        middle = np.linalg.pinv(ZZ / np.outer(size, size), rcond=1e-13, hermitian=True)
+        G = ZP / size[:, None]
+        self.information[:] = G.T @ middle @ G
 
     @property
     def information(self) -> np.ndarray:

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from .._sklearn import DT, Interval, StrOptions
+from ..arx.base import free_run_output
 from ..arx.followed_path import FollowedPath
 from ..arx.forgetting import read_forgetting
 from ..arx.model_summary import orders_text
@@ -31,6 +32,7 @@ from .prediction_error import SETTLE, Start, Window, unit_factors, whole_stretch
 
 FILTER_TIME = 10.24  # s: the longest time in which the filters follow F
 START_WORTH = 1.0  # of the memory, that the start is worth
+LITTLE_WORTH = 0.05  # of the window, that the start is worth if the memory is longer
 CONSTRAINTS: dict = {
     "na": [Interval(Integral, 0, None, closed="left")],
     "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
@@ -71,7 +73,7 @@ class Signals:
             values[(position, *at)] = column
         measured = np.repeat(grid.measured, grid.end - grid.begin)
         target[at] = np.where(measured, output, np.nan)
-        begin = np.array([first for first, _ in segments(grid)], dtype=np.int64)
+        begin = np.union1d([first for first, _ in segments(grid)], grid.begin).astype(np.int64)
         fresh[instants.of_row[begin], instants.run[begin]] = True
         return cls(values, target, fresh, instants)
 
@@ -91,7 +93,8 @@ class WhitenedFilter:
         self.orders, self.lam, self.n = orders, lam, orders.n_params
         with np.errstate(divide="ignore"):
             memory = 1.0 / (1.0 - lam[:-1].min())
-        self.worth = START_WORTH * min(memory, start.n_rows) / start.n_rows
+        # The recursion takes the window's rows once more, which only a finite memory forgets.
+        self.worth = START_WORTH * memory / start.n_rows if memory < start.n_rows else LITTLE_WORTH
         follow = min(1.0 / min(memory, FILTER_TIME / dt), 1.0)
         self.shares = np.array([lam[-1], follow, min(dt / FILTER_TIME, 0.1)])
         self.kernel_orders = np.array([orders.na, nd, *orders.nb, *orders.nk])
@@ -157,7 +160,7 @@ class WhitenedRecursion(Follower, FollowedPath):
         return self._columns
 
     def _fit_recursion(self, X: Any, y: Any) -> Self:
-        grid, inputs, output, columns, *_ = self._read_data(X, y)
+        grid, _, output, columns, *_ = self._read_data(X, y)
         self._set_orders(grid)
         taken = columns_of(columns, self._signal_columns(columns.shape[1]))
         taken = np.asarray(taken, dtype=np.float64)
@@ -190,7 +193,8 @@ class WhitenedRecursion(Follower, FollowedPath):
             self.covariance_path_ = row_filter.covariance(information, updates)
         missing = np.isnan(output) | np.isnan(taken).any(axis=1)
         self.n_rows_missing_ = int(missing.sum())
-        self._report_missing(grid, inputs, output, self.n_updates_, self.inputs_)
+        names = self._channel_names(self._signal_columns(columns.shape[1]))
+        self._report_missing(grid, taken, output, self.n_updates_, names)
         if n_runs == 1 and grid.rows is None:
             self._go_on_with(row_filter, grid.layout)
         return self
@@ -322,8 +326,10 @@ class WhitenedRecursion(Follower, FollowedPath):
     ) -> np.ndarray:
         """The simulation, plus what the noise model foresees of its error."""
         horizon = min(horizon, grid.n_rows)
+        stretches = (grid.begin, grid.end, grid.past)
+        parameters = self._parameters_before(grid, horizon)
         inputs = self._held_inputs(grid, values)
-        simulated = self._simulate(grid, inputs)
+        simulated = free_run_output(inputs, stretches, self.orders_, *parameters)
         ahead = simulated.copy()
         for begin, end in segments(grid):
             v = output[begin:end] - simulated[begin:end]
@@ -362,11 +368,16 @@ class WhitenedRecursion(Follower, FollowedPath):
 
 
 def foreseen(v: np.ndarray, d: np.ndarray, horizon: int) -> np.ndarray:
-    """Forecast of autoregressive noise, so many rows ahead of each row; unknown noise is zero."""
-    known = np.nan_to_num(v)
-    nd = d.size
+    """Forecast of autoregressive noise, so many rows ahead of each row.
+
+    Noise that is not known is its own forecast.
+    """
+    known, nd = v.copy(), d.size
     if nd == 0:
         return np.zeros(v.size)
+    for t in np.flatnonzero(np.isnan(v)).tolist():
+        before = known[max(t - nd, 0) : t][::-1]
+        known[t] = -float(d[: before.size] @ before)
     companion = np.zeros((nd, nd))
     companion[0], companion[np.arange(1, nd), np.arange(nd - 1)] = -d, 1.0
     weights = np.linalg.matrix_power(companion, horizon)[0]

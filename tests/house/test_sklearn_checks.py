@@ -14,6 +14,7 @@ from skhoid import (
     OperatorRegressor,
     OrderSearchCV,
     RecursiveARX,
+    RecursiveBoxJenkins,
     RunInTrimmer,
 )
 
@@ -31,6 +32,7 @@ ESTIMATORS = [
     OrderSearchCV(ARXRegressor(inputs=[0]), na=[1], nb=[1]),
     # Of four parameters, as elsewhere: a recursion is compiled for each number of them.
     *(RecursiveARX(inputs=[0], **options) for options in RECURSIONS),
+    RecursiveBoxJenkins(na=1, nb=1, inputs=[0], noise_order=0, init_window=1000),
     OperatorRegressor(),
     Decimator(),
     DelayShift(),

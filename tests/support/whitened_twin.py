@@ -108,7 +108,9 @@ class Twin:
         return found
 
     def follow_filters(self):
-        self.slow = self.slow + self.setting.share_filter * (self.theta[: self.slow.size] - self.slow)
+        self.slow = self.slow + self.setting.share_filter * (
+            self.theta[: self.slow.size] - self.slow
+        )
 
     def follow_noise(self, lane):
         """v = (F u - B e) / F now and nd rows before, by the newest theta."""
@@ -141,7 +143,7 @@ def regular(R, least):
 
 
 class PredictionErrors(Twin):
-    """eps = D u - B/F (D e), psi = D/F [-w ... e ...], R = ΛRΛ + psi psi', theta += R^-1 psi eps."""
+    """eps = D u - B/F (D e), psi = D/F [-w ... e ...], theta += R^-1 psi eps."""
 
     def __init__(self, setting, theta, noise, largest, information, n_runs=1):
         super().__init__(setting, theta, noise, largest, n_runs)

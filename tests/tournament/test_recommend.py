@@ -6,6 +6,8 @@ from skhoid import CompensatoryTask, HumanOperator, Ramp, Remnant, make_tracking
 from skhoid.tournament import recommend_method
 from skhoid.tournament.recommend import _paired_error
 
+pytestmark = pytest.mark.slow  # compiles for many seconds
+
 METHODS = ["rls", "rls_smooth", "arx"]
 FEW = {"methods": METHODS, "n_replications": 3, "n_validation": 1}
 

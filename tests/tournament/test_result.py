@@ -6,6 +6,8 @@ import pytest
 
 from skhoid.tournament import TournamentResult, run_tournament, tournament_cells
 
+pytestmark = pytest.mark.slow  # compiles for many seconds
+
 METHODS = ["rls", "rls_auto", "arx"]
 
 

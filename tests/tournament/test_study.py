@@ -10,6 +10,8 @@ import pytest
 from skhoid.tournament import TournamentCell, run_tournament, tournament_cells
 from skhoid.tournament.tuning import groups_of, spread, watching
 
+pytestmark = pytest.mark.slow  # compiles for many seconds
+
 METHODS = ["rls", "rls_smooth", "arx"]
 CELLS = tournament_cells("small", conditions=["C1", "C4"])
 FEW = {"size": "small", "n_replications": 2, "n_validation": 1}

@@ -20,7 +20,7 @@ from skhoid.effects import TimeVaryingDelay
 from skhoid.tracking.delay_bank import DelayBankARX
 from skhoid.tracking.delay_bank_lanes import TEMPER, VARIANCE_MEMORY
 
-pytestmark = pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")]
 
 THETA0 = [-1.7, 0.75, 0.03, -0.02]
 GIVEN = {"init": THETA0, "p0": 10.0, "dt": DT, "memory_horizon": 100}

@@ -27,6 +27,8 @@ from skhoid import (
 from skhoid.tracking.fir_filter import tc_kernel
 from skhoid.tracking.recursive_fir import RecursiveFIR
 
+pytestmark = pytest.mark.slow  # compiles for many seconds
+
 TAPS, NK, LAMBDA, N = 6, 2, 0.97, 260
 LAGS = [range(NK, NK + TAPS)]
 H = np.array([0.2, 1.0, 0.7, 0.3, -0.1, 0.05])

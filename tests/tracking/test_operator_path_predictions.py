@@ -1,0 +1,298 @@
+"""OperatorPath against the simulator, ARX models and an ordinary differential equation."""
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
+from sklearn.base import clone
+from sklearn.pipeline import make_pipeline
+
+from skhoid import (
+    ARXRegressor,
+    Decimator,
+    HumanOperator,
+    MissingDataWarning,
+    make_tracking_runs,
+    operator_parameters,
+    zoh_parameters,
+)
+from skhoid.exceptions import RunTimeWarning
+from skhoid.tracking.operator_path import ESTIMATED, OperatorPath
+
+TRUE = {"K_e": 0.09, "K_edot": 0.036, "tau_e": 0.28, "omega_nm": 11.25, "zeta_nm": 0.35}
+OTHER = {"K_e": 0.07, "K_edot": 0.049, "tau_e": 0.23, "omega_nm": 9.0, "zeta_nm": 0.5}
+DT = 0.01
+
+
+class Told(OperatorPath):
+    """Parameters as they are told: dicts of them, at sample numbers, or the last ones alone."""
+
+    def __init__(self, at=None, *, last=False, inputs=None, roles=None, dt=None, run=None):
+        self.at, self.last = at, last
+        self.inputs, self.roles, self.dt, self.run = inputs, roles, dt, run
+
+    def fit(self, X, y):
+        self._read_operator_data(X, y)
+        at = {0: TRUE} if self.at is None else self.at
+        values = {name: np.array([p[name] for p in at.values()]) for name in ESTIMATED}
+        self._set_path(np.array([*at]), values, {n: 0.1 * v for n, v in values.items()})
+        if self.last:
+            self._set_last(*({n: v[-1] * f for n, v in values.items()} for f in (1, 0.1)))
+        return self
+
+    def _method_name(self):
+        return "told"
+
+
+def everywhere(parameters, n=10_000):
+    """A path without warnings of rows outside it."""
+    return Told({0: parameters, n: parameters})
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return make_tracking_runs("C1", n_runs=2, random_state=0, duration=40.96)
+
+
+def test_the_operator_that_made_runs_explains_them(runs):
+    """Runs do not begin at rest, as predictions do: that costs 2 % of the VAF of 41 s."""
+    X, y = runs
+    model = everywhere(TRUE).fit(X, y)
+    assert 98 < model.score(X, y) < 99
+    assert model.score(*make_tracking_runs("C1", n_runs=2, random_state=0)) >= 99
+    settled = X.index.get_level_values("time") > 5
+    # The simulator does not hold the error between samples, which costs half a sample.
+    left = np.var(model.predict(X)[settled] - y[settled])
+    assert 1e-6 < left / np.var(y[settled]) < 1e-3
+
+
+@pytest.mark.parametrize("tau_e", [0.0, 0.01, 0.28, 0.29, 0.57])
+def test_whole_delays_are_those_of_an_arx_model(runs, tau_e):
+    X, y = runs
+    told = everywhere({**TRUE, "tau_e": tau_e}).fit(X, y).predict(X)
+    nk = round(tau_e / DT) + 1
+    arx = ARXRegressor(nk=nk).fit(X, y)
+    arx.coef_ = zoh_parameters(HumanOperator(), DT)
+    np.testing.assert_allclose(told, arx.simulate(X), atol=1e-11)
+
+
+@pytest.mark.parametrize("omega_zeta", [(11.25, 0.35), (20.0, 1.0), (8.0, 1.7)])
+def test_any_damping_is_that_of_lfilter(runs, omega_zeta):
+    X, y = runs
+    omega, zeta = omega_zeta
+    told = everywhere({**TRUE, "omega_nm": omega, "zeta_nm": zeta}).fit(X, y).predict(X)
+    a1, a2, b0, b1 = zoh_parameters(HumanOperator(omega_nm=omega, zeta_nm=zeta), DT)
+    e = X.loc[1, "e"].to_numpy()
+    expected = lfilter(np.r_[np.zeros(29), b0, b1], [1, a1, a2], e)
+    np.testing.assert_allclose(told[len(e) :], expected, atol=1e-10)
+
+
+def test_fractions_of_a_sample_are_a_straight_line_between():
+    e = np.random.default_rng(0).standard_normal((400, 1))
+    y = np.zeros(400)
+
+    def told(tau_e):
+        return everywhere({**TRUE, "tau_e": tau_e}).set_params(dt=DT).fit(e, y).predict(e)
+
+    for share in (0.1, 0.5, 0.9):
+        mixed = (1 - share) * told(0.2) + share * told(0.21)
+        np.testing.assert_allclose(told(0.2 + share * DT), mixed, atol=1e-12)
+
+
+def test_delays_vary_without_steps():
+    """A delay that sweeps over whole samples does not jump there."""
+    t = np.arange(4000) * DT
+    e = np.sin(t)[:, None]
+    path = {0: {**TRUE, "tau_e": 0.2}, 4000: {**TRUE, "tau_e": 0.3}}
+    u = Told(path, dt=DT).fit(e, t).predict(e)
+    assert np.abs(np.diff(u, 3))[500:].max() < 1e-4
+
+
+def slow_change():
+    """An error, and the operator's output while all its parameters change, by an ODE solver."""
+    t = np.arange(2000) * DT
+    rng = np.random.default_rng(1)
+    omega = rng.uniform(0.5, 6.0, 8)
+    e = np.sin(np.outer(t, omega) + rng.uniform(0, 6, 8)).sum(axis=1)
+    share = t / t[-1]
+
+    def at(name, time):
+        s = np.clip(time / t[-1], 0, 1)
+        return np.exp((1 - s) * np.log(TRUE[name]) + s * np.log(OTHER[name]))
+
+    smooth = CubicSpline(t, e)
+
+    def slope(time, x):
+        now = {name: at(name, time) for name in ESTIMATED}
+        late = time - now["tau_e"]
+        drive = 0.0
+        if late > 0:
+            drive = now["K_e"] * smooth(late) + now["K_edot"] * smooth(late, 1)
+        w = now["omega_nm"]
+        return [x[1], w**2 * (drive - x[0]) - 2 * now["zeta_nm"] * w * x[1]]
+
+    found = solve_ivp(slope, (0, t[-1]), [0, 0], t_eval=t, rtol=1e-7, atol=1e-9, max_step=0.02)
+    assert share[-1] == 1
+    return e, found.y[0]
+
+
+def test_logarithms_between_instants_are_an_operator_that_changes_slowly():
+    """The path has two instants; to hold the error between samples costs half a sample of lag."""
+    e, u = slow_change()
+    path = {0: TRUE, 1999: OTHER}
+    early = {n: {**p, "tau_e": p["tau_e"] - DT / 2} for n, p in path.items()}
+    model = Told(early, dt=DT).fit(e[:, None], u)
+    assert model.score(e[:, None], u) > 99.9
+    held_before = Told({0: TRUE}, dt=DT).fit(e[:, None], u)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RunTimeWarning)
+        assert held_before.score(e[:, None], u) < 98
+
+
+def test_each_sample_of_the_error_keeps_the_gains_that_it_met():
+    """The recursion written out, with all parameters but the delay other at each instant."""
+    rng = np.random.default_rng(2)
+    n, lag = 60, 5
+    e = rng.standard_normal(n)
+    path = {
+        t: {name: TRUE[name] * rng.uniform(0.5, 1.5) for name in ESTIMATED} | {"tau_e": lag * DT}
+        for t in range(n)
+    }
+    theta = np.array(
+        [
+            zoh_parameters(
+                HumanOperator(
+                    K_e=p["K_e"], T_L=p["K_edot"] / p["K_e"], omega_nm=p["omega_nm"],
+                    zeta_nm=p["zeta_nm"],
+                ),
+                DT,
+            )
+            for p in path.values()
+        ]
+    )  # fmt: skip
+    u = np.zeros(n)
+    for t in range(lag + 1, n):
+        now = theta[t]
+        u[t] = -now[0] * u[t - 1] - now[1] * u[t - 2] + now[2] * e[t - lag - 1]
+        u[t] += theta[t - 1][3] * (e[t - lag - 2] if t > lag + 1 else 0.0)
+    found = Told(path, dt=DT).fit(e[:, None], e).predict(e[:, None])
+    np.testing.assert_allclose(found, u, atol=1e-12)
+
+
+def test_between_instants_the_geometric_mean_holds():
+    e = np.random.default_rng(0).standard_normal((300, 1))
+    ends = {0: {**TRUE, "K_e": 0.01}, 200: {**TRUE, "K_e": 1.0}, 299: {**TRUE, "K_e": 1.0}}
+    known = Told(ends | {100: {**TRUE, "K_e": 0.1}}, dt=DT)
+    known.at = dict(sorted(known.at.items()))
+    found = Told(ends, dt=DT).fit(e, e[:, 0]).predict(e)
+    np.testing.assert_allclose(found, known.fit(e, e[:, 0]).predict(e), atol=1e-12)
+
+
+def test_before_and_after_the_path_its_ends_hold(runs):
+    X, y = runs
+    inner = Told({1000: TRUE, 1500: OTHER}).fit(X, y)
+    outer = Told({0: TRUE, 1000: TRUE, 1500: OTHER, 4095: OTHER}).fit(X, y)
+    np.testing.assert_array_equal(inner.predict(X), outer.predict(X))
+
+
+def test_stretches_that_touch_the_path_are_not_warned_of(runs):
+    X, y = runs
+    model = Told({1000: TRUE, 1500: OTHER}).fit(X, y)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RunTimeWarning)
+        model.predict(X)
+    late = X.index.get_level_values("time") > 16
+    with pytest.warns(RunTimeWarning, match=r"lie outside the fitted times, 10 to 15 s"):
+        model.predict(X[late])
+
+
+def test_signs_may_change():
+    e = np.random.default_rng(0).standard_normal((300, 1))
+    path = {0: {**TRUE, "K_edot": -0.02}, 299: {**TRUE, "K_edot": 0.02}}
+    u = Told(path, dt=DT).fit(e, e[:, 0]).predict(e)
+    assert np.isfinite(u).all()
+
+
+def test_what_is_unknown_is_passed_over():
+    """NaN at an instant: the neighbours are joined; nothing known at all: no output."""
+    e = np.random.default_rng(0).standard_normal((300, 1))
+    nothing = dict.fromkeys(ESTIMATED, np.nan)
+    holed = Told({0: TRUE, 100: nothing, 299: OTHER}, dt=DT).fit(e, e[:, 0])
+    whole = Told({0: TRUE, 299: OTHER}, dt=DT).fit(e, e[:, 0])
+    np.testing.assert_array_equal(holed.predict(e), whole.predict(e))
+    unknown = Told({0: nothing, 299: nothing}, dt=DT).fit(e, e[:, 0])
+    np.testing.assert_array_equal(unknown.predict(e), np.zeros(300))
+
+
+def test_gaps_and_runs_begin_at_rest(runs):
+    X, y = runs
+    kept = np.ones(len(X), dtype=bool)
+    kept[1000:1100] = False
+    model = everywhere(TRUE).fit(X, y)
+    whole, holed = model.predict(X), model.predict(X[kept])
+    np.testing.assert_array_equal(holed[:1000], whole[:1000])
+    np.testing.assert_array_equal(holed[1000:1029], 0.0)
+    alone = model.predict(X[kept].iloc[1000:3996])
+    np.testing.assert_allclose(holed[1000:3996], alone, atol=1e-12)
+
+
+def test_missing_inputs_are_held(runs):
+    X, y = runs[0].copy(), runs[1]
+    model = everywhere(TRUE).fit(X, y)
+    X.iloc[500:503, 0] = np.nan
+    with pytest.warns(MissingDataWarning, match="3 rows of the inputs"):
+        holed = model.predict(X)
+    X.iloc[500:503, 0] = X.iloc[499, 0]
+    np.testing.assert_array_equal(holed, model.predict(X))
+
+
+def test_decimated_runs(runs):
+    """At half the rate the path is at the same times, and the operator the same."""
+    X, y = runs
+    chain = make_pipeline(Decimator(2), Told({0: TRUE, 2000: TRUE})).fit(X, y)
+    assert chain[-1].dt_ == pytest.approx(0.02)
+    assert chain[-1].time_path_.tolist() == [0.0, 40.0]
+    assert chain.predict(X).shape == y.shape
+    # The whole hold of the model is half a sample of 20 ms later than that of the runs.
+    early = {n: {**TRUE, "tau_e": 0.275} for n in (0, 2000)}
+    chain = make_pipeline(Decimator(2), Told(early)).fit(X, y)
+    assert chain.score(X, y) == pytest.approx(everywhere(TRUE).fit(X, y).score(X, y), abs=0.2)
+
+
+def test_the_latest_parameters_of_a_stream(runs):
+    X, y = runs
+    model = Told({0: OTHER, 4000: TRUE}, last=True).fit(X, y)
+    np.testing.assert_array_equal(model.predict(X), everywhere(TRUE).fit(X, y).predict(X))
+    with pytest.raises(AttributeError, match="not kept by partial_fit"):
+        model.parameters_path_  # noqa: B018
+    assert not hasattr(model, "time_path_")
+    frame = operator_parameters(model)
+    assert len(frame) == 1
+    assert frame["omega_nm"].item() == 11.25
+    assert model.parameters_.loc["K_e", "sd"] == pytest.approx(0.009)
+
+
+def test_tables_have_units_and_intervals(runs):
+    X, y = runs
+    model = Told({0: TRUE, 4000: OTHER}).fit(X, y)
+    table = model.parameters_
+    np.testing.assert_allclose(table["high"] - table["value"], 1.96 * table["sd"])
+    assert table.loc["omega_nm", "unit"] == "rad/s"
+    assert table.loc["T_L", "value"] == pytest.approx(0.7)
+    pd.testing.assert_frame_equal(
+        operator_parameters(model), model.parameters_path_, check_names=False
+    )
+    text = str(model.summary(X, y))
+    assert "VAF, free run" in text
+    assert "one step" not in text
+
+
+def test_an_unfitted_path_says_so(runs):
+    with pytest.raises(Exception, match="not fitted"):
+        clone(Told()).predict(runs[0])
+    with pytest.raises(AttributeError, match="parameters_path_"):
+        Told().parameters_path_  # noqa: B018
