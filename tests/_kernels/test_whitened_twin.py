@@ -12,6 +12,7 @@ from skhoid.arx.orders import Orders
 from skhoid.tracking.box_jenkins import BoxJenkinsFilter
 from skhoid.tracking.prediction_error import Start, Window
 from skhoid.tracking.recursive_iv import InstrumentsFilter
+from skhoid.tracking.whitened import LITTLE_WORTH
 
 N, DT = 220, 0.25  # so a run settles in 8 rows
 F = {0: [], 1: [-0.6], 2: [-1.2, 0.5], 3: [-1.5, 0.9, -0.2]}
@@ -91,11 +92,17 @@ def noise_of(case, setting):
     return twin.Noise(case.start.d, np.linalg.inv(R.T @ R), case.start.noise_variance, setting)
 
 
+def worth_of(lam, n_rows):
+    """Share of the window's information that the start keeps: the memory's, else little."""
+    memory = 1 / (1 - lam) if lam < 1 else np.inf
+    return memory / n_rows if memory < n_rows else LITTLE_WORTH
+
+
 def box_jenkins(case, n_runs):
     row_filter = BoxJenkinsFilter(case.start, case.orders, case.lam, DT, n_runs)
     setting = setting_of(case, row_filter)
     largest = np.sqrt(np.diag(case.start.information) / case.start.n_rows)
-    worth = min(1 / (1 - case.lam[:-1].min()), case.start.n_rows) / case.start.n_rows
+    worth = worth_of(case.lam[:-1].min(), case.start.n_rows)
     information = worth * case.start.information
     plain = twin.PredictionErrors(
         setting, case.start.theta, noise_of(case, setting), largest, information, n_runs
@@ -119,7 +126,7 @@ def instruments(case, n_runs, lags=(1, 2, 4, 7, 11)):
     plain.frozen = True
     for t in range(N):
         plain.instant(window_case.signals[:, t, :1], window_case.target[t, :1])
-    worth = min(1 / (1 - case.lam[0]), case.start.n_rows) / case.start.n_rows
+    worth = worth_of(case.lam[0], case.start.n_rows)
     plain.ZZ, plain.ZP, plain.ZU = (worth * s for s in (plain.ZZ, plain.ZP, plain.ZU))
     plain.frozen, plain.n_updates, plain.squares, plain.n_held = False, 0, 0.0, 0
     plain.lanes = [twin.Lane() for _ in range(n_runs)]
