@@ -91,7 +91,7 @@ print({label: round(float(value), 3) for label, value in spread.items()})
 # %%
 # The answer
 # ----------
-# A recursion with a noise model of its own, :class:`~skhoid.RecursiveBoxJenkins`, or with the target
-# as instrument, :class:`~skhoid.RecursiveIV`. For the gains they scatter about as much as least
+# A recursion with a noise model of its own, :class:`~skhoid.RecursiveBoxJenkins`, or with the
+# target as instrument, :class:`~skhoid.RecursiveIV`. For the gains they scatter as much as least
 # squares. The damping scatters more, since all that is known of it is known from few oscillations:
 # least squares only seems to know it better, as remnant with its own poles tells it so.

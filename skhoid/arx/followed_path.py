@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..exceptions import RunTimeWarning
+from ..greybox.estimates import arx_parameter_table
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
 from .base import BaseARX
@@ -23,7 +26,34 @@ class FollowedPath(BaseARX):
     coef_path_: np.ndarray
     time_path_: np.ndarray
     initial_coef_: np.ndarray
+    parameter_names_: list[str]
     _numbers: np.ndarray
+
+    @property
+    def a_(self) -> np.ndarray:
+        return self.orders_.split(self.coef_)[0]
+
+    @property
+    def b_(self) -> Any:
+        return self.orders_.input_rows(self.coef_)
+
+    @property
+    def intercept_(self) -> float:
+        return self.orders_.split(self.coef_)[2]
+
+    @property
+    def covariance_(self) -> np.ndarray:
+        raise NotImplementedError
+
+    @property
+    def standard_errors_(self) -> np.ndarray:
+        return np.sqrt(np.diag(self.covariance_))
+
+    @property
+    def parameters_(self) -> pd.DataFrame:
+        return arx_parameter_table(
+            self.parameter_names_, self.coef_, self.standard_errors_, self._coefficient_units()
+        )
 
     def _parameters(self, grid: ModelGrid) -> tuple[np.ndarray, np.ndarray]:
         if not self._follows_path:

@@ -6,10 +6,8 @@ from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from .._sklearn import DT, Interval, StrOptions, fit_context
-from ..greybox.estimates import arx_parameter_table
 from ..summaries import ModelSummary
 from .base import check_row_count
 from .followed_path import FollowedPath
@@ -399,33 +397,11 @@ class RecursiveARX(FollowedPath, PartialFit):
         self.coef_ = np.einsum("r,rp->p", self._last_share, last)
 
     @property
-    def a_(self) -> np.ndarray:
-        return self.orders_.split(self.coef_)[0]
-
-    @property
-    def b_(self) -> Any:
-        return self.orders_.input_rows(self.coef_)
-
-    @property
-    def intercept_(self) -> float:
-        return self.orders_.split(self.coef_)[2]
-
-    @property
-    def parameters_(self) -> pd.DataFrame:
-        return arx_parameter_table(
-            self.parameter_names_, self.coef_, self.standard_errors_, self._coefficient_units()
-        )
-
-    @property
     def covariance_(self) -> np.ndarray:
         self._check_fitted()
         shares = self._last_share**2
         each = [state.covariance(self._forgetting) for state in self._states]
         return np.einsum("r,rpq->pq", shares, each)
-
-    @property
-    def standard_errors_(self) -> np.ndarray:
-        return np.sqrt(np.diag(self.covariance_))
 
     @property
     def noise_variance_(self) -> float:

@@ -9,7 +9,6 @@ from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from .. import _kernels
 from .._sklearn import DT, Interval, StrOptions, fit_context
@@ -22,7 +21,6 @@ from ..arx.partial_fit import check_streamable
 from ..arx.rls import RecursionData
 from ..arx.streaming import Clock
 from ..exceptions import ShortRunError
-from ..greybox.estimates import arx_parameter_table
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
 from ..summaries import ModelSummary, estimates_table, grid_facts, number, quantity, signal_facts
@@ -397,31 +395,9 @@ class RecursiveFIR(Follower, FollowedPath):
         return "coef_" in vars(self)
 
     @property
-    def a_(self) -> np.ndarray:
-        return self.orders_.split(self.coef_)[0]
-
-    @property
-    def b_(self) -> Any:
-        return self.orders_.input_rows(self.coef_)
-
-    @property
-    def intercept_(self) -> float:
-        return self.orders_.split(self.coef_)[2]
-
-    @property
-    def parameters_(self) -> pd.DataFrame:
-        return arx_parameter_table(
-            self.parameter_names_, self.coef_, self.standard_errors_, self._coefficient_units()
-        )
-
-    @property
     def covariance_(self) -> np.ndarray:
         self._check_fitted()
         return self._state.covariance()
-
-    @property
-    def standard_errors_(self) -> np.ndarray:
-        return np.sqrt(np.diag(self.covariance_))
 
     @property
     def noise_variance_(self) -> float:

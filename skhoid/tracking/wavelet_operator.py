@@ -236,13 +236,9 @@ class WaveletOperator(OperatorPath):
         grid = data.grid
         names = list(range(data.values.shape[1])) if self._names is None else list(self._names)
         positions, wanted = columns_by_role(names, self.roles), [self._columns[0]]
-        if self.instrument is None:
-            pass  # the error is its own
-        elif "f_t" in positions:
-            wanted.append(positions["f_t"])
-        elif "x" in positions:
-            wanted.append(positions["x"])
-        else:
+        if self.instrument is not None and ("f_t" in positions or "x" in positions):
+            wanted.append(positions["f_t" if "f_t" in positions else "x"])
+        elif self.instrument is not None:
             raise ValueError(
                 "WaveletOperator needs the target as its instrument, but X has no column of role "
                 f"'f_t' (nor 'x' beside the error); the columns are {names}. Add it, name it by "

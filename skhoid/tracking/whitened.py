@@ -12,7 +12,6 @@ from numbers import Integral, Real
 from typing import Any, Self
 
 import numpy as np
-import pandas as pd
 
 from .._sklearn import DT, Interval, StrOptions
 from ..arx.base import free_run_output
@@ -23,7 +22,6 @@ from ..arx.orders import Orders
 from ..arx.partial_fit import check_streamable
 from ..arx.rls import Instants, spread_weights, window_rows
 from ..exceptions import ShortRunError
-from ..greybox.estimates import arx_parameter_table
 from ..preprocessing.grid import ModelGrid
 from ..regression import columns_of, segments
 from ..summaries import ModelSummary, estimates_table, grid_facts, signal_facts
@@ -275,18 +273,6 @@ class WhitenedRecursion(Follower, FollowedPath):
         return "coef_" in vars(self)
 
     @property
-    def a_(self) -> np.ndarray:
-        return self.orders_.split(self.coef_)[0]
-
-    @property
-    def b_(self) -> Any:
-        return self.orders_.input_rows(self.coef_)
-
-    @property
-    def intercept_(self) -> float:
-        return 0.0
-
-    @property
     def noise_ar_(self) -> np.ndarray:
         self._check_fitted()
         return self._current.noise[: int(self._current.kernel_orders[1])].copy()
@@ -295,10 +281,6 @@ class WhitenedRecursion(Follower, FollowedPath):
     def covariance_(self) -> np.ndarray:
         self._check_fitted()
         return self._current.covariance(self._current.information, self._current.counts[4])
-
-    @property
-    def standard_errors_(self) -> np.ndarray:
-        return np.sqrt(np.diag(self.covariance_))
 
     @property
     def noise_variance_(self) -> float:
@@ -314,12 +296,6 @@ class WhitenedRecursion(Follower, FollowedPath):
     def n_held_(self) -> int:
         self._check_fitted()
         return int(self._current.counts[2])
-
-    @property
-    def parameters_(self) -> pd.DataFrame:
-        return arx_parameter_table(
-            self.parameter_names_, self.coef_, self.standard_errors_, self._coefficient_units()
-        )
 
     def _ahead(
         self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, horizon: int
