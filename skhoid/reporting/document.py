@@ -199,12 +199,8 @@ def report(
         inner = model.estimator if isinstance(model, EffectSearchCV) else model
         repeat_labels(raw_layout(inner, X), repeats)  # for its checks, before the work begins
     search, no_search = _search(model, X, y, effects, n_jobs)
-    if search is not None:
-        baseline = search.baseline_
-        final = search.best_estimator_ if len(search.error_path_) > 1 else None
-    else:
-        baseline = model if _is_fitted(model) else clone(model).fit(X, y)
-        final = None
+    baseline = _fitted(model, X, y) if search is None else search.baseline_
+    final = None if search is None or len(search.error_path_) == 1 else search.best_estimator_
     kept = y if search is None else without_output(y, search._control)
     comparison, no_comparison = _comparison(baseline, X, kept, repeats)
     after, _ = (None, "") if final is None else _comparison(final, X, kept, repeats)
@@ -269,6 +265,10 @@ def _comparison(model: Any, X: Any, y: Any, repeats: Any) -> tuple[Comparison | 
         return compare(model, X, y, repeats=repeats), ""
     except ValueError as error:
         return None, str(error)
+
+
+def _fitted(model: Any, X: Any, y: Any) -> Any:
+    return model if _is_fitted(model) else clone(model).fit(X, y)
 
 
 def _is_fitted(model: Any) -> bool:

@@ -3,7 +3,6 @@
 import ast
 import re
 
-import pytest
 from support.places import ROOT
 
 import skhoid
@@ -41,7 +40,6 @@ def parameters_of(function):
     return [*a.posonlyargs, *a.args, *a.kwonlyargs, *(x for x in (a.vararg, a.kwarg) if x)]
 
 
-@pytest.mark.slow
 def test_functions_are_short():
     too_long = [
         f"{path}:{node.lineno} {node.name} has {length} lines"
@@ -51,7 +49,6 @@ def test_functions_are_short():
     assert not too_long, "\n".join([f"longer than {LONGEST} lines; move steps out:", *too_long])
 
 
-@pytest.mark.slow
 def test_functions_that_users_do_not_call_have_few_parameters():
     public = names_of_users()
     too_many = [

@@ -12,7 +12,7 @@ from ._model import ADJUSTED, SUBJECT, Fitted, adjusted, fit
 from ._require import require
 from .checks import check_model
 from .result import MixedModelResult
-from .rows import Rows, select
+from .rows import Rows, check_reference, select
 
 
 def mixed_model(
@@ -107,17 +107,12 @@ def mixed_model(
     ...         "subject": s,
     ...         "condition": c,
     ...         "run": r,
-    ...         "parameter": "K_e",
-    ...         "se": 0.05,
-    ...         "unit": "",
     ...         "estimate": k + 0.2 * (c == "C2") + rng.normal(0.0, 0.05),
-    ...         "outlying": "",
-    ...         "failure": "",
     ...     }
     ...     for s, k in person.items()
     ...     for c in ("C1", "C2")
     ...     for r in range(4)
-    ... )
+    ... ).assign(parameter="K_e", se=0.05, unit="", outlying="", failure="")
     >>> result = mixed_model(table, "K_e")
     >>> result.contrasts[["condition", "against", "difference", "se", "df"]].round(3)
       condition against  difference     se   df
@@ -135,10 +130,7 @@ def mixed_model(
             "at least two people, and is of use from about six; compare the runs of one person by "
             "a t test."
         )
-    if reference is not None and reference not in rows.conditions:
-        raise ValueError(
-            f"reference is one of {', '.join(map(str, rows.conditions))}; got {reference!r}."
-        )
+    check_reference(reference, rows.conditions)
     position = None if reference is None else rows.conditions.index(reference)
     return _result(fit(rows), position, transform, confidence, adjust)
 

@@ -13,7 +13,7 @@ from scipy import stats
 from ...summaries import Summary, counted, number, p_text, wrapped
 from ._model import ADJUSTED, adjusted
 from ._require import require
-from .rows import Rows, select
+from .rows import Rows, check_reference, select
 
 ALPHA = 0.05
 
@@ -230,10 +230,7 @@ def repeated_measures(
             f"{parameter} has {counted(len(means), 'person')} with runs in all of "
             f"{', '.join(map(str, conditions))}; two are needed. mixed_model uses the others too."
         )
-    if reference is not None and reference not in conditions:
-        raise ValueError(
-            f"reference is one of {', '.join(map(str, conditions))}; got {reference!r}."
-        )
+    check_reference(reference, conditions)
     notes = list(rows.notes)
     if left_out:
         notes.append(f"without runs in some condition, left out: {', '.join(map(str, left_out))}")

@@ -93,6 +93,14 @@ class Combined(NamedTuple):
     tau_cells: float
 
 
+def check_reference(reference: Any, conditions: list[Any]) -> None:
+    """Refuse a reference that is none of the conditions."""
+    if reference is not None and reference not in conditions:
+        raise ValueError(
+            f"reference is one of {', '.join(map(str, conditions))}; got {reference!r}."
+        )
+
+
 def combined(
     values: np.ndarray,
     errors: np.ndarray | None,
