@@ -5,6 +5,7 @@ Open it to see how options become the kernel's settings, and how runs become lan
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -13,7 +14,7 @@ import numpy as np
 
 from .. import _kernels
 from ..arx.rls import Instants
-from ..exceptions import ShortRunError
+from ..exceptions import PoorExcitationWarning, ShortRunError
 from ..regression import DataToFit
 from .kalman_start import (
     MOST_REMNANT_ORDER,
@@ -44,6 +45,9 @@ GIVEN_ERROR = 0.3  # standard deviation of logarithms of parameters that are giv
 GIVEN_SHARE = 0.01  # of white noise in a remnant that is given
 FLAT = 10.0  # standard deviation of logarithms about which nothing is known
 NOTHING, NOTHING_WIDE = np.empty((0, 0, 0)), np.empty((0, 0, 0, 0))
+OFFSET = 0.2  # of the output's standard deviation, from which on a constant part is told
+REMEMBERED = 0.5  # s between residuals that have little to do with each other
+DOUBTFUL = 4.0  # standard errors of a mean, up to which it may be chance
 GAP, NO_ROW = 1, 2
 GAP_ROWS = 100  # between rows of a stream that do not follow each other
 
@@ -166,7 +170,11 @@ class KalmanPlan:
         if isinstance(init, Mapping):
             values, deviations = given_values(init), np.full(5, GIVEN_ERROR)
         else:
-            values, deviations = batch_values([(w.numbers, w.e, w.y) for w in windows], self.dt)
+            rows = [(w.numbers, w.e, w.y) for w in windows]
+            if model.fit_intercept:
+                levels = [np.nanmean(np.concatenate([row[i] for row in rows])) for i in (1, 2)]
+                rows = [(numbers, e - levels[0], y - levels[1]) for numbers, e, y in rows]
+            values, deviations = batch_values(rows, self.dt)
         if model.p0 is not None:
             deviations = np.full(5, float(model.p0))
         values[:3] = np.clip(values[:3], *np.exp(self.bounds.T))
@@ -177,13 +185,42 @@ class KalmanPlan:
             residuals.append(residual[min(round(SETTLING / self.dt), residual.size // 2) :])
             states.append(z)
         sizes = np.mean(np.concatenate([*states, np.zeros((1, 2))]) ** 2, axis=0)
-        start = Start(values, self._noise(residuals, windows), deviations, sizes)
+        intercept = self._intercept(residuals, windows)
+        residuals = [residual - intercept for residual in residuals]
+        noise = self._noise(residuals, windows)
+        start = Start(values, noise, deviations, sizes, intercept=intercept)
         start = replace(start, usual_square=self._usual_square(start, windows))
         if model.memory_time is not None:
             start = replace(start, spread=self._spread(start, windows))
         if model.covariance == "constant":
             start = replace(start, covariance=self._steady(start, windows))
         return start
+
+    def _intercept(self, residuals: list[np.ndarray], windows: list[Window]) -> float:
+        """Constant part of the output; a large one of which the model does not know is told."""
+        left = np.concatenate([*residuals, np.empty(0)])
+        left = left[~np.isnan(left)]
+        found = float(left.mean()) if left.size else 0.0
+        if self.model.fit_intercept:
+            if left.size == 0:
+                raise ShortRunError(
+                    "fit_intercept=True estimates the constant part of the output in the first "
+                    "window, in which nothing was measured. Give a longer init_window."
+                )
+            return found
+        if left.size == 0:
+            return 0.0
+        moves = float(np.nanstd(np.concatenate([w.y for w in windows])))
+        by_chance = float(left.std()) * np.sqrt(REMEMBERED / (left.size * self.dt))
+        if abs(found) > max(OFFSET * moves, DOUBTFUL * by_chance) and moves > 0:
+            warnings.warn(
+                f"The output has a constant part of {found:.3g}, {abs(found) / moves:.1f} times "
+                "its standard deviation, which biases the parameters. Use fit_intercept=True, or "
+                "subtract it.",
+                PoorExcitationWarning,
+                stacklevel=4,
+            )
+        return 0.0
 
     def _noise(self, residuals: list[np.ndarray], windows: list[Window]) -> Noise:
         model = self.model
@@ -319,6 +356,7 @@ class KalmanRows:
         self, e: np.ndarray, y: np.ndarray, fresh: np.ndarray, filtered: np.ndarray = NOTHING
     ) -> None:
         """Take rows with flags of where signals begin anew."""
+        y = y - self.start.intercept
         self.advance(
             self.state, self.settings, e.reshape(1, -1), y.reshape(1, -1), fresh.reshape(1, -1),
             0, y.size, NOTHING, NOTHING, filtered, NOTHING, NOTHING_WIDE,
@@ -350,11 +388,12 @@ def run_lanes(filters: list[KalmanRows], lanes: Lanes, *, smooth: bool) -> Found
     shape = lanes.e.shape
     path, errors = np.zeros((*shape, kernel.N_PATH)), np.full((*shape, 2), np.nan)
     present = lanes.fresh != NO_ROW
+    y = lanes.y - filters[0].start.intercept
     if not smooth:
         states = np.concatenate([f.state for f in filters])
         settings = np.concatenate([f.settings for f in filters])
         filters[0].advance(
-            states, settings, lanes.e, lanes.y, lanes.fresh, 0, shape[1],
+            states, settings, lanes.e, y, lanes.fresh, 0, shape[1],
             path, errors, NOTHING, NOTHING, NOTHING_WIDE,
         )  # fmt: skip
         for lane, one in enumerate(filters):
@@ -366,7 +405,7 @@ def run_lanes(filters: list[KalmanRows], lanes: Lanes, *, smooth: bool) -> Found
         filtered, priors = np.zeros((2, 1, shape[1], n + n * n))
         crosses = np.zeros((1, shape[1], n, n))
         one.advance(
-            one.state, one.settings, lanes.e[own], lanes.y[own], lanes.fresh[own], 0, shape[1],
+            one.state, one.settings, lanes.e[own], y[own], lanes.fresh[own], 0, shape[1],
             path[own], errors[own], filtered, priors, crosses,
         )  # fmt: skip
         one._fresh = False

@@ -52,6 +52,7 @@ class Start:
     """What a filter begins with: parameters in the order of ``NAMES``, and noise.
 
     With a ``covariance``, it is kept. ``usual_square`` is that of an innovation over its variance.
+    ``intercept`` is the constant part of the output, which the filter does not see.
     """
 
     parameters: np.ndarray
@@ -61,6 +62,7 @@ class Start:
     spread: float = np.nan  # of the logarithm of a gain after a second, if all is constant
     covariance: np.ndarray | None = None
     usual_square: float = 1.0
+    intercept: float = 0.0
 
 
 def cascade(order: int, time_constant: float, dt: float) -> tuple[np.ndarray, np.ndarray]:

@@ -83,6 +83,9 @@ class OperatorKalman(Follower, OperatorPath):
     noise_memory : float or None, default=10.0
         Seconds over which the scale of the noise follows the innovations; None keeps that of the
         first window.
+    fit_intercept : bool, default=False
+        Whether the output has a constant part, such as a stick whose rest is not at zero. It is
+        estimated in the first window, and kept. A warning tells of one that is left out.
     smooth : bool, default=False
         Smooth the path by also using later data (Rauch, Tung and Striebel 1965); not for streaming.
     inputs : list with one column name or position, or None, default=None
@@ -121,6 +124,8 @@ class OperatorKalman(Follower, OperatorPath):
         Factor on the variance of both at the end, the mean of runs.
     initial_parameters_ : dict
         Parameters from which the filter began.
+    intercept_ : float
+        Constant part of the output, in its unit; 0 without ``fit_intercept``.
     n_updates_, n_gated_ : int
         Measurements used, and those beyond ``gate``.
     n_clamped_ : dict
@@ -198,6 +203,7 @@ class OperatorKalman(Follower, OperatorPath):
         "bounds": [dict, None],
         "gate": [Interval(Real, 1, None, closed="both")],
         "noise_memory": [Interval(Real, 0, None, closed="neither"), None],
+        "fit_intercept": ["boolean"],
         "smooth": ["boolean"],
         "inputs": "no_validation",
         "roles": [dict, None],
@@ -220,6 +226,7 @@ class OperatorKalman(Follower, OperatorPath):
         bounds: dict | None = None,
         gate: float = 4.0,
         noise_memory: float | None = 10.0,
+        fit_intercept: bool = False,
         smooth: bool = False,
         inputs: Any = None,
         roles: dict | None = None,
@@ -238,6 +245,7 @@ class OperatorKalman(Follower, OperatorPath):
         self.bounds = bounds
         self.gate = gate
         self.noise_memory = noise_memory
+        self.fit_intercept = fit_intercept
         self.smooth = smooth
         self.inputs = inputs
         self.roles = roles
@@ -317,6 +325,7 @@ class OperatorKalman(Follower, OperatorPath):
 
     def _rows_to_begin(self) -> int:
         given = isinstance(self.init, Mapping) and "remnant" in self.init
+        given = given and not self.fit_intercept
         if given and self.memory_time is None and self.covariance == "updated":
             return 0
         return window_rows(self.init_window, self.dt_)
@@ -383,6 +392,11 @@ class OperatorKalman(Follower, OperatorPath):
         return dict(zip(NAMES, self._start.parameters.tolist(), strict=True))
 
     @property
+    def intercept_(self) -> float:
+        self._check_fitted()
+        return self._start.intercept
+
+    @property
     def remnant_order_(self) -> int:
         self._check_fitted()
         return self._start.noise.order
@@ -401,6 +415,9 @@ class OperatorKalman(Follower, OperatorPath):
     def noise_deviation_(self) -> float:
         self._check_fitted()
         return float(np.sqrt(self._start.noise.white))
+
+    def _constant_part(self) -> float:
+        return self.intercept_
 
     def _method_name(self) -> str:
         told = as_fitted(self)

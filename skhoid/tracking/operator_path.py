@@ -143,7 +143,8 @@ class OperatorPath(RunRegressor):
         else:
             at = np.broadcast_to(self._path[-1], (numbers.size, len(ESTIMATED)))
         held = self._hold(grid, grid.thin_inputs(values), self._columns)
-        return operator_output(held.column(0, slice(None)).astype(float), at, grid)
+        output = operator_output(held.column(0, slice(None)).astype(float), at, grid)
+        return output + self._constant_part()
 
     def _summary(self) -> ModelSummary:
         facts = {
@@ -159,6 +160,10 @@ class OperatorPath(RunRegressor):
             estimates_table(self.parameters_),
             ["The table has the last parameters; parameters_path_ has all.", VAF_RULE],
         )
+
+    def _constant_part(self) -> float:
+        """Constant part of the output, beside what the operator makes of the error."""
+        return 0.0
 
     def _method_name(self) -> str:
         raise NotImplementedError

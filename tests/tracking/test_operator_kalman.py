@@ -1,11 +1,13 @@
 """OperatorKalman: what it finds, and that it survives what recordings and people do to it."""
 
 import pickle
+import re
 import warnings
 
 import numpy as np
 import pytest
 from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.pipeline import Pipeline
 
@@ -210,6 +212,37 @@ def test_a_gap_restarts_signals(quiet):
     np.testing.assert_allclose(model.time_path_[[2999, 3000]], [29.99, 40.0])
     smooth = OperatorKalman(smooth=True).fit(X, y).parameters_path_
     assert np.isfinite(smooth.to_numpy()).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_constant_part_of_the_output_is_told_or_fitted(quiet, method):
+    X, y = one(quiet, rows=6000)
+    plain = OperatorKalman(method, dt=0.01).fit(X, y)
+    offset = 2.0 * y.std()
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        OperatorKalman(method, dt=0.01).fit(X, y + offset)
+    assert any(
+        re.search("constant part of .* fit_intercept=True", str(one.message)) for one in told
+    )
+    model = OperatorKalman(method, dt=0.01, fit_intercept=True).fit(X, y + offset)
+    assert plain.intercept_ == 0.0
+    assert abs(model.intercept_ - offset) < 0.05 * y.std()
+    np.testing.assert_allclose(last(model), last(plain), rtol=0.02)
+    left = y + offset - model.predict(X)
+    assert left.std() < 1.05 * (y - plain.predict(X)).std()
+    assert abs(left.mean()) < 0.05 * y.std()
+    stream = OperatorKalman(method, dt=0.01, fit_intercept=True)
+    for begin in range(0, 6000, 1000):
+        stream.partial_fit(X[begin : begin + 1000], y[begin : begin + 1000] + offset)
+    np.testing.assert_allclose(last(stream), last(model), rtol=1e-9)
+
+
+def test_a_constant_part_needs_a_window():
+    model = OperatorKalman(dt=0.01, fit_intercept=True, **FROM_FIRST_ROW)
+    model.partial_fit(np.zeros((10, 1)), np.zeros(10))
+    with pytest.raises(NotFittedError, match="collected 10 rows"):
+        model.predict(np.zeros((10, 1)))
 
 
 @pytest.mark.parametrize("method", METHODS)
