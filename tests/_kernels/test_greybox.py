@@ -10,6 +10,8 @@ from support import naive_greybox as naive
 from skhoid import _kernels
 from skhoid._kernels import greybox
 
+pytestmark = pytest.mark.slow  # slow twins, and much to compile
+
 EXACT = {"rtol": 1e-11, "atol": 1e-11}
 
 

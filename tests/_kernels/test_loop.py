@@ -38,10 +38,11 @@ from skhoid import (
     vaf_score,
 )
 
+pytestmark = pytest.mark.slow  # compiles for many orders
+
 # The twin
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["C1", "C2", "C3", "C4", "C5", "C6"])
 def test_conditions_of_the_thesis(name):
     """Past the transition at 40.96 s, with the remnant gains of Table G.1."""
@@ -203,7 +204,6 @@ def tasks(draw):
     )
 
 
-@pytest.mark.slow
 @settings(max_examples=50, deadline=None)
 @given(tasks(), st.integers(0, 2**31), st.booleans(), st.sampled_from([0, 1, 7]))
 def test_any_task(task, seed, open_loop, run):

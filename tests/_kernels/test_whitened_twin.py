@@ -14,6 +14,8 @@ from skhoid.tracking.prediction_error import Start, Window
 from skhoid.tracking.recursive_iv import InstrumentsFilter
 from skhoid.tracking.whitened import LITTLE_WORTH
 
+pytestmark = pytest.mark.slow  # compiles for many orders
+
 N, DT = 220, 0.25  # so a run settles in 8 rows
 F = {0: [], 1: [-0.6], 2: [-1.2, 0.5], 3: [-1.5, 0.9, -0.2]}
 

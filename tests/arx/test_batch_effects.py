@@ -14,6 +14,8 @@ from skhoid import ARXRegressor, EffectSearchCV, RecursiveARX, ShortRunError, ru
 from skhoid.effects import DeadZone, HigherOrder, TimeVaryingGain
 from skhoid.plotting import ParameterPathDisplay
 
+pytestmark = pytest.mark.slow  # fits many models
+
 A, B, NK = [-1.5, 0.7], [0.12, 0.08], 3
 DT = 0.02
 SILVERBOX = RECORDINGS / "silverbox" / "SNLS80mV.parquet"
@@ -325,7 +327,6 @@ def test_forecasts_are_those_of_the_ar_model():
     assert far == pytest.approx(residual.std(), rel=0.02)
 
 
-@pytest.mark.slow
 def test_sklearn_tools():
     X, y = runs(SIMULATED["dead_zone"][0])
     model = ARXRegressor(2, 2, NK).with_effect(DeadZone(form="gap")).with_effect("bias")
@@ -339,7 +340,6 @@ def test_sklearn_tools():
     assert "Residual sd" in ARXRegressor(2, 2, NK).fit(X, y).summary()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "others"),
     [
@@ -357,7 +357,6 @@ def test_search_names_it(name, others):
     assert search.score(X, y) > 99.8 > search.baseline_.score(X, y)
 
 
-@pytest.mark.slow
 def test_search_finds_nothing_in_a_linear_system():
     X, y = runs(lambda r: linear(r["e"].to_numpy()), noise=0.3)
     search = EffectSearchCV(ARXRegressor(2, 2, NK)).fit(X, y)
@@ -380,7 +379,6 @@ def test_search_finds_the_delay():
     assert extra == pytest.approx((NK - 1 + 4) * DT, abs=0.2 * DT)
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not SILVERBOX.exists(), reason=f"needs {SILVERBOX}, which is not published")
 def test_silverbox():
     """An electronic Duffing oscillator: fitted to multisines, tried on the louder arrow."""

@@ -34,7 +34,7 @@ any_forgetting = pytest.mark.parametrize(
 
 compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="takes hours uncompiled")
 
-pytestmark = pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
+pytestmark = [pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning"), pytest.mark.slow]
 
 
 def respond(e, white):
@@ -125,7 +125,6 @@ def test_nothing_moves_while_nothing_happens(params):
     np.testing.assert_allclose(middle, np.tile(TRUTH, (len(middle), 1)), rtol=0.05)
 
 
-@pytest.mark.slow
 @short_memory
 @pytest.mark.parametrize("kind", PAUSES)
 def test_short_memory_survives_every_pause(kind, params):
@@ -135,7 +134,6 @@ def test_short_memory_survives_every_pause(kind, params):
     assert np.isfinite(model.predict(np.nan_to_num(e)[:, None])).all()
 
 
-@pytest.mark.slow
 @any_forgetting
 def test_stuck_signals(params):
     """Values that stay and have nothing to do with each other."""
@@ -193,7 +191,6 @@ CHANNELS = ["dead", "constant", "duplicate", "scaled duplicate", "delayed duplic
 TWO = {"na": 2, "nb": [2, 1], "nk": [3, 0], "init": "zeros"}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("forgetting", [0.5, 0.95, 0.99, 1.0])
 @pytest.mark.parametrize("form", ["joint", "diagonal"])
 @pytest.mark.parametrize("kind", CHANNELS)
@@ -208,7 +205,6 @@ def test_channels_that_add_nothing(kind, form, forgetting):
         assert np.sqrt(np.mean(quiet**2)) < 0.02  # of noise of 0.01
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", CHANNELS)
 def test_a_channel_that_comes_alive_is_learnt(kind):
     """What was before weighs 3e-4 of what came since, 8 N0 after the change."""
@@ -231,7 +227,6 @@ def test_dead_input_and_dead_output(params):
 # Scales
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("scales", [(1e-12, 1e12), (1e12, 1e-12), (1e12, 1e12), (1e-12, 1e-12)])
 @pytest.mark.parametrize("other", [1e-12, 1.0, 1e12])
 @pytest.mark.parametrize("form", ["joint", "diagonal"])
@@ -253,7 +248,6 @@ def test_scales_of_channels(scales, other, form):
     assert scaled.n_held_ == one.n_held_ == 0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-12, 1e12])
 @pytest.mark.parametrize("p0", [1.0, 1e-6, 1e9])
 def test_scales_with_a_fixed_start(scale, p0):
@@ -354,7 +348,6 @@ def test_odd_signals(kind, form):
             assert np.isfinite(values).all()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in ODD if kind != "matrix"])
 def test_smoothing_odd_signals(kind):
     """A mean of what was found, and no variance is negative."""
@@ -441,7 +434,6 @@ def soak(n_rows, **params):
 
 
 @compiled
-@pytest.mark.slow
 @pytest.mark.parametrize("forgetting", [0.95, 0.98, (0.98, 0.97, 0.95, 0.96)])
 def test_soak(forgetting):
     soak(1_000_000, forgetting=forgetting)
@@ -453,7 +445,6 @@ def test_soak_of_100_million_samples():
     soak(100_000_000, forgetting=0.98)
 
 
-@pytest.mark.slow
 @compiled
 def test_a_long_fit_is_finite():
     parts = list(soak_blocks(300_000, seed=1))

@@ -12,6 +12,8 @@ from skhoid import (
     make_tracking_runs,
 )
 
+pytestmark = pytest.mark.slow  # fits many models
+
 # Findings
 
 
@@ -24,7 +26,6 @@ def compared(effects, condition="C1", **options):
     return compare(LinearTruth(truth.linear_response), X, y)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("condition", ["C1", "C2"])
 def test_nothing_is_found_where_nothing_is_missing(condition):
     X, y, truth = runs(5, condition, seed=3)
@@ -38,7 +39,6 @@ def test_dead_zone_is_found():
     assert "dead zone" in found.meaning
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("condition", "level"), [("C1", 0.15), ("C2", 0.35)])
 def test_saturation_is_found(condition, level):
     comparison = compared(Effects(saturation=level), condition)
@@ -47,7 +47,6 @@ def test_saturation_is_found(condition, level):
     assert "weaker at large" in found["nonlinearity"].title
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("asymmetry", "side"), [(0.3, "positive"), (-0.3, "negative")])
 def test_asymmetry_is_found(asymmetry, side):
     found = first_three(compared(Effects(asymmetry=asymmetry)))["asymmetry"]
@@ -61,7 +60,6 @@ def test_bias_is_found():
     assert abs(size - 0.05) < 0.005
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.7, 1.3])
 def test_gain_step_is_found_and_placed(factor):
     comparison = compared(Effects(gain_step=(41.0, factor)))
@@ -72,7 +70,6 @@ def test_gain_step_is_found_and_placed(factor):
     assert ("grows" if factor > 1 else "falls") in found.title
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("nk", "missing"), [(3, 0.20), (5, 0.12), (6, 0.08)])
 def test_wrong_delay_is_found_with_its_size(simulated, nk, missing):
     X, y, _ = simulated
@@ -83,7 +80,6 @@ def test_wrong_delay_is_found_with_its_size(simulated, nk, missing):
     assert abs(test["size"] - missing) < 0.02
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("shift", [-3, -2, 3])
 def test_shifted_response_is_found_with_its_size(simulated, shift):
     X, y, truth = simulated
@@ -131,7 +127,6 @@ def test_runs_in_which_control_was_lost_do_not_hide_each_other():
     assert lost["exceeds"].all()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [21, 26])
 def test_what_answers_the_target_alone_cannot_rebuild_the_output(seed):
     X, y, _ = pursued("1/(s(s+1))", seed, remnant=0.1, n_runs=4)

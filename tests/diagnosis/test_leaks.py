@@ -10,6 +10,8 @@ from support.unseen import DT, ELEMENTS, second_difference, simulate
 from skhoid import make_tracking_runs
 from skhoid.diagnosis.leaks import leak_test
 
+pytestmark = pytest.mark.slow  # fits many models
+
 SEEDS = 20
 
 
@@ -90,7 +92,7 @@ def test_without_a_disturbance_nothing_can_be_told():
     assert "too little" in found.reason
 
 
-@pytest.mark.parametrize("condition", ["C3", pytest.param("C6", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("condition", ["C3", pytest.param("C6")])
 def test_an_element_that_changes_is_no_unseen_disturbance(condition):
     X, y = make_tracking_runs(
         condition,
@@ -173,7 +175,6 @@ def test_the_reason_says_what_was_seen(loop):
     assert f"{found.residual_with_disturbance:+.2f}" in found.reason
 
 
-@pytest.mark.slow
 def test_twelve_thousand_rows_take_less_than_a_tenth_of_a_second():
     loop = simulate("1/s", 5)
     rows = {"target": loop.f, "element": (loop.b, loop.a)}

@@ -183,7 +183,7 @@ def test_the_catalogue_has_the_ids_of_the_issue():
 
 
 @pytest.mark.parametrize("name", IDS)
-@pytest.mark.parametrize("core", ["operator", "arx"])
+@pytest.mark.parametrize("core", ["operator", pytest.param("arx", marks=pytest.mark.slow)])
 def test_every_effect_keeps_the_rules(name, core):
     if effect(name).refusal(synthetic_record(), core) is not None:
         pytest.skip(f"{name} does not apply to {core}")

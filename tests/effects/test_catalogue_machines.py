@@ -22,6 +22,8 @@ from skhoid.effects.catalogue import CLASSES
 from skhoid.effects.sensor import signs_by_minima, smooth_signs
 from skhoid.testing import synthetic_record
 
+pytestmark = pytest.mark.slow  # fits many models
+
 DT = 0.02
 
 
@@ -65,7 +67,7 @@ def joint(seed, sign=1.0, sense=1.0):
     return table(sense * torque, 0.02, angle=angle)
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [0, pytest.param(5)])
 def test_friction_is_named_and_in_units_of_the_force(seed):
     X, y = mass_with_friction(seed)
     effects = ["friction", "dead_zone", "stiction", "backlash", "cubic_gain", "bias"]
@@ -76,14 +78,13 @@ def test_friction_is_named_and_in_units_of_the_force(seed):
     assert table_.loc["friction__viscous", "value"] == pytest.approx(1.0, rel=0.05)
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(7, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [1, pytest.param(7)])
 def test_a_sensor_of_the_magnitude_is_seen_through(seed):
     (X, y), speed = prbs_drive(seed)
     model = ARXRegressor(3, 2, inputs=["u"], effects=SensorMagnitude()).fit(X, y)
     assert np.sqrt(np.mean((model.predict(X) - np.abs(speed)) ** 2)) < 0.02 * np.std(speed)
 
 
-@pytest.mark.slow
 def test_a_search_ends_with_what_its_best_model_fits():
     (X, y), _ = prbs_drive(1)
     search = EffectSearchCV(ARXRegressor(3, 2, inputs=["u"]), effects=["sensor_magnitude"])
@@ -104,8 +105,8 @@ def test_signs_are_those_of_a_smooth_signal():
     ("sign", "sense"),
     [
         (1.0, 1),
-        pytest.param(-1.0, 1, marks=pytest.mark.slow),
-        pytest.param(1.0, -1, marks=pytest.mark.slow),
+        pytest.param(-1.0, 1),
+        pytest.param(1.0, -1),
     ],
 )
 def test_a_reflex_has_its_side_and_its_delay(sign, sense):
@@ -165,7 +166,6 @@ def test_words_of_machines_name_no_person():
             assert not any(person in words.replace("sticks", "") for person in persons), words
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("names", "roles", "domain"),
     [
@@ -205,7 +205,6 @@ def tank(seed, *, first, top=2.0, noise=0.01):
     return inflow[:, None], level + noise * rng.standard_normal(level.size)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("first", [0.0, 1.0])
 def test_a_tank_with_a_root_outflow_that_runs_over(first):
     X, y = tank(0, first=first)
@@ -217,7 +216,6 @@ def test_a_tank_with_a_root_outflow_that_runs_over(first):
     assert values["stops__high"] == pytest.approx(2.0, abs=0.02)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_root_outflow_and_overflow_are_named(seed):
     rivals = ["root_flow", "stops", "saturation", "hardening_stiffness", "bias"]

@@ -9,6 +9,8 @@ from skhoid.greybox.fitting import Criterion, covariance_of
 from skhoid.greybox.likelihood import likelihood_fit, prior_of
 from skhoid.greybox.profile import CHI2_95, NEAR, _Profile, profile_intervals
 
+pytestmark = pytest.mark.slow  # fits many models
+
 
 def runs(**options):
     given = {"condition": "C1", "n_runs": 2, "remnant_intensity": 0.1, "random_state": 3}

@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 
 from support.places import ROOT
 
@@ -13,11 +14,14 @@ MOST = 10  # parameters, self among them; what users call may have more
 KERNELS = ROOT / "skhoid" / "_kernels"
 
 
+@cache
 def functions():
     """Every function of the package: its file, its class where it is a method, and its node."""
+    found = []
     for path in sorted((ROOT / "skhoid").rglob("*.py")):
         if KERNELS not in path.parents:
-            yield from inside(path.relative_to(ROOT), ast.parse(path.read_text("utf-8")), None)
+            found += inside(path.relative_to(ROOT), ast.parse(path.read_text("utf-8")), None)
+    return found
 
 
 def inside(path, node, owner):

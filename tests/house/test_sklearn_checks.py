@@ -32,7 +32,6 @@ ESTIMATORS = [
     OrderSearchCV(ARXRegressor(inputs=[0]), na=[1], nb=[1]),
     # Of four parameters, as elsewhere: a recursion is compiled for each number of them.
     *(RecursiveARX(inputs=[0], **options) for options in RECURSIONS),
-    RecursiveBoxJenkins(na=1, nb=1, inputs=[0], noise_order=0, init_window=1000),
     OperatorRegressor(),
     Decimator(),
     DelayShift(),
@@ -40,6 +39,7 @@ ESTIMATORS = [
 ]
 COSTLY = [
     EffectSearchCV(OperatorRegressor(), effects=["bias"]),
+    RecursiveBoxJenkins(na=1, nb=1, inputs=[0], noise_order=0, init_window=1000),
     *(RecursiveARX(na=1, nb=1, **options) for options in RECURSIONS),
 ]
 TRANSFORMERS = (Decimator, DelayShift, RunInTrimmer)

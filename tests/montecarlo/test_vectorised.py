@@ -14,6 +14,8 @@ from skhoid._kernels.rls import MANY, free_runs
 from skhoid._kernels.trade_off import free_runs_of_many
 from skhoid.montecarlo.vectorised import delay_losses, least_squares, trade_off
 
+pytestmark = pytest.mark.slow  # compiles for many runs side by side
+
 BEFORE, NK = thesis.BEFORE, 29
 SHORT = slice(60, 160)  # what is scored of short runs
 HORIZONS = [4.0, 64.0, 256.0, np.inf]
@@ -51,15 +53,14 @@ def check_delays(e, u, nks, rtol):
         np.testing.assert_allclose(found, longest.coef_, rtol=1e3 * rtol)
 
 
-@pytest.mark.slow
 @compiled
 @pytest.mark.parametrize(
     "condition",
     [
-        pytest.param("C1", marks=pytest.mark.slow),
+        pytest.param("C1"),
         "C2",
-        pytest.param("C4", marks=pytest.mark.slow),
-        pytest.param("C6", marks=pytest.mark.slow),
+        pytest.param("C4"),
+        pytest.param("C6"),
     ],
 )
 @pytest.mark.parametrize("P_n", [0.0, 0.05, 0.3])

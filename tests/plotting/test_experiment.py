@@ -11,6 +11,8 @@ from skhoid.experiment import analyse_experiment, simulate_experiment
 from skhoid.plotting._roles import GREY, ORANGE, foreground
 from skhoid.plotting.experiment import ExperimentDisplay
 
+pytestmark = pytest.mark.slow  # simulates an experiment
+
 ARX = ["a1", "a2", "b0", "b1"]
 
 
@@ -45,9 +47,8 @@ def legend_of(display):
     return [text.get_text() for text in legend.get_texts()]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("form", [pytest.param("lambda", marks=pytest.mark.slow), "Lambda"])
-@pytest.mark.parametrize("parameters", [pytest.param("arx", marks=pytest.mark.slow), "operator"])
+@pytest.mark.parametrize("form", [pytest.param("lambda"), "Lambda"])
+@pytest.mark.parametrize("parameters", [pytest.param("arx"), "operator"])
 def test_lines_are_those_of_the_tables(result, form, parameters):
     display = result.plot("C4", form, parameters)
     assert display.subjects_ == ["S1", "S2", "S3"]
@@ -71,7 +72,6 @@ def test_lines_are_those_of_the_tables(result, form, parameters):
     covers_nothing(display)
 
 
-@pytest.mark.slow
 def test_batch_models_and_the_change(result):
     display = result.plot()
     batch = result.batch[(result.batch["run"] == "mean") & (result.batch["subject"] == "S2")]
@@ -97,7 +97,6 @@ def test_batch_models_and_the_change(result):
     ]
 
 
-@pytest.mark.slow
 def test_subjects_of_ones_choice(result):
     assert result.plot(subjects=["S3", "S1"]).subjects_ == ["S3", "S1"]
     assert result.plot(subjects="S2").ax_.shape == (4, 1)

@@ -12,6 +12,8 @@ from support.synthetic import DT, NK, arx_runs
 from skhoid import DelayShift, RecursiveARXCV
 from skhoid.plotting import MemoryHorizonDisplay
 
+pytestmark = pytest.mark.slow  # simulates studies
+
 INF = float("inf")
 HORIZONS = [8, 32, 128, INF]
 KINDS = ["gain", "score", "overfit_difference", "overfit_ratio"]

@@ -8,6 +8,8 @@ from support.plot_checks import covers_nothing
 from skhoid.plotting._roles import PALETTE
 from skhoid.plotting.study_boxes import StudyBoxDisplay
 
+pytestmark = pytest.mark.slow  # simulates studies
+
 ORDERS = [1, 2, 3, 4, "nm"]
 INTENSITIES = [0.0, 0.05, 0.15, 0.3]
 BIASES = ["bias_a1", "bias_a2", "bias_b0", "bias_b1"]
@@ -32,7 +34,6 @@ def delays(n=15, conditions=("C1",), rates=(100.0,), loops=(False,), kinds=("fix
     return table
 
 
-@pytest.mark.slow
 def test_boxes_are_those_of_the_replications():
     table = delays(kinds=["estimated"])
     display = StudyBoxDisplay.from_table(table, "nk", reference=29)
@@ -71,7 +72,6 @@ def test_groups_stand_side_by_side_in_their_colours():
     assert labels == [f"$H_n^{{{order}}}$" for order in ORDERS]
 
 
-@pytest.mark.slow
 def test_biases_with_both_delays_share_rows():
     table = delays().query("remnant_intensity > 0.1")
     display = StudyBoxDisplay.from_table(table, BIASES, by="delay")
@@ -118,7 +118,6 @@ def test_outliers_far_away_are_cut_and_counted():
     assert display.notes_[0].get_text() == f"2 of {len(table)} outside"
 
 
-@pytest.mark.slow
 def test_two_columns_make_a_grid():
     table = delays(rates=(50.0, 100.0), loops=(False, True), kinds=["estimated"])
     by = ["sampling_rate", "open_loop"]
@@ -130,7 +129,6 @@ def test_two_columns_make_a_grid():
     covers_nothing(display)
 
 
-@pytest.mark.slow
 def test_several_results_and_two_columns():
     table = delays(loops=(False, True)).query("remnant_intensity > 0.1")
     display = StudyBoxDisplay.from_table(table, BIASES[:2], by=["open_loop", "delay"])

@@ -29,6 +29,8 @@ from skhoid.search.shape import Shape
 from skhoid.search.sketch import class_of, why_no_shape, written
 from skhoid.testing import check_effect, synthetic_record
 
+pytestmark = pytest.mark.slow  # fits the effects that it writes
+
 
 def shape(form, curve, *, half=0.1, table=False):
     """A shape with a curve that is a function of its abscissa."""
@@ -272,7 +274,6 @@ def search(hidden):
     return EffectSearchCV(OperatorRegressor(), effects=["gain_drift", "lapses"]).fit(*hidden)
 
 
-@pytest.mark.slow
 def test_from_shape_to_name(hidden, search, tmp_path):
     """The effect in the file closes the gap, and a search names it."""
     effect = imported(search.sketch_effect("my_wave", tmp_path))

@@ -20,6 +20,8 @@ from skhoid import (
 )
 from skhoid.simulation.engine import RunOptions, simulate
 
+pytestmark = pytest.mark.slow  # simulates for long
+
 TRANSITIONS = {"C3": ("C1", "C2"), "C4": ("C1", "C2"), "C5": ("C2", "C1"), "C6": ("C2", "C1")}
 
 
@@ -174,9 +176,7 @@ def test_progress_bar(capsys):
 # What is refused
 
 
-@pytest.mark.parametrize(
-    "random_state", [0, *(pytest.param(i, marks=pytest.mark.slow) for i in range(1, 6))]
-)
+@pytest.mark.parametrize("random_state", [0, *(pytest.param(i) for i in range(1, 6))])
 def test_fourth_order_remnant_cannot_reach_030_in_c2(random_state):
     """Table G.1 gives 0.339, which is ill-posed: P_n saturates at 0.30 (facts.json G1.Kn.H4)."""
     with pytest.raises(

@@ -13,6 +13,8 @@ from skhoid.tracking.operator_fitting import read_limits
 from skhoid.tracking.response_fitting import _Problem, fit_responses
 from skhoid.tracking.wavelet_operator import Blocks, WaveletOperator, peak_bins
 
+pytestmark = pytest.mark.slow  # transforms for long
+
 pytest.importorskip("pywt")
 
 DT = 0.01

@@ -27,6 +27,8 @@ from skhoid import (
     vaf_score,
 )
 
+pytestmark = pytest.mark.slow  # searches
+
 X, Y = arx_runs(4, 200)
 GONE = run_labels(X) == 2
 WITHOUT = X[~GONE], Y[~GONE]
@@ -128,7 +130,6 @@ def test_a_model_with_effects_needs_every_channel(people, channel):
     np.testing.assert_allclose(fitted.parameters_["value"], expected, rtol=1e-6)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("channel", ["u", "e", "x"])
 @pytest.mark.parametrize("cv", [None, 3])
 def test_an_effect_search_finds_what_it_finds_without_the_run(people, channel, cv):
@@ -142,7 +143,6 @@ def test_an_effect_search_finds_what_it_finds_without_the_run(people, channel, c
     assert rows.isna().all(axis=None) == (channel != "u")
 
 
-@pytest.mark.slow
 @KINDS
 def test_a_comparison_is_that_without_the_run(data, channel):
     model = ARXRegressor(2, 2, 3).fit(*WITHOUT)

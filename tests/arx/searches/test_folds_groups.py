@@ -21,6 +21,8 @@ from skhoid import (
     run_labels,
 )
 
+pytestmark = pytest.mark.slow  # searches
+
 X, Y = arx_runs(4, 200)
 RUN = run_labels(X)
 PEOPLE = np.array(["a", "a", "b", "c"])[RUN - 1]
