@@ -33,6 +33,7 @@ pytest_collect_file = Sybil(
 SLOW_PAGES = {  # whose examples search, simulate or start processes for many seconds
     "README.md",
     "add-an-effect.md",
+    "box_jenkins.py",
     "delay_bank.py",
     "document.py",
     "effect-in-depth.md",
@@ -54,6 +55,7 @@ SLOW_PAGES = {  # whose examples search, simulate or start processes for many se
     "own-study.md",
     "read-the-ranking.md",
     "recursive_fir.py",
+    "recursive_iv.py",
     "report.md",
     "scale-out.md",
     "search.py",

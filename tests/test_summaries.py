@@ -34,6 +34,8 @@ from skhoid import (
 from skhoid.arx.searches.text import highest, lowest
 from skhoid.summaries import WIDTH, Estimate, estimates_table, number
 
+pytestmark = pytest.mark.slow  # many models, each compiled
+
 COLUMNS = ["coef", "std err", "z", "P>|z|", "[0.025", "0.975]"]
 NASTY = "<script>alert(1)</script>"
 

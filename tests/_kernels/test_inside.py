@@ -7,6 +7,8 @@ from support import naive_greybox as naive
 
 from skhoid._kernels import greybox, inside
 
+pytestmark = pytest.mark.slow  # compiles for many seconds
+
 DT = 0.02
 TERMS = {
     "coulomb": [(3.0, 0.0, 0.3, 1e-3, 0.0, 1.0)],

@@ -11,6 +11,8 @@ from skhoid.cli.arguments import study as arguments
 from skhoid.tournament.cells import SIZES
 from skhoid.tournament.questions import QUESTIONS
 
+pytestmark = pytest.mark.slow  # simulates studies
+
 SMALL = ["--conditions", "C1", "--intensities", "0.1", "--replications", "3"]
 
 
@@ -43,7 +45,6 @@ def test_json(capsys):
     assert found["claims"][0]["holds"] is None
 
 
-@pytest.mark.slow
 def test_all(capsys, tmp_path):
     words = ["study", "all", "--replications", "2", "--validation", "1", "--json"]
     words += ["--conditions", "C1", "--intensities", "0", "0.1", "--orders", "2", "nm"]
@@ -53,7 +54,6 @@ def test_all(capsys, tmp_path):
     assert (tmp_path / "appK" / "claims.csv").exists()
 
 
-@pytest.mark.slow
 def test_recommend(capsys, tmp_path):
     words = ["study", "recommend", "--conditions", "C4", "--intensities", "0.1", "--rate", "50"]
     words += ["--replications", "4", "--validation", "3"]
@@ -73,7 +73,6 @@ def test_recommend_a_method(capsys, run_json):
     assert found["estimator"].startswith("RecursiveARX(memory_time=")
 
 
-@pytest.mark.slow
 def test_recommend_a_method_in_words(capsys, tmp_path):
     words = ["study", "recommend", "--question", "detect", "--causal", "--orders", "nm"]
     words += ["--replications", "2", "--methods", "rls", "rls_smooth", "--out", str(tmp_path)]
@@ -83,7 +82,6 @@ def test_recommend_a_method_in_words(capsys, tmp_path):
     assert (tmp_path / "recommend" / "bias.png").stat().st_size > 5000
 
 
-@pytest.mark.slow
 def test_tournament(capsys, tmp_path, run_json):
     words = ["study", "tournament", "--size", "small", "--methods", "rls", "arx"]
     words += ["--conditions", "C1", "C4", "--replications", "2", "--validation", "1"]
@@ -98,7 +96,6 @@ def test_tournament(capsys, tmp_path, run_json):
     assert f"{folder}/by_cell.parquet" in found["files"]
 
 
-@pytest.mark.slow
 def test_experiment(capsys, tmp_path):
     words = ["study", "experiment", "--subjects", "2", "--runs", "4", "--last", "3"]
     words += ["--conditions", "C4", "--out", str(tmp_path)]
@@ -108,7 +105,6 @@ def test_experiment(capsys, tmp_path):
     assert {"scores.csv", "verdicts.csv", "C4-lambda-arx.png", "C4-Lambda-operator.png"} <= made
 
 
-@pytest.mark.slow
 def test_experiment_of_ones_own_files(capsys, tmp_path):
     X, y = make_tracking_runs("C4", 3, remnant_intensity=0.1, random_state=0)
     write_runs(X.rename(columns={"e": "error"}), y.rename("stick"), tmp_path / "runs.csv")

@@ -154,6 +154,7 @@ def test_standard_errors_are_those_of_the_estimates(estimates, name):
     assert abs(z.mean()) < 4 / np.sqrt(n)
 
 
+@pytest.mark.slow
 def test_intervals_of_all_parameters_cover(estimates):
     covered = [
         e.loc[name, "value"] - 1.96 * e.loc[name, "sd"]

@@ -57,7 +57,14 @@ ESTIMATORS = {
         Decimator(2), DelayShift(0.03), RecursiveARX(2, 2, memory_horizon=30)
     ),
 }
-each_estimator = pytest.mark.parametrize("estimator", ESTIMATORS.values(), ids=ESTIMATORS.keys())
+COMPILED = ("recursive-matrix", "recursive-average", "recursive-miso", "recursive-auto")  # for long
+each_estimator = pytest.mark.parametrize(
+    "estimator",
+    [
+        pytest.param(estimator, id=name, marks=[pytest.mark.slow] * (name in COMPILED))
+        for name, estimator in ESTIMATORS.items()
+    ],
+)
 
 
 def model_of(fitted):

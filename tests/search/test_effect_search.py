@@ -270,7 +270,7 @@ def test_the_error_path_is_that_of_the_predictions(search, request):
     assert list(predictions.columns) == ["measured", "baseline", *(f"+ {e}" for e in effects)]
 
 
-@pytest.mark.parametrize("search", ["found", "two", "clean"])
+@pytest.mark.parametrize("search", ["found", pytest.param("two", marks=pytest.mark.slow), "clean"])
 def test_the_ranking_is_consistent(search, request):
     search = request.getfixturevalue(search)
     ranking = search.ranking_

@@ -16,6 +16,8 @@ from skhoid.thesis import (
     response_study,
 )
 
+pytestmark = pytest.mark.slow  # simulates studies
+
 INTENSITY = {"conditions": ["C1"], "intensities": [0.15]}
 
 
@@ -60,7 +62,6 @@ def test_filters_share_their_noise():
     assert bias.corr().iloc[0, 1] > 0.8
 
 
-@pytest.mark.slow
 def test_tuned_gains_are_near_those_of_the_table():
     found = {
         gains: forgetting_study(
@@ -72,7 +73,6 @@ def test_tuned_gains_are_near_those_of_the_table():
     assert found["table"] != found["tuned"]
 
 
-@pytest.mark.slow
 def test_an_intensity_out_of_reach_is_a_failure_not_the_end():
     with pytest.warns(StudyWarning, match="4 of 8 data sets failed.*RemnantIntensityError"):
         found = delay_study(
@@ -133,10 +133,7 @@ def test_responses_without_remnant_are_the_operators():
 @pytest.mark.parametrize(
     "name",
     ["fig9", "fig13"]
-    + [
-        pytest.param(name, marks=pytest.mark.slow)
-        for name in ("fig10", "fig12", "appJ", "fig14", "fig15")
-    ],
+    + [pytest.param(name) for name in ("fig10", "fig12", "appJ", "fig14", "fig15")],
 )
 def test_study_by_name_draws_its_own_figures(name):
     options = {"conditions": ["C4" if name[-1] in "45" else "C1"], "intensities": [0.0, 0.15]}
@@ -173,7 +170,6 @@ def test_claims_about_all_cells_are_not_judged_on_some():
     assert str(Claim("Fig. 1", "a", "b", None)) == "[not judged] Fig. 1: a. Found: b."
 
 
-@pytest.mark.slow
 def test_a_study_in_a_folder_goes_on(tmp_path):
     options = {"conditions": ["C4"], "intensities": [0.1], "n_validation": 1, "out": tmp_path}
     options["memory_horizons"] = [256, np.inf]

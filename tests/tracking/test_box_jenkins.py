@@ -16,6 +16,8 @@ from skhoid import (
 )
 from skhoid.tracking.whitened import SETTLE, START_WORTH, foreseen
 
+pytestmark = pytest.mark.slow  # compiles for many seconds
+
 DT = 0.01
 
 

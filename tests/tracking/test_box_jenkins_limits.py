@@ -11,6 +11,8 @@ from support.whitened_runs import DT, NK, THETA, whitened_runs
 
 from skhoid import RecursiveBoxJenkins, make_tracking_runs, operator_parameters
 
+pytestmark = pytest.mark.slow  # compiles for many seconds
+
 SMALL = {"nk": NK, "inputs": [0], "noise_order": 0, "dt": DT, "init_window": 20.0}
 
 
@@ -71,7 +73,6 @@ def test_no_row_counts_twice():
     assert found.standard_errors_[0] == pytest.approx(expected, rel=0.1)
 
 
-@pytest.mark.slow
 def test_intervals_of_short_runs_cover():
     """Three runs of 35 s, λ = 1, white noise: measured 82 to 85 % of 95 % intervals."""
     covered = []
@@ -112,7 +113,6 @@ def test_a_start_outside_the_unit_circle_is_brought_inside():
     assert np.isfinite(found.coef_path_).all()
 
 
-@pytest.mark.slow
 def test_intervals_of_the_operator_cover():
     """C1, P_n = .15 of order 2, T0 = 10.24 s, at 20, 40, 60 and 81.9 s of 80 runs.
 
@@ -133,7 +133,6 @@ def test_intervals_of_the_operator_cover():
     assert np.mean(covered["K_e"]) == pytest.approx(0.95, abs=0.04)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("condition", ["C1", "C4", "C6"])
 def test_nothing_diverges(condition):
     """Of 300 runs none has a coefficient of 100 times the largest; lost are few with 5.12 s.
@@ -161,7 +160,6 @@ def test_nothing_diverges(condition):
     assert np.mean(lost) < 0.03
 
 
-@pytest.mark.slow
 @pytest.mark.xfail(
     strict=True,
     reason="with T0 = 2.56 s and P_n = .25 most runs of orders 1 and 2 end in real poles, for good",

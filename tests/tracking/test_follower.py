@@ -34,7 +34,7 @@ cut_places = st.lists(st.integers(1, N - 1), max_size=6, unique=True).map(sorted
 X, Y = whitened_runs(1, N)
 A, U = arrays_of(X, Y)
 
-pytestmark = pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
+pytestmark = [pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning"), pytest.mark.slow]
 
 
 def of_tables(name, **options):

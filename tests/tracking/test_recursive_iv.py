@@ -14,6 +14,8 @@ from skhoid import (
 from skhoid.arx.instruments import instrument_lags
 from skhoid.tracking.whitened import START_WORTH
 
+pytestmark = pytest.mark.slow  # compiles for many seconds
+
 DT = 0.05
 
 

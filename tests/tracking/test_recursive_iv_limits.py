@@ -14,6 +14,8 @@ from skhoid import (
     operator_parameters,
 )
 
+pytestmark = pytest.mark.slow  # compiles for many seconds
+
 SMALL = {"nk": NK, "inputs": ["e"], "noise_order": 2, "init_window": 20.0}
 
 
@@ -97,7 +99,6 @@ def test_rows_whose_instruments_are_missing_are_left_out():
     np.testing.assert_allclose(model.coef_, THETA, atol=0.1)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("condition", ["C1", "C4", "C6"])
 def test_nothing_is_infinite(condition):
     """Measured largest |b| of 300 runs: 1.8 with 5.12 s, 7.6 with 2.56 s, 12.7 with 1.28 s."""
@@ -114,7 +115,6 @@ def test_nothing_is_infinite(condition):
             assert np.abs(path[:, 2:]).max() < 20
 
 
-@pytest.mark.slow
 @pytest.mark.xfail(
     strict=True, reason="beside remnant of order 4, D and F lead each other astray, for good"
 )

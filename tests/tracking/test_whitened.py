@@ -21,6 +21,8 @@ from skhoid import (
     run_labels,
 )
 
+pytestmark = pytest.mark.slow  # compiles for many seconds
+
 SMALL = {"nk": NK, "noise_order": 2, "memory_time": 10.0, "init_window": 20.0}
 MODELS = {
     "box jenkins": RecursiveBoxJenkins(inputs=["e"], **SMALL),
