@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 NAME = "TournamentSettlingDisplay"
 COLUMNS = ("method", "causal", "remnant_intensity", "noise", "settling")
-NEVER = 1.1  # times the longest settling time, where methods are that do not settle
+NEVER = 1.5  # times the longest settling time, where methods are that do not settle
+LINEAR = 2.0  # s, up to which the settling time is shown linearly; beyond, by its logarithm
+TICKS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 LARGER = 0.45  # of the size of a mark, by which those of more remnant are larger
 
 
@@ -28,7 +30,7 @@ class TournamentSettlingDisplay(Display):
 
     A line for each method joins remnant intensities, of which the largest mark is the highest.
     Marks of causal methods are filled. A method that does not settle in the median run is at the
-    upper edge.
+    upper edge. Both axes are logarithmic, that of time from 2 s on.
 
     Make it with :meth:`from_result`.
 
@@ -118,7 +120,7 @@ class TournamentSettlingDisplay(Display):
         self : TournamentSettlingDisplay
         """
         check_table(self.points, COLUMNS, NAME)
-        (self.ax_,) = self._take_axes(ax, "one panel", figsize=(6.4, 4.6))
+        (self.ax_,) = self._take_axes(ax, "one panel", figsize=(6.4, 5.2))
         methods = list(dict.fromkeys(self.points["method"]))
         intensities = ordered(self.points["remnant_intensity"])
         known = self.points["settling"].replace(np.inf, np.nan)
@@ -137,11 +139,20 @@ class TournamentSettlingDisplay(Display):
                 size = 1.0 + LARGER * (_place(intensities, P_n) - (len(intensities) - 1) / 2)
                 (mark,) = self.ax_.plot(x, y, zorder=3, **(look | {"ms": look["ms"] * size}))
                 self.points_[method, P_n] = mark
+        self.ax_.set_xscale("log")
+        self.ax_.set_yscale("symlog", linthresh=LINEAR, linscale=0.6)
+        ends = self.ax_.get_xlim()
+        across = [t for t in TICKS if ends[0] <= t <= ends[1]]
+        self.ax_.set_xticks(across, [f"{t:g}" for t in across])
+        self.ax_.minorticks_off()
+        up = {
+            t: f"{t:g}" for t in (0.0, *TICKS[1:]) if t <= (known.max() if known.max() > 0 else 0)
+        }
         if np.isinf(self.points["settling"]).any():
-            ticks = [t for t in self.ax_.get_yticks() if 0 <= t <= never / NEVER]
-            self.ax_.set_yticks([*ticks, never], [*(f"{t:g}" for t in ticks), "never"])
+            up[never] = "never"
+            self.ax_.set_ylim(top=1.2 * never)  # whole marks
+        self.ax_.set_yticks([*up], [*up.values()])
         self.ax_.grid(alpha=0.3)
-        self.ax_.set_xlim(left=0)
         self.ax_.set_ylim(bottom=min(0.0, float(np.nanmin([known.min(), 0.0]))))
         self.ax_.set_xlabel(r"RMSE of $K_{\dot e}$ before the change, %")
         self.ax_.set_ylabel("settling time, s")

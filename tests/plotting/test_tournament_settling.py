@@ -30,7 +30,7 @@ def test_a_line_for_each_method_and_larger_marks_for_more_remnant():
 
 def test_what_does_not_settle_is_at_the_edge_and_said():
     display = TournamentSettlingDisplay(points=points()).plot()
-    np.testing.assert_allclose(display.lines_["arx"].get_ydata(), 1.1 * 8)
+    np.testing.assert_allclose(display.lines_["arx"].get_ydata(), 1.5 * 8)
     assert display.ax_.get_yticklabels()[-1].get_text() == "never"
     settled = points().replace(np.inf, 3.0)
     display = TournamentSettlingDisplay(points=settled).plot()
@@ -49,3 +49,21 @@ def test_one_intensity_given_axes_and_refusals():
         TournamentSettlingDisplay(points=points().drop(columns="noise")).plot()
     own = one.assign(remnant_intensity=np.nan)
     assert len(TournamentSettlingDisplay(points=own).plot().points_) == 3
+
+
+def test_a_legend_of_many_wide_names_is_not_cut():
+    names = [
+        f"{kind}_{letters}"
+        for kind in ("rls", "kalman", "bank")
+        for letters in ["mmmm", "wwww", "nnnn"]
+    ]
+    table = pd.DataFrame(
+        {"method": names * 2, "causal": True, "remnant_intensity": [0.05] * 9 + [0.15] * 9}
+    ).assign(noise=np.arange(1.0, 19.0), settling=np.arange(2.0, 20.0))
+    display = TournamentSettlingDisplay(points=table).plot()
+    display.figure_.canvas.draw()
+    (legend,) = display.figure_.legends
+    box, whole = legend.get_window_extent(), display.figure_.bbox
+    assert box.x0 >= whole.x0
+    assert box.x1 <= whole.x1
+    assert len(legend.get_texts()) == 9
