@@ -20,7 +20,7 @@ from ..arx.forgetting import read_forgetting
 from ..arx.model_summary import orders_text
 from ..arx.orders import Orders
 from ..arx.partial_fit import check_streamable
-from ..arx.rls import Instants, spread_weights, window_rows
+from ..arx.rls import Instants, grid_numbers, spread_weights, window_rows
 from ..exceptions import ShortRunError
 from ..preprocessing.grid import ModelGrid
 from ..regression import columns_of, segments
@@ -30,6 +30,7 @@ from .prediction_error import SETTLE, Start, Window, unit_factors, whole_stretch
 
 FILTER_TIME = 10.24  # s: the longest time in which the filters follow F
 START_WORTH = 1.0  # of the memory, that the start is worth
+AT_ONCE = 4096  # rows whose forecasts are computed together
 LITTLE_WORTH = 0.05  # of the window, that the start is worth if the memory is longer
 CONSTRAINTS: dict = {
     "na": [Interval(Integral, 0, None, closed="left")],
@@ -168,6 +169,7 @@ class WhitenedRecursion(Follower, FollowedPath):
             self.__dict__.pop(name, None)
         row_filter = self._started_filter(self._first_window(signals), signals.instants.n_runs)
         self.initial_coef_ = row_filter.theta.copy()
+        self._initial_noise = row_filter.noise[: int(self.noise_order)].copy()
         n, n_runs = len(signals.instants), signals.instants.n_runs
         p, nd = row_filter.theta.size, int(self.noise_order)
         path, noise, errors = np.empty((n, p)), np.empty((n, nd)), np.empty((n, n_runs))
@@ -306,11 +308,20 @@ class WhitenedRecursion(Follower, FollowedPath):
         parameters = self._parameters_before(grid, horizon)
         inputs = self._held_inputs(grid, values)
         simulated = free_run_output(inputs, stretches, self.orders_, *parameters)
+        noise = self._noise_before(grid, horizon)
         ahead = simulated.copy()
         for begin, end in segments(grid):
             v = output[begin:end] - simulated[begin:end]
-            ahead[begin:end] += foreseen(v, self.noise_ar_, horizon)
+            ahead[begin:end] += foreseen(v, noise[begin:end], horizon)
         return ahead
+
+    def _noise_before(self, grid: ModelGrid, horizon: int) -> np.ndarray:
+        """D of each row as known so many rows before, of shape (n_rows, noise_order)."""
+        if not self._follows_path:
+            return np.broadcast_to(self.noise_ar_, (grid.n_rows, self.noise_ar_.size))
+        path = np.concatenate([self._initial_noise[None], self.noise_path_])
+        numbers = grid_numbers(grid) - horizon
+        return path[np.searchsorted(self._numbers, numbers, side="right")]
 
     def _one_step_errors(self, X: Any, y: Any) -> np.ndarray:
         grid, values = self._read_X(X, reset=False)
@@ -344,17 +355,24 @@ class WhitenedRecursion(Follower, FollowedPath):
 
 
 def foreseen(v: np.ndarray, d: np.ndarray, horizon: int) -> np.ndarray:
-    """Forecast of autoregressive noise, so many rows ahead of each row.
+    """Forecast of autoregressive noise, so many rows ahead of each row, by the D of each forecast.
 
-    Noise that is not known is its own forecast.
+    ``d`` has the shape (n_rows, noise_order). Noise that is not known is its own forecast.
     """
-    known, nd = v.copy(), d.size
+    nd = d.shape[1]
     if nd == 0:
         return np.zeros(v.size)
-    for t in np.flatnonzero(np.isnan(v)).tolist():
-        before = known[max(t - nd, 0) : t][::-1]
-        known[t] = -float(d[: before.size] @ before)
-    companion = np.zeros((nd, nd))
-    companion[0], companion[np.arange(1, nd), np.arange(nd - 1)] = -d, 1.0
-    weights = np.linalg.matrix_power(companion, horizon)[0]
-    return np.convolve(np.r_[np.zeros(horizon), known], weights)[: v.size]
+    known = np.r_[np.zeros(horizon + nd - 1), v]
+    for t in np.flatnonzero(np.isnan(known)).tolist():
+        row = t - (horizon + nd - 1)
+        known[t] = -float(d[row] @ known[t - nd : t][::-1]) if row > 0 else 0.0
+    before = np.lib.stride_tricks.sliding_window_view(known, nd)[: v.size, ::-1]
+    ahead = np.empty(v.size)
+    for begin in range(0, v.size, AT_ONCE):
+        rows = slice(begin, begin + AT_ONCE)
+        companion = np.zeros((d[rows].shape[0], nd, nd))
+        companion[:, 0] = -d[rows]
+        companion[:, np.arange(1, nd), np.arange(nd - 1)] = 1.0
+        weights = np.linalg.matrix_power(companion, horizon)[:, 0]
+        ahead[rows] = np.einsum("tk,tk->t", weights, before[rows])
+    return ahead

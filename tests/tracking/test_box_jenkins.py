@@ -139,7 +139,7 @@ def test_forecasts_of_noise(horizon):
         known = v[: t - horizon + 1].tolist()
         for _ in range(horizon):
             known.append(-(d @ np.array(known[-1:-4:-1])))
-        assert foreseen(v, d, horizon)[t] == pytest.approx(known[-1], abs=1e-12)
+        assert foreseen(v, np.tile(d, (40, 1)), horizon)[t] == pytest.approx(known[-1], abs=1e-12)
 
 
 def test_missing_rows_are_told(loop):
