@@ -28,7 +28,14 @@ FORGETTING = {
     "none": {},
     "variable": {"forgetting": "variable", "memory_horizon": 50},
 }
-each_forgetting = pytest.mark.parametrize("params", FORGETTING.values(), ids=FORGETTING.keys())
+COMPILED = ("matrix", "diagonal")  # for long
+each_forgetting = pytest.mark.parametrize(
+    "params",
+    [
+        pytest.param(params, id=name, marks=[pytest.mark.slow] * (name in COMPILED))
+        for name, params in FORGETTING.items()
+    ],
+)
 cut_places = st.lists(st.integers(1, N - 1), unique=True, max_size=8).map(sorted)
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")

@@ -203,6 +203,7 @@ THESIS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", THESIS)
 def test_old_folders_of_the_thesis(name, tmp_path):
     manifest = json.loads((DATA / "old_manifests.json").read_text(encoding="utf-8"))[name]
