@@ -32,7 +32,7 @@ def runs():
     return X, y
 
 
-pytestmark = pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
+pytestmark = [pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning"), pytest.mark.slow]
 
 
 def before(steps, model):
@@ -65,7 +65,6 @@ PAIRS = [
 ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("steps", "scorer"), PAIRS)
 def test_scores_are_those_of_grid_search(runs, steps, scorer):
     X, y = runs

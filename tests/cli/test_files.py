@@ -12,6 +12,8 @@ from skhoid import make_tracking_runs
 from skhoid.cli import main
 from skhoid.cli.files import check_folders, column_of, save_figures
 
+pytestmark = pytest.mark.slow  # starts and reads much
+
 
 def test_names_with_dollars_leave_formulas_and_powers_of_ten():
     X, y = pd.DataFrame({"a$x_1$b": [1.0]}), pd.Series([1.0], name="u")

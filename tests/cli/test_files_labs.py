@@ -11,6 +11,8 @@ from skhoid import read_runs
 from skhoid.cli import main
 from skhoid.io.guess import guess_columns
 
+pytestmark = pytest.mark.slow  # starts and reads much
+
 FEW = ["--effects", "bias", "dead_zone"]
 
 
@@ -45,7 +47,6 @@ def test_all_labs_have_recorded_the_same(tmp_path, rows, lab, capsys):
     assert (first - first[0]).tolist() == pytest.approx([0.0, 0.02, 0.04])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("lab", LABS, ids=lambda lab: lab.name)
 def test_diagnose_needs_no_option(tmp_path, rows, lab, capsys):
     path = lab.write(lab.frame(rows), tmp_path)

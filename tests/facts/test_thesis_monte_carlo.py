@@ -23,6 +23,8 @@ from skhoid import (
     zoh_parameters,
 )
 
+pytestmark = pytest.mark.slow  # simulates for long
+
 # What the fast part computes; all of them together take minutes.
 QUICK = {(2, "C2"), ("nm", "C1")}
 QUICK_CELLS = {(2, "C1", 0.10), ("nm", "C2", 0.15)}
@@ -42,9 +44,7 @@ def test_remnant_gains_of_table_g1(order, state):
         assert found == pytest.approx(gain, abs=tolerance), P_n
 
 
-@pytest.mark.parametrize(
-    "random_state", [0, *(pytest.param(i, marks=pytest.mark.slow) for i in range(1, 6))]
-)
+@pytest.mark.parametrize("random_state", [0, *(pytest.param(i) for i in range(1, 6))])
 def test_unreachable_intensity_is_refused(random_state):
     """H_n^4, C2, 0.30: P_n saturates at 0.302; half of the sets of ten never reach it."""
     task = CompensatoryTask.of_condition("C2", remnant=Remnant(order=4, intensity=0.30))
@@ -90,7 +90,6 @@ def cells(table, quick):
     ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "state", "P_n", "expected", "tolerance"), cells(DELAYS, QUICK_CELLS)
 )
@@ -108,7 +107,6 @@ def test_mean_bias(order, state, P_n, expected, tolerance):
     assert (np.abs(difference) <= tolerance).all(), difference
 
 
-@pytest.mark.slow
 def test_signs_of_the_bias():
     """fig10.signs: for orders 1 and 2 opposite to 3, 4 and nm, in a as in b (Eq. 30)."""
     for order in (1, 2, 3, 4, "nm"):
@@ -116,7 +114,6 @@ def test_signs_of_the_bias():
         assert np.sign(mean_bias(order, "C1", 0.15)).tolist() == expected
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("state", STATES)
 def test_bias_of_order_1_is_the_largest_and_that_of_nm_the_smallest(state):
     """fig10.min_ratio_H1_over_others and fig10.nm_smallest_fraction."""
@@ -127,7 +124,7 @@ def test_bias_of_order_1_is_the_largest_and_that_of_nm_the_smallest(state):
         assert (bias["nm"] < others.min(axis=0)).all()
 
 
-@pytest.mark.parametrize("state", ["C1", pytest.param("C2", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("state", ["C1", pytest.param("C2")])
 def test_operator_from_batch_models(state):
     model = ARXRegressor(nk=NK, dt=DT)
     names = ["K_e", "T_L", "K_edot", "omega_nm", "zeta_nm"]

@@ -28,18 +28,19 @@ RECURSIONS = [{"memory_horizon": 50, "init_window": 1000}, {"init": "zeros", "p0
 # Not RecursiveARXCV: the checks have one run, and it validates on others.
 ESTIMATORS = [
     SMALL,
-    DelaySearchCV(SMALL, nk=[0, 1]),
-    OrderSearchCV(ARXRegressor(inputs=[0]), na=[1], nb=[1]),
     # Of four parameters, as elsewhere: a recursion is compiled for each number of them.
-    *(RecursiveARX(inputs=[0], **options) for options in RECURSIONS),
+    RecursiveARX(inputs=[0], **RECURSIONS[0]),
     OperatorRegressor(),
     Decimator(),
     DelayShift(),
     RunInTrimmer(),
 ]
 COSTLY = [
+    DelaySearchCV(SMALL, nk=[0, 1]),
+    OrderSearchCV(ARXRegressor(inputs=[0]), na=[1], nb=[1]),
     EffectSearchCV(OperatorRegressor(), effects=["bias"]),
     RecursiveBoxJenkins(na=1, nb=1, inputs=[0], noise_order=0, init_window=1000),
+    RecursiveARX(inputs=[0], **RECURSIONS[1]),
     *(RecursiveARX(na=1, nb=1, **options) for options in RECURSIONS),
 ]
 TRANSFORMERS = (Decimator, DelayShift, RunInTrimmer)

@@ -22,6 +22,8 @@ from skhoid.montecarlo.identity import described
 from skhoid.simulation import tracking_condition
 from skhoid.thesis import delay_study, forgetting_study, path_study, response_study
 
+pytestmark = pytest.mark.slow  # simulates studies
+
 # Made by the code of commit 992cbae, whose identities held names of modules: old_folder by study()
 # of the users_study.py in it, old_manifests.json (study.json of each) by THESIS, run below.
 DATA = Path(__file__).parent / "data"
@@ -203,7 +205,6 @@ THESIS = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", THESIS)
 def test_old_folders_of_the_thesis(name, tmp_path):
     manifest = json.loads((DATA / "old_manifests.json").read_text(encoding="utf-8"))[name]

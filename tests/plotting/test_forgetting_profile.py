@@ -9,6 +9,8 @@ from support.synthetic import DT, NK, arx_runs
 from skhoid import DelayShift, RecursiveARX
 from skhoid.plotting import ForgettingProfileDisplay
 
+pytestmark = pytest.mark.slow  # fits, and compiles
+
 
 @pytest.fixture(scope="module")
 def data():

@@ -18,6 +18,8 @@ from skhoid import (
 )
 from skhoid.plotting import ParameterPathDisplay
 
+pytestmark = pytest.mark.slow  # fits, and compiles
+
 NAMES = ["a1", "a2", "b0", "b1"]
 TRUE = [*A, *B]
 RECURSIVE = RecursiveARX(nk=NK, forgetting=0.98, init="zeros")
@@ -139,7 +141,6 @@ def test_models_of_different_orders_share_panels(data, model):
     np.testing.assert_array_equal(display.lines_["3, 1", "b0"].get_ydata(), larger.coef_path_[:, 3])
 
 
-@pytest.mark.slow  # two recursions of numbers of parameters that nothing else needs
 def test_many_parameters_stand_in_two_columns(data):
     model = RecursiveARX(na=3, nb=2, nk=NK, inputs=["e", "x"], init="zeros").fit(*data)
     display = ParameterPathDisplay.from_estimator(model)
@@ -265,7 +266,6 @@ def test_stretches_without_estimates():
     display.figure_.canvas.draw()
 
 
-@pytest.mark.slow
 def test_one_instant():
     display = ParameterPathDisplay(frames={"estimate": path(1, a1=0.0)}).plot()
     display.figure_.canvas.draw()

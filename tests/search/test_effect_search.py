@@ -401,6 +401,7 @@ def test_on_a_compensatory_display_the_target_is_equivalent():
     assert not rows["preview"].str.startswith("equivalent").any()
 
 
+@pytest.mark.slow
 def test_the_summary_tells_the_steps(found, two):
     text = found.summary()
     path = found.error_path_

@@ -7,6 +7,8 @@ from skhoid import ARXRegressor, CompensatoryTask, OperatorRegressor, make_track
 from skhoid.effects import Bias, DeadZone, Effect, GainDrift, Intermittent, Parameter, Preview
 from skhoid.search.story import HIDDEN
 
+pytestmark = pytest.mark.slow  # compiles for many effects
+
 SHORT = {"n_runs": 3, "duration": 40.96, "sampling_rate": 50, "channels": ["e", "x", "f_t"]}
 
 
@@ -38,7 +40,6 @@ def test_an_offset_is_integrated_away():
     assert (X_b["e"] - X["e"]).mean() == pytest.approx(-0.1 / 0.09, rel=0.02)
 
 
-@pytest.mark.slow
 def test_runs_with_effects_do_not_depend_on_their_number():
     options = {"remnant_intensity": 0.1, "random_state": 3, "effects": DeadZone(width=0.3)}
     _, y = make_tracking_runs("C1", **{**SHORT, "n_runs": 1}, **options)
@@ -46,7 +47,6 @@ def test_runs_with_effects_do_not_depend_on_their_number():
     np.testing.assert_allclose(y_more.loc[[0]], y, atol=1e-7)
 
 
-@pytest.mark.slow
 def test_own_effects_and_those_that_look_ahead_are_simulated():
     class Half(Effect):
         name = "half"

@@ -30,6 +30,8 @@ from skhoid.experiment.people import identify_people
 from skhoid.experiment.people.result import COLUMNS
 from skhoid.montecarlo.workers import one_thread
 
+pytestmark = pytest.mark.slow  # fits many models
+
 TRACKING = {"channels": ["e", "x", "f_t"], "sampling_rate": 50}
 ARX = ARXRegressor(nk=NK)
 SHIFTED = make_pipeline(Decimator(factor=2), DelayShift(delay=NK * DT), ARXRegressor())
@@ -66,8 +68,8 @@ def own_parameters(model):
     "estimator",
     [
         pytest.param(ARX, id="ARX"),
-        pytest.param(OperatorRegressor(delay=0.28), id="operator", marks=pytest.mark.slow),
-        pytest.param(SHIFTED, id="pipeline", marks=pytest.mark.slow),
+        pytest.param(OperatorRegressor(delay=0.28), id="operator"),
+        pytest.param(SHIFTED, id="pipeline"),
         pytest.param(RecursiveARX(nk=NK, memory_time=5.0), id="recursive"),
     ],
 )
@@ -91,7 +93,7 @@ def test_the_table_is_that_of_separate_fits_to_the_last_bit(estimator):
         assert set(found["n_rows"]) == {len(y_part)}
 
 
-@pytest.mark.parametrize("name", ["delay", pytest.param("grid", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["delay", pytest.param("grid")])
 def test_searches_are_fitted_to_groups_and_tell_what_they_chose(name):
     X, y = made(subjects=2, conditions=("A",), runs=3)
     estimator = {"delay": DelaySearchCV(ARXRegressor(), nk=range(12, 18)), "grid": GRID}[name]
@@ -225,7 +227,6 @@ def test_one_run_is_fitted_once_and_models_need_not_be_kept():
     assert found.table["parameter"].tolist() == ["vaf"]
 
 
-@pytest.mark.slow  # which starts processes
 def test_numbers_of_jobs_change_nothing():
     X, y = made(subjects=3, conditions=("A",), runs=2)
     one, two = (identify_people(ARX, X, y, n_jobs=n) for n in (1, 2))
@@ -258,7 +259,6 @@ def test_groups_must_be_by_levels_that_are_there():
         identify_people(ARX, X, y, by="run")
 
 
-@pytest.mark.slow
 def test_a_search_for_effects_tells_what_each_person_has():
     X, y = made(subjects=2, conditions=("A",), runs=2, n=1500)
     offset = y.to_numpy() + 2 * y.std() * (X.index.get_level_values("subject") == "P2")
