@@ -66,10 +66,13 @@ class FollowedPath(BaseARX):
     def _parameters_before(self, grid: ModelGrid, horizon: int) -> tuple[np.ndarray, np.ndarray]:
         if not self._follows_path:
             return super()._parameters_before(grid, horizon)
-        numbers = grid_numbers(grid)
-        self._check_times(grid, numbers)
+        self._check_times(grid, grid_numbers(grid))
         path = np.concatenate([self.initial_coef_[None], self.coef_path_])
-        return path, np.searchsorted(self._numbers, numbers - horizon, side="right")
+        return path, self._places_before(grid, horizon)
+
+    def _places_before(self, grid: ModelGrid, horizon: int) -> np.ndarray:
+        """Place of what each row knew so many rows before: 0 for the start, then the path's."""
+        return np.searchsorted(self._numbers, grid_numbers(grid) - horizon, side="right")
 
     def _check_times(self, grid: ModelGrid, numbers: np.ndarray) -> None:
         warn_of_times_outside(

@@ -12,18 +12,16 @@ import numpy as np
 import pandas as pd
 
 from ..arx.forgetting import forgetting_factor
-from ..human.variation import evaluate
 from ..montecarlo.horizons import SETTING, forgetting_vaf, kept_run_in, succeeded, with_gain
 from ..montecarlo.study import MonteCarloStudy
+from ..simulation.change_times import change_times
 from ..simulation.conditions import Condition
-from ..simulation.physics import parameters_of
 from ..simulation.task import CompensatoryTask
 from ..summaries import Summary
 
 FIRST = 3 / 8  # of the duration, in which nothing changes: 30.72 s of 81.92 s
 HALF_WIDTH = 1 / 8  # of the duration, on either side of the change
 WIDER = 0.75  # times the duration of the change
-SHARES = (0.05, 0.5, 0.95)  # of the change, between which it lasts
 SHORTEST = 2.0  # s from which theta0 may come
 SIGNIFICANT = 2.0  # standard errors
 RUNS = ["remnant_intensity", "replication", "validation"]
@@ -334,17 +332,10 @@ def _horizons(given: Sequence[float] | None, n_samples: int) -> tuple[float, ...
 
 def change_window(task: CompensatoryTask) -> tuple[float, float] | None:
     """Seconds around the change of a task's parameters; None where nothing changes in the run."""
-    t = np.arange(task.n_samples + 1) / task.sampling_rate
-    travelled = np.zeros(task.n_samples)
-    for name, parameter in parameters_of(task).items():
-        if callable(parameter) and name != "K_n":
-            values = evaluate(parameter, t)
-            size = np.abs(np.diff(values))
-            travelled += size / (np.abs(values).max() or 1.0)
-    so_far = np.cumsum(travelled)
-    if so_far[-1] <= 1e-9:
+    times = change_times(task)
+    if times is None:
         return None
-    early, middle, late = (float(t[np.searchsorted(so_far, s * so_far[-1])]) for s in SHARES)
+    early, middle, late = times
     half = max(HALF_WIDTH * task.duration, WIDER * (late - early))
     return max(0.0, middle - half), min(task.duration, middle + half)
 

@@ -96,22 +96,18 @@ class Display:
         elif labels:
             width = letters(self.figure_)
             labels = [wrapped(label, width - HANDLE) for label in labels]
-            columns = legend_columns(labels, width, columns)
-            legend = self._legend_below(handles, labels, columns)
-            while columns > 1 and legend.get_window_extent().width > self.figure_.bbox.width:
+            for n_columns in range(legend_columns(labels, width, columns), 0, -1):
+                legend = self.figure_.legend(
+                    handles, labels, loc="outside lower center", ncols=n_columns, frameon=False
+                )
+                if n_columns == 1 or legend.get_window_extent().width <= self.figure_.bbox.width:
+                    break
                 legend.remove()
-                columns -= 1
-                legend = self._legend_below(handles, labels, columns)
             for line in legend.get_lines():  # as thin as in the panels they would not be seen
                 line.set_linewidth(max(line.get_linewidth(), scaled(1.2)))
                 line.set_alpha(None)
-            rows = -(-sum(1 + label.count("\n") for label in labels) // columns)
+            rows = -(-sum(1 + label.count("\n") for label in labels) // n_columns)
             add_lines(self.figure_, rows - 1, legend.get_texts()[0].get_fontsize())
-
-    def _legend_below(self, handles: Sequence[Any], labels: Sequence[str], columns: int) -> Any:
-        return self.figure_.legend(
-            handles, labels, loc="outside lower center", ncols=columns, frameon=False
-        )
 
     def _legend_of_panels(self) -> None:
         """One legend for what the panels show, each label once."""

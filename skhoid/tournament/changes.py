@@ -7,15 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ..human.variation import evaluate
-from ..simulation.physics import parameters_of
+from ..simulation.change_times import change_times
 
 WINDOWS = ("all", "before", "around", "after")
 START = 15 / 81.92  # of the duration, which is left to methods to begin
 BASELINE = 30.72 / 81.92  # of the duration, by which the estimate before a change is known
 HALF_WIDTH = 1 / 8  # of the duration, on either side of the middle of a change
 MARGIN = 1 / 16  # of the duration, at least, from its ends
-SHARES = (0.05, 0.5, 0.95)  # of the change
 
 
 @dataclass(frozen=True)
@@ -38,19 +36,8 @@ class Change:
 
     @classmethod
     def of(cls, task: Any) -> Change:
-        """Of a task: the way is the sum of the relative steps of all its parameters."""
-        t = np.arange(task.n_samples + 1) / task.sampling_rate
-        travelled = np.zeros(task.n_samples)
-        for name, parameter in parameters_of(task).items():
-            if callable(parameter) and name != "K_n":
-                values = evaluate(parameter, t)
-                travelled += np.abs(np.diff(values)) / (np.abs(values).max() or 1.0)
-        so_far = np.cumsum(travelled)
-        start, end = START * task.duration, float(task.duration)
-        if so_far[-1] <= 1e-9:
-            return cls(start, end, None)
-        early, middle, late = (float(t[np.searchsorted(so_far, s * so_far[-1])]) for s in SHARES)
-        return cls(start, end, (early, middle, late))
+        """Of a task."""
+        return cls(START * task.duration, float(task.duration), change_times(task))
 
     @property
     def baseline(self) -> tuple[float, float]:

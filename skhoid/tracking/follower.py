@@ -19,6 +19,16 @@ from ..arx.streaming import Clock, Piece
 from ..regression import RunRegressor, columns_of
 
 
+def first_telling_row(X: np.ndarray, y: np.ndarray) -> int | None:
+    """The first row without NaN, after a rest before the task, which tells nothing; None if none.
+
+    Where all rests, it is the first without NaN.
+    """
+    whole = ~np.isnan(y) & ~np.isnan(X).any(axis=1)
+    moving = whole & ((y != 0) | (X != 0).any(axis=1))
+    return int(np.argmax(moving if moving.any() else whole)) if whole.any() else None
+
+
 class RowFilter(Protocol):
     """A filter with a state of its own, which goes on from row to row."""
 
@@ -155,11 +165,8 @@ class Follower(RunRegressor):
         """A filter from the rows so far, if they suffice."""
         X = np.concatenate([piece.X for piece in pieces], dtype=np.float64)
         y = np.concatenate([piece.y for piece in pieces])
-        known = np.flatnonzero(~np.isnan(y) & ~np.isnan(X).any(axis=1))
-        moving = known[(y[known] != 0) | (X[known] != 0).any(axis=1)]
-        known = moving if moving.size else known
-        needed = self._rows_to_begin()
-        if needed and (known.size == 0 or y.size - known[0] < needed):
+        first, needed = first_telling_row(X, y), self._rows_to_begin()
+        if needed and (first is None or y.size - first < needed):
             return None
         fresh = np.zeros(y.size, dtype=bool)
         begins = np.cumsum([0, *(piece.y.size for piece in pieces[:-1])])

@@ -200,16 +200,16 @@ class KalmanPlan:
         """Constant part of the output; a large one of which the model does not know is told."""
         left = np.concatenate([*residuals, np.empty(0)])
         left = left[~np.isnan(left)]
-        found = float(left.mean()) if left.size else 0.0
-        if self.model.fit_intercept:
-            if left.size == 0:
-                raise ShortRunError(
-                    "fit_intercept=True estimates the constant part of the output in the first "
-                    "window, in which nothing was measured. Give a longer init_window."
-                )
-            return found
+        if left.size == 0 and self.model.fit_intercept:
+            raise ShortRunError(
+                "fit_intercept=True estimates the constant part of the output in the first window, "
+                "in which nothing was measured. Give a longer init_window."
+            )
         if left.size == 0:
             return 0.0
+        found = float(left.mean())
+        if self.model.fit_intercept:
+            return found
         moves = float(np.nanstd(np.concatenate([w.y for w in windows])))
         by_chance = float(left.std()) * np.sqrt(REMEMBERED / (left.size * self.dt))
         if abs(found) > max(OFFSET * moves, DOUBTFUL * by_chance) and moves > 0:

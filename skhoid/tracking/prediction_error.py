@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from ..arx.orders import Orders, regressors
+from .follower import first_telling_row
 
 SETTLE = 2.0  # s after a beginning in which simulations forget that they began at rest
 LARGEST_POLE = 0.9995
@@ -174,13 +175,11 @@ def whole_stretches(
     X: np.ndarray, y: np.ndarray, n_rows: int, fresh: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Stretches without NaN in the first rows from one that is whole; ``fresh`` rows begin anew."""
-    whole = ~np.isnan(y) & ~np.isnan(X).any(axis=1)
-    if not whole.any():
+    first = first_telling_row(X, y)
+    if first is None:
         return []
-    moving = whole & ((y != 0) | (X != 0).any(axis=1))  # a rest before the task tells nothing
-    first = int(np.argmax(moving if moving.any() else whole))
-    stop = min(first + n_rows, y.size)
-    rows = np.flatnonzero(whole[first:stop]) + first
+    part = slice(first, first + n_rows)
+    rows = np.flatnonzero(~np.isnan(y[part]) & ~np.isnan(X[part]).any(axis=1)) + first
     cuts = np.flatnonzero((np.diff(rows) > 1) | fresh[rows[1:]]) + 1
     return [(X[part], y[part]) for part in np.split(rows, cuts)]
 

@@ -20,7 +20,7 @@ from ..arx.forgetting import read_forgetting
 from ..arx.model_summary import orders_text
 from ..arx.orders import Orders
 from ..arx.partial_fit import check_streamable
-from ..arx.rls import Instants, grid_numbers, spread_weights, window_rows
+from ..arx.rls import Instants, spread_weights, window_rows
 from ..exceptions import ShortRunError
 from ..preprocessing.grid import ModelGrid
 from ..regression import columns_of, segments
@@ -320,8 +320,7 @@ class WhitenedRecursion(Follower, FollowedPath):
         if not self._follows_path:
             return np.broadcast_to(self.noise_ar_, (grid.n_rows, self.noise_ar_.size))
         path = np.concatenate([self._initial_noise[None], self.noise_path_])
-        numbers = grid_numbers(grid) - horizon
-        return path[np.searchsorted(self._numbers, numbers, side="right")]
+        return path[self._places_before(grid, horizon)]
 
     def _one_step_errors(self, X: Any, y: Any) -> np.ndarray:
         grid, values = self._read_X(X, reset=False)

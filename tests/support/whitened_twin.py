@@ -129,6 +129,14 @@ class Twin:
             v.append(value)
         self.noise.follow(np.array(v))
 
+    def updated(self, used):
+        """Update, and give the errors of runs that took part: the last entry of each in used."""
+        self.update(used)
+        errors = np.full(len(self.lanes), np.nan)
+        for run, *_, error in used:
+            errors[run] = error
+        return errors
+
 
 def inside(f):
     return np.abs(np.roots(np.r_[1.0, f])).max(initial=0.0) < 1.0
@@ -174,11 +182,7 @@ class PredictionErrors(Twin):
             self.filtered(lane["Dw/F"], simulated)
             lane["u"].append(y)
             self.filtered(lane["u/F"], y)
-        self.update(used)
-        errors = np.full(len(self.lanes), np.nan)
-        for run, _, error in used:
-            errors[run] = error
-        return errors
+        return self.updated(used)
 
     def update(self, used):
         if not used:
@@ -238,11 +242,7 @@ class Instruments(Twin):
             whitened = lane["u/F"][t] + before
             if usable and self.excited(phi):
                 used.append((run, phi, np.array(z), whitened, whitened - self.theta @ phi))
-        self.update(used)
-        errors = np.full(len(self.lanes), np.nan)
-        for run, *_, error in used:
-            errors[run] = error
-        return errors
+        return self.updated(used)
 
     def update(self, used):
         if not used:
