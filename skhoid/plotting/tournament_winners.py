@@ -209,6 +209,7 @@ class TournamentWinnersDisplay(Display):
                     va="center",
                     fontsize="x-small",
                     color=readable_on(look["facecolor"]),
+                    bbox={"facecolor": look["facecolor"], "edgecolor": "none", "pad": 0.0},
                 )
         self.patches_.append(patches)
         self.texts_.append(texts)
