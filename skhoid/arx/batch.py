@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from numbers import Integral, Real
 from typing import Any
@@ -183,6 +184,8 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
     [0.09, 's']
     """
 
+    _fixed_core = True  # its coefficients are shown in several places
+
     _parameter_constraints: dict = {
         "na": [Interval(Integral, 0, None, closed="left")],
         "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
@@ -301,6 +304,10 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
 
     def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
         self._strategy = SimulationError.taken_over(self, prepared, model, noise)
+
+    def _move(self, simulation: Simulation) -> None:
+        assert isinstance(self._strategy, SimulationError)
+        self._strategy = replace(self._strategy, simulation=simulation)
 
     @property
     def _simulation(self) -> Simulation:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from sklearn.base import clone
+from sklearn.utils.validation import check_is_fitted
 
 from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..effects.base import Effect
@@ -33,6 +34,7 @@ from .fitting import Criterion, RemnantModel, covariance_of, minimise
 from .initial import ESTIMATE, HELD, REST, begun_where_it_pays, error_of, pays
 from .likelihood import criterion_of, likelihood_fit, prior_of
 from .model import Model
+from .moved import moved
 from .operator_summary import simulated_summary
 from .prepared import Prepared, SimulatedCore, prepared_for
 from .profile import profile_intervals
@@ -48,7 +50,8 @@ class Simulation:
 
     ``effects`` have their choices made, with None for what was estimated, as ``theta`` has it;
     ``spread`` are standard deviations of the channels and of the output "u" in the fit,
-    ``duration`` is that of its longest run in seconds.
+    ``duration`` is that of its longest run in seconds, ``bounds`` what is physically possible for
+    each parameter of the core and of the effects.
     """
 
     spec: SimulatedCore
@@ -65,6 +68,7 @@ class Simulation:
     initial: str | None
     begins: str
     levels: tuple[float, float]
+    bounds: dict[str, tuple[float, float]]
 
     def record_of(
         self, estimator: Any, grid: ModelGrid, values: np.ndarray
@@ -127,6 +131,7 @@ class SimulatedModelMixin:
 
     effects: Any
     _takes_first = False  # channel, where none has the role e
+    _fixed_core = False  # whether parameters of the core stay as fitted
 
     def _simulated_core(self) -> SimulatedCore:
         raise NotImplementedError
@@ -150,6 +155,51 @@ class SimulatedModelMixin:
             of a kind is called ``dead_zone-2``.
         """
         return clone(self).set_params(effects=Effects.of(self.effects) + effect)
+
+    def with_parameters(self, values: Mapping[str, float]) -> Any:
+        """This fitted model with other values of some of its parameters; nothing is refitted.
+
+        Parameters
+        ----------
+        values : dict of str to float
+            Values by the names of ``parameters_``, such as ``{"dead_zone__width": 0.3}``: those
+            that were estimated or, of effects, given. Of an ARXRegressor only those of effects.
+
+        Returns
+        -------
+        model : estimator
+            A fitted copy. What was moved has no standard error, and what was found at the
+            estimates (``vaf_``, ``loglik_``, ``bic_``) is gone.
+
+        Raises
+        ------
+        ValueError
+            If a name is no such parameter, or a value is not physically possible.
+
+        Examples
+        --------
+        >>> from skhoid import OperatorRegressor, make_tracking_runs
+        >>> X, y = make_tracking_runs("C1", 2, remnant_intensity=0.05, random_state=1)
+        >>> model = OperatorRegressor(effects=["bias"]).fit(X, y)
+        >>> moved = model.with_parameters({"bias__level": 0.02})
+        >>> float(moved.parameters_.loc["bias__level", "value"])
+        0.02
+        >>> bool(moved.score(X, y) < model.score(X, y))
+        True
+        """
+        check_is_fitted(self)
+        if self._fixed_core and not len(self.effects_):  # type: ignore[attr-defined]
+            raise ValueError(
+                f"This {type(self).__name__} has no effects, and only parameters of effects can be "
+                "moved: add one by with_effect(...), and fit."
+            )
+        taken, simulation = moved(self, values, self._fixed_core)
+        taken._move(simulation)
+        return taken
+
+    def _move(self, simulation: Simulation) -> None:
+        """Simulate with other parameters from now on."""
+        raise NotImplementedError
 
     def prepare(self, X: Any, y: Any) -> Prepared:
         """Read data for :meth:`first_fit`; searches call it.
@@ -271,6 +321,9 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
         self.covariance_ = self._simulation.covariance
         self.simulation_parameters_ = of_least_error(model, prepared)
 
+    def _move(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         return self._simulation.free_run(self, grid, values)
 
@@ -375,8 +428,19 @@ def simulation_of(
         rmse=float(np.sqrt(np.mean((record.y - output)[record.known] ** 2))),
         duration=record.duration,
         spread={name: record.sd(name) for name in (*record.channels, "u")},
+        bounds=bounds_of(model),
         **first_samples(estimator, prepared, model),
     )
+
+
+def bounds_of(model: Model) -> dict[str, tuple[float, float]]:
+    """Physical bounds of all parameters by name, those of effects that were given included."""
+    simulator = model.simulator
+    bounds = {p.name: (p.low, p.high) for p in simulator.parameters}
+    for name, effect in simulator.effects:
+        limits = effect.limits(simulator.record)
+        bounds |= {f"{name}__{p.name}": limits[p.name] for p in effect.parameters}
+    return bounds
 
 
 def first_samples(estimator: Any, prepared: Prepared, model: Model) -> dict[str, Any]:

@@ -28,10 +28,7 @@ def simulated_summary(model: Any, simulation: Simulation) -> ModelSummary:
         **grid_facts(model),
         "Residuals": f"{simulation.n_residuals} in the likelihood",
         "Settling": f"{simulation.settling:g} s left out",
-        "VAF, fit": f"{model.vaf_:.1f} % (free run)",
-        "RMSE, fit": quantity(simulation.rmse, model._units.get(output)) + " (free run)",
-        "Log-likelihood": f"{model.loglik_:.1f}",
-        "BIC": f"{model.bic_:.1f}",
+        **fit_facts(model, simulation),
         "Noise model": f"AR({len(model.noise_ar_)})",
     }
     if element is not None:
@@ -62,6 +59,19 @@ def simulated_summary(model: Any, simulation: Simulation) -> ModelSummary:
             *(f"{n}: {e.physics_in('human')} {e.formula}" for n, e in model.effects_),
         ],
     )
+
+
+def fit_facts(model: Any, simulation: Simulation) -> dict[str, str]:
+    """How good the fit is, as long as the parameters are those of the fit."""
+    if not hasattr(model, "vaf_"):
+        return {"Fit": "none: parameters were moved by hand"}
+    return {
+        "VAF, fit": f"{model.vaf_:.1f} % (free run)",
+        "RMSE, fit": quantity(simulation.rmse, model._units.get(model._output_name))
+        + " (free run)",
+        "Log-likelihood": f"{model.loglik_:.1f}",
+        "BIC": f"{model.bic_:.1f}",
+    }
 
 
 def delay_notes(table: pd.DataFrame, least: float) -> list[str]:

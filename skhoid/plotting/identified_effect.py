@@ -299,23 +299,28 @@ def _with_symbols(label: str) -> str:
 
 def _runs(model: Any, X: Any, y: Any) -> tuple[Record, np.ndarray | None]:
     """Channels of runs as the model takes them, and their output; both empty where X is None."""
-    simulation = model._simulation
     if X is None:
-        element = model.controlled_element_
-        roles = dict(simulation.roles)
-        if target_is_sum(roles.values()):
-            roles["f_t"] = "f_t"
-        empty = np.zeros((0, 0))
-        record = Record(
-            dt=model.dt_,
-            t=empty,
-            channels={},
-            roles=roles,
-            inputs=tuple(model.inputs_),
-            known=empty.astype(bool),
-            controlled_element=None if element is None else LinearElement.of(element),
-        )
-        return record, None
+        return empty_record(model), None
+    simulation = model._simulation
     record, _ = simulation.record_of(model, *model._read_X(X, reset=False))
     output = np.asarray(model.predict(X) if y is None else y, dtype=float)
     return record, output[np.isfinite(output)]
+
+
+def empty_record(model: Any) -> Record:
+    """The roles and the controlled element of a model's data, without any rows."""
+    simulation = model._simulation
+    element = model.controlled_element_
+    roles = dict(simulation.roles)
+    if target_is_sum(roles.values()):
+        roles["f_t"] = "f_t"
+    empty = np.zeros((0, 0))
+    return Record(
+        dt=model.dt_,
+        t=empty,
+        channels={},
+        roles=roles,
+        inputs=tuple(model.inputs_),
+        known=empty.astype(bool),
+        controlled_element=None if element is None else LinearElement.of(element),
+    )

@@ -1,0 +1,126 @@
+"""``with_parameters``: a fitted model with other values, which nothing else has changed."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
+from skhoid.effects import Bias, DeadZone, FreeMap
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return make_tracking_runs(
+        "C1",
+        2,
+        effects=DeadZone(width=0.3) + Bias(level=0.05),
+        channels=["e", "x", "f_t"],
+        sampling_rate=50,
+        remnant_intensity=0.05,
+        random_state=3,
+    )
+
+
+@pytest.fixture(scope="module")
+def model(runs):
+    return OperatorRegressor(effects=DeadZone(form="gap") + Bias()).fit(*runs)
+
+
+def test_bias_moves_the_free_run_by_as_much(model, runs):
+    level = model.parameters_.loc["bias__level", "value"]
+    moved = model.with_parameters({"bias__level": level + 0.01})
+    change = moved.predict(runs[0]) - model.predict(runs[0])
+    np.testing.assert_allclose(change, 0.01, rtol=1e-12)
+
+
+def test_nothing_moved_is_the_same_model(model, runs):
+    np.testing.assert_array_equal(
+        model.with_parameters({}).predict(runs[0]), model.predict(runs[0])
+    )
+
+
+def test_the_model_itself_stays(model, runs):
+    before, table = model.predict(runs[0]), model.parameters_.copy()
+    model.with_parameters({"dead_zone__width": 0.6, "K_e": 0.1})
+    np.testing.assert_array_equal(model.predict(runs[0]), before)
+    assert model.parameters_.equals(table)
+
+
+def test_values_move_as_those_of_a_fit_elsewhere(model, runs):
+    """All parameters of another fit: then it predicts what that predicts."""
+    other = OperatorRegressor(effects=DeadZone(form="gap") + Bias()).fit(
+        *(part[part.index.get_level_values("run") == 0] for part in runs)
+    )
+    estimated = [n for n in other.parameters_.index if n != "T_L"]
+    moved = model.with_parameters(other.parameters_["value"][estimated].to_dict())
+    np.testing.assert_allclose(
+        moved.predict(runs[0]), other.predict(runs[0]), rtol=1e-9, atol=1e-12
+    )
+
+
+def test_what_was_given_can_be_moved_too(runs):
+    given = OperatorRegressor(effects=DeadZone(form="gap", width=0.2) + Bias()).fit(*runs)
+    moved = given.with_parameters({"dead_zone__width": 0.4})
+    assert moved.effects_.get_params()["dead_zone__width"] == 0.4
+    assert not np.array_equal(moved.predict(runs[0]), given.predict(runs[0]))
+    back = moved.with_parameters({"dead_zone__width": 0.2})
+    np.testing.assert_array_equal(back.predict(runs[0]), given.predict(runs[0]))
+
+
+def test_table_has_what_moved_without_error_and_what_follows_from_it(model):
+    table = model.with_parameters({"K_e": 0.2, "dead_zone__width": 0.5}).parameters_
+    assert table.loc["T_L", "value"] == table.loc["K_edot", "value"] / 0.2
+    for name in ("K_e", "T_L", "dead_zone__width"):
+        assert table.loc[name, ["sd", "low", "high"]].isna().all()
+    kept = model.parameters_.loc[["K_edot", "omega_nm", "bias__level"]]
+    assert table.loc[kept.index].equals(kept)
+
+
+def test_figures_of_the_fit_are_gone_and_the_summary_says_so(model):
+    moved = model.with_parameters({"K_e": 0.2})
+    for name in ("vaf_", "loglik_", "bic_", "simulation_parameters_"):
+        assert hasattr(model, name)
+        assert not hasattr(moved, name)
+    assert "moved by hand" in str(moved.summary())
+
+
+def test_a_moved_model_survives_pickling(model, runs):
+    moved = model.with_parameters({"K_e": 0.2})
+    np.testing.assert_array_equal(
+        pickle.loads(pickle.dumps(moved)).predict(runs[0]), moved.predict(runs[0])
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"dead_zone__widht": 0.1}, "Did you mean 'dead_zone__width'"),
+        ({"T_L": 0.1}, "no parameter that can be moved. These can: K_e, K_edot"),
+        ({"dead_zone__width": -1.0}, "outside its range of"),
+        ({"dead_zone__width": 1e9}, "outside its range of"),
+        ({"K_e": float("nan")}, "must be a finite number; got nan"),
+        ({"K_e": "much"}, "must be a finite number; got 'much'"),
+    ],
+)
+def test_refused(model, values, message):
+    with pytest.raises(ValueError, match=message):
+        model.with_parameters(values)
+
+
+def test_of_an_arx_model_effects_move_and_coefficients_do_not(runs):
+    model = ARXRegressor(nk=15, effects=Bias()).fit(*runs)
+    moved = model.with_parameters({"bias__level": 0.2})
+    change = moved.predict(runs[0]) - model.predict(runs[0])
+    np.testing.assert_allclose(change, 0.2 - model.parameters_.loc["bias__level", "value"])
+    with pytest.raises(ValueError, match="These can: bias__level"):
+        model.with_parameters({"a1": 0.1})
+    with pytest.raises(ValueError, match="has no effects, and only parameters of effects"):
+        ARXRegressor(nk=15).fit(*runs).with_parameters({"a1": 0.1})
+
+
+def test_coefficients_of_a_curve_move_it(runs):
+    model = OperatorRegressor(effects=FreeMap()).fit(*runs)
+    names = [n for n in model.covariance_.index if n.startswith("free_map__")]
+    moved = model.with_parameters({names[0]: 0.0})
+    assert not np.array_equal(moved.predict(runs[0]), model.predict(runs[0]))
