@@ -202,6 +202,23 @@ class Comparison:
     def _repr_html_(self) -> str:
         return html(self)
 
+    def explore(self) -> Any:
+        """Look by hand, in a notebook: brush time, frequency or amplitude, and see the others.
+
+        Returns
+        -------
+        widget : anywidget.AnyWidget
+            The last expression of a cell shows it.
+
+        Raises
+        ------
+        ImportError
+            Without anywidget: ``pip install "skhoid[notebook]"``.
+        """
+        from ..explore.widget import of_comparison
+
+        return of_comparison(self)
+
     def plot(self, ax: Any = None) -> Any:
         """Draw the page of panels, :class:`skhoid.plotting.ComparisonDisplay`.
 

@@ -43,6 +43,7 @@ from .explanations import (
     unexplained_by,
     untried_notes,
 )
+from .explores import ExploredByHand, remember
 from .forward import Path, Search, forward
 from .given_delay import GivenDelay, with_given_delay
 from .held_out import HeldOutRows
@@ -62,6 +63,7 @@ MOST_FOLDS = 20  # of a search in some of very many runs
 
 
 class EffectSearchCV(
+    ExploredByHand,
     SketchesEffects,
     SplitsRuns,
     FittedDisplay,
@@ -278,6 +280,7 @@ class EffectSearchCV(
         keep_parameters(self)
         context = self._init_callback_context(max_subtasks=None)  # steps until none helps
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
+        remember(self, X, y)
         X = as_table(X)
         with threadpool_limits(1):  # small products, which threads only slow down
             started = self._started(X, y, groups, params)

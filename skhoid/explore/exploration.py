@@ -1,0 +1,531 @@
+"""``Exploration``: a model of recorded runs that is changed step by step, and what each step gives.
+
+Every number is the library's own: models are fitted by ``fit``, moved by ``with_parameters``,
+predict by ``predict``, and are scored as ``VAFScorer`` does. Open it to change what a step does.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+
+from ..diagnosis.comparison import compare
+from ..effects.composition import Effects
+from ..effects.registry import title_of
+from ..exceptions import did_you_mean
+from ..greybox.base import SimulatedModelMixin
+from ..greybox.protocol import check_simulated_model
+from ..runs.roles import of_person
+from ..search.effect_search import EffectSearchCV
+from .cards import FOUND, HELPS, Found
+from .models import Models, own_values
+from .parts import curve_of, effects_of, others_of
+from .position import OUT, TRAIN, USES, History, Position
+from .runs_kept import Runs
+from .script import script_of
+
+RUNS_AWAY = -999.0  # VAF in percent, below which a free run has left the data
+BESIDE = 5.0  # times the largest measured value, at which a run has left them too
+WARMED = 4  # cards whose models are fitted ahead
+NO_CEILING = "The noise ceiling is not known"
+
+
+class Exploration:
+    """A model of recorded runs that is changed step by step.
+
+    Parameters
+    ----------
+    estimator : OperatorRegressor, ARXRegressor or other SimulatedModel
+        The model, unfitted; its effects are where it starts.
+    X : DataFrame or array of shape (n_rows, n_columns)
+        Channels, one row per sample.
+    y : Series or array of shape (n_rows,)
+        Measured output.
+    search : EffectSearchCV or None, default=None
+        A search that was fitted to X and y: its candidates are the cards.
+    options : dict or None, default=None
+        Parameters of searches from here, such as ``display`` and ``domain``; None takes those of
+        the search.
+    title : str or None, default=None
+        Title; None names the model and the output.
+    source : list of str or None, default=None
+        Lines of Python that make X and y, for the script.
+    memory : dict or None, default=None
+        What :meth:`memory` returned: go on from there.
+    fitted : sequence of estimators, default=()
+        Models that are fitted to all runs already, known by their effects.
+
+    Raises
+    ------
+    TypeError
+        If the estimator is not a model that simulates effects.
+    ValueError
+        If the baseline cannot be fitted, with the reason.
+    """
+
+    def __init__(
+        self,
+        estimator: Any,
+        X: Any,
+        y: Any,
+        *,
+        search: EffectSearchCV | None = None,
+        options: Mapping[str, Any] | None = None,
+        title: str | None = None,
+        source: Sequence[str] | None = None,
+        memory: Mapping[str, Any] | None = None,
+        fitted: Sequence[Any] = (),
+    ):
+        check_simulated_model(estimator, "Exploration")
+        if not isinstance(estimator, SimulatedModelMixin):
+            raise TypeError(
+                f"An exploration moves parameters, by with_parameters, which "
+                f"{type(estimator).__name__} lacks: derive it from skhoid.greybox.GreyBox."
+            )
+        self.estimator = clone(estimator)
+        self.options = dict(options or {})
+        if search is not None and options is None:
+            given = search.get_params(deep=False)
+            self.options = {k: v for k, v in given.items() if k not in ("estimator", "n_jobs")}
+        element = self.options.pop("controlled_element", None)
+        if element is not None:
+            self.estimator.set_params(controlled_element=element)
+        domain, lost = self.options.get("domain"), self.options.get("lost_control", "leave_out")
+        self.runs = Runs.of(self.estimator, X, y, domain, lost)
+        self.domain = domain or ("human" if self._of_person() else "machine")
+        self.models = Models(self.estimator, self.runs, fitted)
+        self.source = None if source is None else list(source)
+        self.title = title or f"{type(estimator).__name__} against measured {self.runs.output}"
+        self.lock = threading.RLock()
+        self.revision = 0
+        self.found = Found()
+        self.own = {e.name: e for e in self._candidates()}
+        self._progress: dict[str, Any] | None = None
+        self._judged: dict[Any, dict[str, Any]] = {}
+        first = Position(self._first_uses(), Effects.of(self.estimator.effects), {}, "Begin")
+        self.history = History(first)
+        if memory is not None:
+            self.history = History.of_dict(memory["history"])
+            self.found = Found.of_dict(memory["found"])
+        if search is not None:
+            self.found = Found.of(search, range(self.runs.n))
+        self.models.fitted(self.here.effects, self.here.train)
+
+    @classmethod
+    def of_search(cls, search: EffectSearchCV, X: Any, y: Any, **options: Any) -> Exploration:
+        """What begins from the baseline of a search that was fitted to X and y."""
+        return cls(search.estimator, X, y, search=search, **options)
+
+    @property
+    def here(self) -> Position:
+        return self.history.here
+
+    @property
+    def model(self) -> Any:
+        """The present model, fitted."""
+        here = self.here
+        return self.models.moved(here.effects, here.train, here.moved)
+
+    def act(self, name: str, args: Mapping[str, Any]) -> dict[str, Any]:
+        """Do what was asked in the component; returns what it is told.
+
+        Parameters
+        ----------
+        name : str
+            trace, add, remove, preview, drag, release, refit, free, undo, redo, use, state or
+            script.
+        args : dict
+            Arguments by name; ``run`` is the number of the run that is shown.
+
+        Returns
+        -------
+        reply : dict
+            ``state``, ``simulated`` or what else the action gives.
+
+        Raises
+        ------
+        ValueError
+            If it is not possible; nothing has changed then.
+        """
+        actions: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
+            "trace": self._trace,
+            "preview": self._preview,
+            "drag": self._drag,
+            "state": self._shown,
+            "script": lambda _: {"text": self.script()},
+            "add": self._add,
+            "remove": self._remove,
+            "release": self._release,
+            "refit": self._refit,
+            "free": self._free,
+            "use": self._use,
+            "undo": lambda args: self._walk(-1, args),
+            "redo": lambda args: self._walk(1, args),
+        }
+        if name not in actions:
+            raise ValueError(f"There is no action {name!r}.{did_you_mean(name, list(actions))}")
+        with self.lock:
+            return actions[name](args)
+
+    def script(self) -> str:
+        """The present model as Python: a script that gives the same numbers."""
+        with self.lock:
+            vaf = self._vaf_now()
+            figures = {"fitted": vaf["train"], "held out": vaf["hold"]}
+            return script_of(self.estimator, self.runs, self.here, self.source, figures)
+
+    def search_for(self) -> tuple[EffectSearchCV, Any, Any]:
+        """A search, unfitted, from the present model, and the runs to fit it to."""
+        with self.lock:
+            effects = self._with_moved()
+            model = clone(self.estimator).set_params(effects=effects if len(effects) else None)
+            return EffectSearchCV(model, **self.options), *self.runs.part(self.here.train)
+
+    def take_search(self, search: EffectSearchCV, train: Sequence[int] | None = None) -> None:
+        """Take what a search found: cards, verdict and noise ceiling."""
+        with self.lock:
+            self.found = Found.of(search, self.here.train if train is None else train)
+            self._progress = None
+            self._changed()
+
+    def searching(self, progress: Mapping[str, Any] | None) -> None:
+        """Say how far a search is: share (0 to 1) and words; None where none is running."""
+        with self.lock:
+            self._progress = None if progress is None else dict(progress)
+
+    def warm(self) -> None:
+        """Fit the models that are likely asked for next, so that they are there at once."""
+        with self.lock:
+            here, (cards, _) = self.here, self._cards()
+            wanted = [c["id"] for c in cards if c["status"] in (FOUND, HELPS)][:WARMED]
+            named = [self._effect(name) for name in self.found.named if name in wanted]
+            tried = [here.effects + self._effect(name) for name in wanted]
+            for i in range(2, len(named) + 1):
+                tried.append(Effects.of([here.effects, *named[:i]]))
+        for effects in tried:
+            try:
+                self.models.prediction(effects, here.train, {})
+                curve_of(self.models.fitted(effects, here.train), effects.names[-1])
+            except ValueError:
+                continue  # said when it is asked for
+
+    def judge(self) -> None:
+        """Find the noise ceiling and the findings of the present model."""
+        with self.lock:
+            here, key, model = self.here, self._key(), self.model
+        if key in self._judged:
+            return
+        runs = tuple(sorted((*here.train, *here.hold)))
+        settling = float(getattr(self.estimator, "settling", 0.0)) or None
+        judged: dict[str, Any] = {"ceiling": None, "note": "", "findings": []}
+        try:
+            found = compare(model, *self.runs.part(runs), run_in=settling, domain=self.domain)
+        except ValueError as error:
+            judged["note"] = str(error)
+        else:
+            judged["note"] = found.ceiling_note
+            if np.isfinite(found.noise_ceiling):
+                low, high = found.noise_ceiling_interval
+                judged["ceiling"] = {"vaf": found.noise_ceiling, "low": low, "high": high}
+            judged["findings"] = [{"what": f.title, "why": f.meaning} for f in found.findings]
+        with self.lock:
+            self._judged[key] = judged
+            self._changed()
+
+    def memory(self) -> dict[str, Any]:
+        """All that is needed to come back to this state, for JSON."""
+        with self.lock:
+            return {"history": self.history.as_dict(), "found": self.found.as_dict()}
+
+    def view(self) -> dict[str, Any]:
+        """What the component is told once."""
+        runs = self.runs
+        people = runs.people()
+        person = {run: name for name, of_person in people for run in of_person}
+        can = dict.fromkeys(
+            ("change", "any", "drag", "split", "search", "script", "report", "session"), True
+        )
+        return {
+            "title": self.title,
+            "output": {"name": runs.output, "unit": runs.units.get(runs.output)},
+            "dt": runs.layout.dt,
+            "settling": float(getattr(self.estimator, "settling", 0.0)),
+            "can": can,
+            "channels": [
+                {"name": name, "role": role, "unit": runs.units.get(name)}
+                for name, role in runs.roles.items()
+            ],
+            "people": [{"name": name, "runs": numbers} for name, numbers in people],
+            "runs": [
+                {
+                    "label": label,
+                    "n": runs.rows(i).stop - runs.rows(i).start,
+                    "person": person.get(i),
+                }
+                for i, label in enumerate(runs.labels)
+            ],
+            "shown": 0,
+            "note": self._note(),
+            "state": self.state(),
+        }
+
+    def state(self) -> dict[str, Any]:
+        """What the component is told after each step."""
+        with self.lock:
+            here, model = self.here, self.model
+            fitted = self.models.fitted(here.effects, here.train)
+            prediction = self._prediction(here)
+            cards, cards_of = self._cards()
+            judged = self._judged.get(self._key())
+            return {
+                "revision": self.revision,
+                "uses": list(here.uses),
+                "effects": effects_of(model, here.moved, fitted, self.domain),
+                "model": others_of(model),
+                "stair": self._stair(here),
+                **self._ceiling(judged),
+                "vaf": self._vaf(prediction),
+                "run_vaf": self.runs.vaf_by_run(prediction),
+                "settled": not here.moved,
+                "impossible": self._runs_away(prediction),
+                "undo": self.history.undo,
+                "redo": self.history.redo,
+                "cards": [{**card, "ready": True} for card in cards],
+                "cards_of": cards_of,
+                "verdict": self.found.verdict,
+                "verdict_kind": self.found.kind,
+                "findings": [] if judged is None else judged["findings"],
+                "search": self._progress,
+            }
+
+    def _first_uses(self) -> tuple[str, ...]:
+        """All runs are fitted, but of several people only those of the first: each is another."""
+        people = self.runs.people()
+        if len(people) < 2:
+            return (TRAIN,) * self.runs.n
+        return tuple(TRAIN if run in people[0][1] else OUT for run in range(self.runs.n))
+
+    def _of_person(self) -> bool:
+        roles = {*self.runs.roles.values()}
+        return type(self.estimator).__name__ == "OperatorRegressor" or of_person(roles)
+
+    def _candidates(self) -> list[Any]:
+        effects = self.options.get("effects", "all")
+        return EffectSearchCV(self.estimator, effects=effects)._candidates()
+
+    def _effect(self, kind: str) -> Any:
+        known = self.own.keys()
+        if kind not in known:
+            raise ValueError(f"No effect is called {kind!r}.{did_you_mean(kind, list(known))}")
+        return self.found.effect(kind, self.own)
+
+    def _cards(self) -> tuple[list[dict[str, Any]], str]:
+        fitting = [e for e in self.own.values() if self.domain in e.domains]
+        return self.found.cards(self.here.effects, fitting, self.domain)
+
+    def _note(self) -> str | None:
+        notes = []
+        if self.runs.lost:
+            seconds = sum(end - begin for _, begin, end in self.runs.lost)
+            notes.append(f"{seconds:.3g} s in which control was lost are left out.")
+        people = self.runs.people()
+        if len(people) > 1:
+            notes.append(
+                f"Only the runs of {people[0][0]} are fitted at first: each person is another. "
+                "Runs of several that are ticked together are fitted as those of one."
+            )
+        return " ".join(notes) or None
+
+    def _key(self) -> Any:
+        here = self.here
+        return here.uses, repr(here.effects.get_params()), tuple(here.moved.items())
+
+    def _prediction(self, here: Position, n: int | None = None) -> np.ndarray:
+        """Free run on all runs with the first n effects, or all."""
+        effects = here.effects if n is None else Effects(here.effects.steps[:n])
+        return self.models.prediction(effects, here.train, here.moved)
+
+    def _stair(self, here: Position) -> list[dict[str, Any]]:
+        """The error without effects, with the first, the first two ..."""
+        stair = []
+        for n in range(len(here.effects) + 1):
+            prediction = self._prediction(here, n)
+            title = title_of(here.effects.names[n - 1]) if n else "baseline"
+            vaf = self._vaf(prediction, here)
+            rmse = self.runs.rmse(prediction, here.train)
+            stair.append({"title": title, "vaf": vaf["train"], "rmse": rmse, "held": vaf["hold"]})
+        return stair
+
+    def _vaf(self, prediction: np.ndarray, here: Position | None = None) -> dict[str, Any]:
+        here = here or self.here
+        return {
+            "train": self.runs.vaf(prediction, here.train),
+            "hold": self.runs.vaf(prediction, here.hold),
+        }
+
+    def _vaf_now(self) -> dict[str, Any]:
+        return self._vaf(self._prediction(self.here))
+
+    def _ceiling(self, judged: dict[str, Any] | None) -> dict[str, Any]:
+        known = None if judged is None else judged["ceiling"]
+        note = "" if judged is None else judged["note"]
+        if known is None and self.found.ceiling is not None:
+            known = {"vaf": self.found.ceiling, "low": None, "high": None}
+            note = "of the best model of the search"
+        if known is not None:
+            known = {**known, "note": note}
+        return {"ceiling": known, "ceiling_pending": judged is None}
+
+    def _runs_away(self, prediction: np.ndarray) -> str | None:
+        """What to say where the free run leaves the data behind."""
+        scored = self.runs.scored
+        largest = float(np.abs(self.runs.measured[scored]).max(initial=0.0))
+        reached = np.abs(np.nan_to_num(prediction[scored], nan=np.inf)).max(initial=0.0)
+        vaf = self._vaf(prediction)["train"]
+        if vaf is None or (vaf > RUNS_AWAY and reached < BESIDE * max(largest, 1e-300)):
+            return None
+        return "With these values the simulation runs away from what was measured."
+
+    def _of_run(self, prediction: np.ndarray, args: Mapping[str, Any]) -> np.ndarray:
+        return prediction[self.runs.rows(self._run(args))]
+
+    def _run(self, args: Mapping[str, Any]) -> int:
+        run = args.get("run", 0)
+        if not isinstance(run, int) or not 0 <= run < self.runs.n:
+            raise ValueError(f"There is no run number {run!r}; there are {self.runs.n} runs.")
+        return run
+
+    def _trace(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        rows = self.runs.rows(self._run(args))
+        prediction = self._prediction(self.here)[rows]
+        frame = self.runs.frame
+        return {
+            "t": self.runs.layout.time[rows],
+            "measured": self.runs.measured[rows],
+            "scored": self.runs.scored[rows],
+            "simulated": prediction,
+            "channels": {
+                str(name): frame.iloc[rows, i].to_numpy(dtype=float)
+                for i, name in enumerate(frame.columns)
+            },
+        }
+
+    def _preview(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        here = self.here
+        effects = here.effects + self._effect(str(args["effect"]))
+        prediction = self.models.prediction(effects, here.train, here.moved)
+        return {
+            "simulated": self._of_run(prediction, args),
+            "vaf": self.runs.vaf(prediction, here.train),
+        }
+
+    def _dragged(self, args: Mapping[str, Any]) -> Position:
+        name, value = str(args["name"]), args["value"]
+        if name.partition("__")[0] not in self.here.effects.names:
+            raise ValueError(f"{name!r} is no parameter of an effect of this model.")
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            raise ValueError(f"{name} must be a number; got {value!r}.")
+        moved = {**self.here.moved, name: float(value)}
+        return self.here.with_changes(f"Move {_words(name)}", moved=moved)
+
+    def _drag(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        to = self._dragged(args)
+        model = self.models.moved(to.effects, to.train, to.moved)  # refuses what is not possible
+        prediction = self._prediction(to)
+        return {
+            "simulated": self._of_run(prediction, args),
+            "vaf": self._vaf(prediction, to),
+            "run_vaf": self.runs.vaf_by_run(prediction),
+            "stair": self._stair(to),
+            "impossible": self._runs_away(prediction),
+            "curve": curve_of(model, str(args["name"]).split("__")[0]),
+            "settled": False,
+        }
+
+    def _go(self, position: Position, args: Mapping[str, Any]) -> dict[str, Any]:
+        """Take a step, if its model can be fitted."""
+        self._prediction(position)
+        self.history.go(position)
+        return self._shown(args, changed=True)
+
+    def _shown(self, args: Mapping[str, Any], *, changed: bool = False) -> dict[str, Any]:
+        if changed:
+            self._changed()
+        return {"state": self.state(), "simulated": self._of_run(self._prediction(self.here), args)}
+
+    def _changed(self) -> None:
+        self.revision += 1
+
+    def _release(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        return self._go(self._dragged(args), args)
+
+    def _add(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        effect = self._effect(str(args["effect"]))
+        if effect.name in {e.name for _, e in self.here.effects}:
+            raise ValueError(f"The model has the effect {title_of(effect.name)} already.")
+        words = f"Add {title_of(effect.name)}"
+        return self._go(self.here.with_changes(words, effects=self.here.effects + effect), args)
+
+    def _remove(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        name, here = str(args["effect"]), self.here
+        if name not in here.effects.names:
+            raise ValueError(f"The model has no effect {name!r}.")
+        left = Effects([(n, e) for n, e in here.effects if n != name])
+        changes = {"effects": left, "moved": own_values(here.moved, left)}
+        return self._go(here.with_changes(f"Remove {title_of(name)}", **changes), args)
+
+    def _with_moved(self) -> Effects:
+        """The effects with what was moved as given numbers."""
+        chosen = self.models.fitted(self.here.effects, self.here.train)._simulation.effects
+        kept = dict(self.here.effects.steps)
+        steps = []
+        for name, effect in chosen if len(self.here.moved) else self.here.effects:
+            start = f"{name}__"
+            own = {k[len(start) :]: v for k, v in self.here.moved.items() if k.startswith(start)}
+            steps.append((name, effect.with_choices(**own) if own else kept[name]))
+        return Effects(steps)
+
+    def _refit(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        if not self.here.moved:
+            raise ValueError("Nothing was moved: all parameters are those of the fit.")
+        changes = {"effects": self._with_moved(), "moved": {}}
+        return self._go(self.here.with_changes("Refit the others", **changes), args)
+
+    def _free(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        name, _, key = str(args["name"]).partition("__")
+        known = dict(self.here.effects.steps)
+        if name not in known or key not in known[name].fixed:
+            raise ValueError(f"{args['name']!r} is not kept at a number.")
+        steps = [
+            (n, e.with_choices(**{key: None}) if n == name else e) for n, e in self.here.effects
+        ]
+        words = f"Estimate {_words(str(args['name']))}"
+        return self._go(self.here.with_changes(words, effects=Effects(steps)), args)
+
+    def _use(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        use, chosen = str(args["use"]), [self._run({"run": run}) for run in args["runs"]]
+        if use not in USES:
+            raise ValueError(f"A run is used for one of {', '.join(USES)}; got {use!r}.")
+        uses = list(self.here.uses)
+        for run in chosen:
+            uses[run] = use
+        if TRAIN not in uses:
+            raise ValueError("At least one run must be left to fit: tick another one first.")
+        words = {"train": "Fit", "hold": "Hold out", "out": "Leave out"}[use]
+        names = self.runs.labels[chosen[0]] if len(chosen) == 1 else f"{len(chosen)} runs"
+        changes: dict[str, Any] = {"uses": tuple(uses)}
+        return self._go(self.here.with_changes(f"{words} {names}", **changes), args)
+
+    def _walk(self, by: int, args: Mapping[str, Any]) -> dict[str, Any]:
+        self.history.step(by)
+        return self._shown(args, changed=True)
+
+
+def _words(name: str) -> str:
+    """A parameter of an effect for people: ``dead_zone__width`` as "dead zone: width"."""
+    effect, _, key = name.partition("__")
+    return f"{title_of(effect)}: {key.replace('_', ' ')}"
