@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 from functools import cache
+from html import escape
 from importlib.resources import files
 
+from ..summaries import rendered
+
+HEIGHT = 900  # px, of a frame
+SHOW = """
+skhoidBench.wire
+  .unpackText(document.querySelector(".sk-payload").textContent)
+  .then((found) => {
+    const host = document.querySelector(".sk-host");
+    skhoidBench.mount(host, found.view, skhoidBench.staticBackend(found));
+  });
+"""
 OFFERED = ("mount", "numbers", "wire", "staticBackend", "serverBackend", "widgetBackend")
 
 
@@ -23,6 +37,28 @@ def script() -> str:
 def style() -> str:
     """All style sheets as one."""
     return "\n".join(_text(name) for name in ("uplot.min.css", "bench.css"))
+
+
+def framed(payload: str, title: str) -> str:
+    """A packed payload as a page of its own in a frame, for notebooks without a kernel."""
+    content = rendered(
+        __name__,
+        "page.html.j2",
+        title=title,
+        style=style(),
+        payload=payload,
+        script=script() + SHOW,
+        script_hash=hash_of(script() + SHOW),
+    )
+    return (
+        f'<iframe srcdoc="{escape(content)}" title="{escape(title)}" sandbox="allow-scripts" '
+        f'loading="lazy" style="width: 100%; height: {HEIGHT}px; border: 1px solid #ccc"></iframe>'
+    )
+
+
+def hash_of(text: str) -> str:
+    """By which a page's policy knows the only script that may run."""
+    return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 
 
 def _text(name: str) -> str:

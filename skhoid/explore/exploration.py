@@ -31,7 +31,6 @@ from .script import script_of
 RUNS_AWAY = -999.0  # VAF in percent, below which a free run has left the data
 BESIDE = 5.0  # times the largest measured value, at which a run has left them too
 WARMED = 4  # cards whose models are fitted ahead
-NO_CEILING = "The noise ceiling is not known"
 
 
 class Exploration:
@@ -174,7 +173,7 @@ class Exploration:
     def script(self) -> str:
         """The present model as Python: a script that gives the same numbers."""
         with self.lock:
-            vaf = self._vaf_now()
+            vaf = self._vaf(self._prediction(self.here), self.here)
             figures = {"fitted": vaf["train"], "held out": vaf["hold"]}
             return script_of(self.estimator, self.runs, self.here, self.source, figures)
 
@@ -192,6 +191,14 @@ class Exploration:
             self._progress = None
             self._changed()
 
+    def with_found(self) -> Effects:
+        """The present effects, and behind them those that the search found beside."""
+        effects = self.here.effects
+        for kind in self.found.named:
+            if kind in self.own and kind not in {e.name for _, e in effects}:
+                effects = effects + self.found.effect(kind, self.own)
+        return effects
+
     def searching(self, progress: Mapping[str, Any] | None) -> None:
         """Say how far a search is: share (0 to 1) and words; None where none is running."""
         with self.lock:
@@ -200,7 +207,7 @@ class Exploration:
     def warm(self) -> None:
         """Fit the models that are likely asked for next, so that they are there at once."""
         with self.lock:
-            here, (cards, _) = self.here, self._cards()
+            here, (cards, _) = self.here, self._cards(self.here)
             wanted = [c["id"] for c in cards if c["status"] in (FOUND, HELPS)][:WARMED]
             named = [self._effect(name) for name in self.found.named if name in wanted]
             tried = [here.effects + self._effect(name) for name in wanted]
@@ -216,7 +223,7 @@ class Exploration:
     def judge(self) -> None:
         """Find the noise ceiling and the findings of the present model."""
         with self.lock:
-            here, key, model = self.here, self._key(), self.model
+            here, key, model = self.here, _key(self.here), self.model
         if key in self._judged:
             return
         runs = tuple(sorted((*here.train, *here.hold)))
@@ -276,31 +283,36 @@ class Exploration:
     def state(self) -> dict[str, Any]:
         """What the component is told after each step."""
         with self.lock:
-            here, model = self.here, self.model
-            fitted = self.models.fitted(here.effects, here.train)
-            prediction = self._prediction(here)
-            cards, cards_of = self._cards()
-            judged = self._judged.get(self._key())
-            return {
-                "revision": self.revision,
-                "uses": list(here.uses),
-                "effects": effects_of(model, here.moved, fitted, self.domain),
-                "model": others_of(model),
-                "stair": self._stair(here),
-                **self._ceiling(judged),
-                "vaf": self._vaf(prediction),
-                "run_vaf": self.runs.vaf_by_run(prediction),
-                "settled": not here.moved,
-                "impossible": self._runs_away(prediction),
-                "undo": self.history.undo,
-                "redo": self.history.redo,
-                "cards": [{**card, "ready": True} for card in cards],
-                "cards_of": cards_of,
-                "verdict": self.found.verdict,
-                "verdict_kind": self.found.kind,
-                "findings": [] if judged is None else judged["findings"],
-                "search": self._progress,
-            }
+            return self.state_at(self.history)
+
+    def state_at(self, history: History) -> dict[str, Any]:
+        """The same at the present position of another history."""
+        here = history.here
+        model = self.models.moved(here.effects, here.train, here.moved)
+        fitted = self.models.fitted(here.effects, here.train)
+        prediction = self._prediction(here)
+        cards, cards_of = self._cards(here)
+        judged = self._judged.get(_key(here))
+        return {
+            "revision": self.revision,
+            "uses": list(here.uses),
+            "effects": effects_of(model, here.moved, fitted, self.domain),
+            "model": others_of(model),
+            "stair": self._stair(here),
+            **self._ceiling(judged),
+            "vaf": self._vaf(prediction, here),
+            "run_vaf": self.runs.vaf_by_run(prediction),
+            "settled": not here.moved,
+            "impossible": self._runs_away(prediction, here),
+            "undo": history.undo,
+            "redo": history.redo,
+            "cards": [{**card, "ready": True} for card in cards],
+            "cards_of": cards_of,
+            "verdict": self.found.verdict,
+            "verdict_kind": self.found.kind,
+            "findings": [] if judged is None else judged["findings"],
+            "search": self._progress,
+        }
 
     def _first_uses(self) -> tuple[str, ...]:
         """All runs are fitted, but of several people only those of the first: each is another."""
@@ -323,9 +335,9 @@ class Exploration:
             raise ValueError(f"No effect is called {kind!r}.{did_you_mean(kind, list(known))}")
         return self.found.effect(kind, self.own)
 
-    def _cards(self) -> tuple[list[dict[str, Any]], str]:
+    def _cards(self, here: Position) -> tuple[list[dict[str, Any]], str]:
         fitting = [e for e in self.own.values() if self.domain in e.domains]
-        return self.found.cards(self.here.effects, fitting, self.domain)
+        return self.found.cards(here.effects, fitting, self.domain)
 
     def _note(self) -> str | None:
         notes = []
@@ -339,10 +351,6 @@ class Exploration:
                 "Runs of several that are ticked together are fitted as those of one."
             )
         return " ".join(notes) or None
-
-    def _key(self) -> Any:
-        here = self.here
-        return here.uses, repr(here.effects.get_params()), tuple(here.moved.items())
 
     def _prediction(self, here: Position, n: int | None = None) -> np.ndarray:
         """Free run on all runs with the first n effects, or all."""
@@ -360,15 +368,11 @@ class Exploration:
             stair.append({"title": title, "vaf": vaf["train"], "rmse": rmse, "held": vaf["hold"]})
         return stair
 
-    def _vaf(self, prediction: np.ndarray, here: Position | None = None) -> dict[str, Any]:
-        here = here or self.here
+    def _vaf(self, prediction: np.ndarray, here: Position) -> dict[str, Any]:
         return {
             "train": self.runs.vaf(prediction, here.train),
             "hold": self.runs.vaf(prediction, here.hold),
         }
-
-    def _vaf_now(self) -> dict[str, Any]:
-        return self._vaf(self._prediction(self.here))
 
     def _ceiling(self, judged: dict[str, Any] | None) -> dict[str, Any]:
         known = None if judged is None else judged["ceiling"]
@@ -380,12 +384,12 @@ class Exploration:
             known = {**known, "note": note}
         return {"ceiling": known, "ceiling_pending": judged is None}
 
-    def _runs_away(self, prediction: np.ndarray) -> str | None:
+    def _runs_away(self, prediction: np.ndarray, here: Position) -> str | None:
         """What to say where the free run leaves the data behind."""
         scored = self.runs.scored
         largest = float(np.abs(self.runs.measured[scored]).max(initial=0.0))
         reached = np.abs(np.nan_to_num(prediction[scored], nan=np.inf)).max(initial=0.0)
-        vaf = self._vaf(prediction)["train"]
+        vaf = self._vaf(prediction, here)["train"]
         if vaf is None or (vaf > RUNS_AWAY and reached < BESIDE * max(largest, 1e-300)):
             return None
         return "With these values the simulation runs away from what was measured."
@@ -441,7 +445,7 @@ class Exploration:
             "vaf": self._vaf(prediction, to),
             "run_vaf": self.runs.vaf_by_run(prediction),
             "stair": self._stair(to),
-            "impossible": self._runs_away(prediction),
+            "impossible": self._runs_away(prediction, to),
             "curve": curve_of(model, str(args["name"]).split("__")[0]),
             "settled": False,
         }
@@ -523,6 +527,11 @@ class Exploration:
     def _walk(self, by: int, args: Mapping[str, Any]) -> dict[str, Any]:
         self.history.step(by)
         return self._shown(args, changed=True)
+
+
+def _key(here: Position) -> Any:
+    """By which what was found of a position is known again."""
+    return here.uses, repr(here.effects.get_params()), tuple(here.moved.items())
 
 
 def _words(name: str) -> str:

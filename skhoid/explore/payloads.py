@@ -5,7 +5,7 @@ Rows are thinned, and runs left out, only where the page would become too large;
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import chain, combinations
 from typing import Any
 
@@ -17,6 +17,7 @@ from ..greybox.base import SimulatedModelMixin
 from ..runs import RunLayout, read_layout, run_name
 from ..search.effect_search import EffectSearchCV
 from .exploration import Exploration
+from .models import own_values
 from .position import TRAIN, History, Position
 from .script import plain
 
@@ -49,25 +50,41 @@ def payload_of_search(search: EffectSearchCV, X: Any, y: Any) -> dict[str, Any]:
     """Traces and figures of every subset of the effects that a fitted search found on X and y."""
     fitted = [search.baseline_, search.best_estimator_]
     exploration = Exploration.of_search(search, X, y, fitted=fitted)
-    begun = Effects.of(search.baseline_.effects)
-    best = [(n, e) for n, e in Effects.of(search.best_estimator_.effects) if n not in begun.names]
+    uses = (TRAIN,) * exploration.runs.n
+    best = Position(uses, Effects.of(search.best_estimator_.effects))
+    exploration.history = History(best)
+    begun = Effects.of(search.baseline_.effects).names
+    payload = payload_of_exploration(exploration, kept=begun)
+    for state in payload["states"].values():  # the page around it says these
+        state |= {"verdict": "", "verdict_kind": ""}
+    payload["view"]["title"] = ""
+    return payload
+
+
+def payload_of_exploration(exploration: Exploration, kept: Sequence[str] = ()) -> dict[str, Any]:
+    """The same of what an exploration has now, and of what its search found beside.
+
+    Effects that are ``kept`` are in every subset.
+    """
+    here, runs = exploration.here, exploration.runs
+    offered = exploration.with_found()
+    names = [name for name in offered.names if name not in kept]
     states: dict[str, Any] = {}
     predictions: dict[str, np.ndarray] = {}
-    uses = (TRAIN,) * exploration.runs.n
-    for chosen in _subsets([name for name, _ in best]):
-        effects = Effects([*begun, *((n, e) for n, e in best if n in chosen)])
-        exploration.history = History(Position(uses, effects))
-        state = exploration.state()
-        ready = {e.name for n, e in best if n not in chosen}
+    for chosen in _subsets(names):
+        effects = Effects([(n, e) for n, e in offered if n in kept or n in chosen])
+        moved = own_values(here.moved, effects)
+        position = Position(here.uses, effects, moved)
+        state = exploration.state_at(History(position))
+        ready = {e.name for n, e in offered if n not in effects.names}
         state["cards"] = [card for card in state["cards"] if card["id"] in ready]
-        state |= {"ceiling_pending": False, "findings": []}
+        state |= {"ceiling_pending": False, "findings": [], "search": None}
         key = ",".join(sorted(chosen))
         states[key] = state
-        predictions[key] = exploration.models.prediction(effects, exploration.here.train, {})
+        predictions[key] = exploration.models.prediction(effects, here.train, moved)
     view = exploration.view()
-    start = ",".join(sorted(name for name, _ in best))
-    view |= {"can": {**NOTHING, "change": len(best) > 0}, "state": states[start]}
-    runs = exploration.runs
+    start = ",".join(sorted(n for n in here.effects.names if n not in kept))
+    view |= {"can": {**NOTHING, "change": len(names) > 0}, "state": states[start]}
     channels = {str(n): runs.frame.iloc[:, i].to_numpy(float) for i, n in enumerate(runs.frame)}
     traces = _Traces(runs.layout, runs.measured, runs.scored, channels, predictions)
     return traces.payload(view, start, states)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from typing import Any
 
 from ..diagnosis.comparison import Comparison
 from . import component, wire
 from .exploration import Exploration
-from .payloads import payload_of_comparison
+from .payloads import payload_of_comparison, payload_of_exploration
 
 HOW = 'explore() needs anywidget: pip install "skhoid[notebook]".'
 ENTRY = """
@@ -28,19 +29,19 @@ export default { render };
 
 def of_exploration(exploration: Exploration) -> Any:
     """A widget that computes with the kernel."""
-    widget = _widget("")
-    answers = _Answers(widget, exploration)
-    widget.on_msg(answers.heard)
+    widget = _widget("", lambda: payload_of_exploration(exploration))
+    widget.on_msg(_Answers(widget, exploration).heard)
     widget.exploration = exploration
     return widget
 
 
 def of_comparison(found: Comparison) -> Any:
     """A widget of a comparison, which needs no computing."""
-    return _widget(wire.pack_text(payload_of_comparison(found)))
+    payload = payload_of_comparison(found)
+    return _widget(wire.pack_text(payload), lambda: payload)
 
 
-def _widget(payload: str) -> Any:
+def _widget(packed: str, payload_of: Callable[[], dict[str, Any]]) -> Any:
     try:
         import anywidget
         import traitlets
@@ -52,7 +53,12 @@ def _widget(payload: str) -> Any:
         _css = component.style()
         payload = traitlets.Unicode("").tag(sync=True)
 
-    return Explorer(payload=payload)
+        def _repr_html_(self) -> str:
+            """What is shown where no kernel is: in an exported notebook, say."""
+            found = payload_of()
+            return component.framed(wire.pack_text(found), found["view"]["title"] or "Exploration")
+
+    return Explorer(payload=packed)
 
 
 class _Answers:

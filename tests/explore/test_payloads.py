@@ -6,7 +6,13 @@ import pytest
 from skhoid import ARXRegressor, OperatorRegressor, VAFScorer, compare
 from skhoid.effects import Bias
 from skhoid.explore import payloads, wire
-from skhoid.explore.payloads import payload_of, payload_of_comparison, payload_of_search
+from skhoid.explore.exploration import Exploration
+from skhoid.explore.payloads import (
+    payload_of,
+    payload_of_comparison,
+    payload_of_exploration,
+    payload_of_search,
+)
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +84,18 @@ def test_of_many_effects_only_the_way_of_the_search(search, runs, monkeypatch):
     added = list(search.error_path_["effect"].iloc[1:])
     found = payload_of_search(search, *runs)
     assert set(found["states"]) == {"", added[0], ",".join(sorted(added))}
+
+
+def test_an_exploration_offers_what_was_found_and_keeps_what_was_moved(search, runs):
+    exploration = Exploration.of_search(search, *runs)
+    exploration.act("add", {"effect": "bias", "run": 0})
+    moved = exploration.act("release", {"name": "bias__level", "value": 0.02, "run": 0})
+    payload = payload_of_exploration(exploration)
+    assert payload["start"] == "bias"
+    assert set(payload["states"]) == {"", "bias", "dead_zone", "bias,dead_zone"}
+    np.testing.assert_array_equal(payload["traces"][0]["simulated"]["bias"], moved["simulated"])
+    assert payload["states"]["bias"]["vaf"] == moved["state"]["vaf"]
+    assert exploration.state()["undo"] == "Move bias: level"
 
 
 def test_a_comparison_shows_its_traces(runs):
