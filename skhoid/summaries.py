@@ -155,6 +155,13 @@ class ModelSummary:
         )
 
 
+def as_sentence(text: str) -> str:
+    """A text with a capital and a full stop; a symbol of one letter stays as it is."""
+    symbol = text[1:2] == " " and text[:2] != "a "
+    whole = text if symbol else text[:1].upper() + text[1:]
+    return whole.rstrip(".") + "." if text else ""
+
+
 def rendered(module: str, template: str, **content: Any) -> str:
     """A page from a template next to a module; its content is escaped."""
     from jinja2 import Environment, PackageLoader, StrictUndefined  # for this alone

@@ -12,6 +12,7 @@ from .arguments.identify import add_identify
 from .arguments.report import add_report
 from .arguments.simulate import add_simulate
 from .arguments.study import add_study
+from .arguments.workbench import add_workbench
 from .commands import Parser
 
 EXAMPLES = """\
@@ -22,6 +23,7 @@ examples:
   skhoid report run*.csv     the same as diagnose, as a page to keep
   skhoid simulate --remnant 0.1 --out runs.csv
   skhoid experiment recordings/     several people and conditions, on one page
+  skhoid workbench run*.csv  fit, try effects and watch the error, in the browser
   skhoid compare model.joblib run*.csv
   skhoid study fig13 --replications 20
   skhoid completion bash
@@ -51,6 +53,7 @@ def make_parsers() -> tuple[Parser, dict[str, Parser]]:
         add_study,
         add_report,
         add_experiment,
+        add_workbench,
         add_completion,
     ):
         add(commands)

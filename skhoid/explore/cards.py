@@ -15,6 +15,7 @@ from ..effects.registry import effect as effect_of
 from ..effects.registry import title_of
 from ..search.effect_search import EffectSearchCV
 from ..search.explanations import with_effects
+from ..summaries import as_sentence
 
 FOUND, HELPS, NO, REFUSED, UNTRIED = "found", "helps", "no", "refused", "untried"
 ORDER = (FOUND, HELPS, UNTRIED, NO, REFUSED)
@@ -35,7 +36,7 @@ class Found:
     """What a search found, as far as an exploration needs it; all of it may go to JSON.
 
     ``effects`` are those of the best model (name, id and choices), ``named`` the ids that the
-    verdict names.
+    verdict names; ``vaf`` is its VAF on the rows fitted, those of ``runs``.
     """
 
     verdict: str = ""
@@ -44,6 +45,7 @@ class Found:
     effects: list[list[Any]] = field(default_factory=list)
     steps: list[SearchStepKept] = field(default_factory=list)
     ceiling: float | None = None
+    vaf: float = -np.inf
     runs: list[int] = field(default_factory=list)
 
     @classmethod
@@ -70,6 +72,7 @@ class Found:
             effects=[[name, e.name, e.get_params()] for name, e in best],
             steps=steps,
             ceiling=ceiling if np.isfinite(ceiling) else None,
+            vaf=float(search.error_path_["vaf_train"].iloc[-1]),
             runs=list(runs),
         )
 
@@ -121,15 +124,16 @@ def _card(row: Any, named: Sequence[str]) -> dict[str, Any]:
         status = HELPS
     else:
         status = NO
+    reason = "" if status == FOUND else as_sentence(row["reason"])
     return {
         "id": row["effect"],
         "title": row["title"],
         "form": row["form"],
-        "words": row["words"],
+        "words": as_sentence(row["words"]),
         "gain": _number(row["vaf_gain"]),
         "delta_bic": _number(row["delta_bic"]),
         "status": status,
-        "reason": row["reason"],
+        "reason": reason,
         "parameters": row["parameters"],
     }
 

@@ -21,6 +21,7 @@ from ..greybox.base import SimulatedModelMixin
 from ..greybox.protocol import check_simulated_model
 from ..runs.roles import of_person
 from ..search.effect_search import EffectSearchCV
+from ..summaries import as_sentence
 from .cards import FOUND, HELPS, Found
 from .models import Models, own_values
 from .parts import curve_of, effects_of, others_of
@@ -30,6 +31,7 @@ from .script import script_of
 
 RUNS_AWAY = -999.0  # VAF in percent, below which a free run has left the data
 BESIDE = 5.0  # times the largest measured value, at which a run has left them too
+CLOSE = 0.5  # points of VAF, by which the best model known may be worse than that of a search
 WARMED = 4  # cards whose models are fitted ahead
 
 
@@ -228,13 +230,13 @@ class Exploration:
             return
         runs = tuple(sorted((*here.train, *here.hold)))
         settling = float(getattr(self.estimator, "settling", 0.0)) or None
-        judged: dict[str, Any] = {"ceiling": None, "note": "", "findings": []}
+        judged: dict[str, Any] = {"ceiling": None, "note": "", "findings": [], "vaf": -np.inf}
         try:
             found = compare(model, *self.runs.part(runs), run_in=settling, domain=self.domain)
         except ValueError as error:
             judged["note"] = str(error)
         else:
-            judged["note"] = found.ceiling_note
+            judged |= {"note": found.ceiling_note, "vaf": found.vaf}
             if np.isfinite(found.noise_ceiling):
                 low, high = found.noise_ceiling_interval
                 judged["ceiling"] = {"vaf": found.noise_ceiling, "low": low, "high": high}
@@ -299,7 +301,7 @@ class Exploration:
             "effects": effects_of(model, here.moved, fitted, self.domain),
             "model": others_of(model),
             "stair": self._stair(here),
-            **self._ceiling(judged),
+            **self._ceiling(here),
             "vaf": self._vaf(prediction, here),
             "run_vaf": self.runs.vaf_by_run(prediction),
             "settled": not here.moved,
@@ -374,15 +376,22 @@ class Exploration:
             "hold": self.runs.vaf(prediction, here.hold),
         }
 
-    def _ceiling(self, judged: dict[str, Any] | None) -> dict[str, Any]:
-        known = None if judged is None else judged["ceiling"]
-        note = "" if judged is None else judged["note"]
-        if known is None and self.found.ceiling is not None:
-            known = {"vaf": self.found.ceiling, "low": None, "high": None}
-            note = "of the best model of the search"
-        if known is not None:
-            known = {**known, "note": note}
-        return {"ceiling": known, "ceiling_pending": judged is None}
+    def _ceiling(self, here: Position) -> dict[str, Any]:
+        """The noise ceiling as the best model on these runs has it: a worse one shows less."""
+        own = self._judged.get(_key(here))
+        same = [one for key, one in self._judged.items() if key[0] == here.uses]
+        known = [one for one in same if one["ceiling"] is not None]
+        best = max(known, key=lambda one: one["vaf"], default=None)
+        found = self.found
+        of_search = found.ceiling is not None and tuple(found.runs) == here.train
+        if of_search and (best is None or best["vaf"] < found.vaf - CLOSE):
+            note = "Of the best model of the search."
+            ceiling = {"vaf": found.ceiling, "low": None, "high": None, "note": note}
+        elif best is not None:
+            ceiling = {**best["ceiling"], "note": as_sentence(best["note"])}
+        else:
+            ceiling = None
+        return {"ceiling": ceiling, "ceiling_pending": own is None}
 
     def _runs_away(self, prediction: np.ndarray, here: Position) -> str | None:
         """What to say where the free run leaves the data behind."""

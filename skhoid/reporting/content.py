@@ -34,7 +34,7 @@ from ..search.explanations import (
     with_effects,
 )
 from ..search.shape import BY_HAND, LEAD, NO_FORM, Shape
-from ..summaries import DASH, VAF_RULE, Estimate, counted, gap_text, number, p_text
+from ..summaries import DASH, VAF_RULE, Estimate, as_sentence, counted, gap_text, number, p_text
 from .plots import Gallery, Plot
 from .provenance import provenance
 
@@ -102,12 +102,12 @@ def content_of(
             "figures": [(name, text) for name, text in figures(found) if ABSENT not in text],
             "findings": list(_findings(found, None if key == "after" else after, added)),
             "remark": _two_fits(search, found) if key == "before" else "",
-            "notes": [_sentence(note) for note in found.notes],
+            "notes": [as_sentence(note) for note in found.notes],
             "false_alarm": f"{100 * found.false_alarm:g}",
             "pictures": gallery.comparison(found),
         }
         for title, key, found in (
-            (_sentence(added).rstrip("."), "after", after),
+            (as_sentence(added).rstrip("."), "after", after),
             ("Before the search", "before", comparison),
         )
         if found is not None
@@ -139,10 +139,6 @@ def content_of(
 
 def _fixed(value: Any, form: str) -> str:
     return format(float(value), form) if np.isfinite(value) else DASH
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:].rstrip(".") + "."
 
 
 def _in_short(search: EffectSearchCV | None, comparison: Comparison | None) -> str:
@@ -381,7 +377,7 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
                 "in_loop": in_loop_text(*[before, row][step == 0 :]).replace("->", "→"),
                 "from_vaf": f"{before['vaf']:.1f}",
                 "from_rmse": number(before["rmse"]),
-                "words": "" if entry is None else _sentence(entry["words"]),
+                "words": "" if entry is None else as_sentence(entry["words"]),
                 "id": name,
                 "parameters": parameter_text(final, name),
                 "confused": "" if entry is None else _titles(entry["confused_with"]),
@@ -397,7 +393,7 @@ def _shape(shape: Shape | None, gallery: Gallery) -> dict[str, Any] | None:
         return None
     nearest = shape.nearest_table()
     return {
-        "first": _sentence(shape.sentences()[0].removeprefix(LEAD)),
+        "first": as_sentence(shape.sentences()[0].removeprefix(LEAD)),
         "others": shape.recordings,
         "picture": gallery.shape(shape),
         "nearest": nearest.rows,
@@ -420,7 +416,7 @@ def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
                 if row["status"] == "does not apply"
                 else p_text(row["p_value"]).removeprefix("p ").removeprefix("= "),
                 "parameters": row["parameters"],
-                "words": _sentence(row["words"]),
+                "words": as_sentence(row["words"]),
                 "why": _why(row),
             }
             for _, row in table.iterrows()
@@ -451,7 +447,7 @@ def _why(row: pd.Series) -> str:
     if row["status"] == "does not apply":
         return str(row["reason"])
     if row["status"] != "added":
-        return _sentence(row["reason"])
+        return as_sentence(row["reason"])
     text = "Added: likelihood and held-out VAF agree"
     if np.isfinite(row["gain_loop"]):
         text += f", and it gains {row['gain_loop']:.2g} points in the closed loop"
@@ -534,7 +530,7 @@ def _next_steps(results: Results) -> Iterator[dict[str, str]]:
             )
             yield {
                 "what": f"Look at what {_unexplained_by(search)}",
-                "why": f"{_sentence(_unexplained(search))} "
+                "why": f"{as_sentence(_unexplained(search))} "
                 f"{HOW_TO_GO_ON.get(search.verdict_, own)}",
                 "code": "",
             }

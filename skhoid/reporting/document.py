@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any, overload
 
-import numpy as np
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_is_fitted
@@ -13,10 +12,12 @@ from ..diagnosis.comparison import Comparison, compare
 from ..diagnosis.repeats import repeat_labels
 from ..experiment.group import GroupEffectSearch
 from ..experiment.people import PeopleResult
+from ..explore.payloads import payload_of
+from ..explore.wire import pack_text
 from ..pipelines import raw_layout, taken_apart
 from ..runs import output_name
-from ..runs.fingerprint import fingerprint
 from ..search.effect_search import EffectSearchCV
+from ..search.explores import check_data_of_fit
 from ..search.left_out import without_output
 from .content import Results, content_of
 from .experiment_document import ExperimentReport, report_experiment
@@ -69,6 +70,12 @@ class Report(Page):
         self.search = search
         self.comparison = comparison
         self.final_comparison = final_comparison
+
+    def _embed(self, payload: dict[str, Any]) -> Report:
+        """Put another payload into the page: what is there to touch; returns the report."""
+        self._content |= embedded(payload)
+        vars(self).pop("html", None)
+        return self
 
 
 @overload
@@ -215,9 +222,17 @@ def report(
         after=after,
     )
     content = content_of(X, y, results, source=source, made_with=made_with)
+    content |= embedded(payload_of(search, comparison, X, y))
     if title is None:
         title = f"{type(taken_apart(baseline)[1]).__name__} against measured {output_name(y)}"
     return Report(title, content, search, comparison, after)
+
+
+def embedded(payload: dict[str, Any] | None) -> dict[str, Any]:
+    """What the template needs of a payload: its text, and whether effects can be changed."""
+    if payload is None:
+        return {"payload": "", "touched": False}
+    return {"payload": pack_text(payload), "touched": payload["view"]["can"]["change"]}
 
 
 def _search(
@@ -227,19 +242,7 @@ def _search(
     if isinstance(model, EffectSearchCV):
         if not _is_fitted(model):
             return clone(model).fit(X, y), ""
-        of_fit = model.predictions_["measured"].to_numpy()
-        given = getattr(y, "to_numpy", lambda: y)()
-        if len(of_fit) != len(given) or not _same(of_fit, given):
-            raise ValueError(
-                f"This search was fitted to {len(of_fit)} rows of an output, and y "
-                f"({len(given)} rows) is not that output. Pass the X and y that it was fitted to, "
-                "or fit it to these."
-            )
-        if fingerprint(X) != model._fingerprint:
-            raise ValueError(
-                "This search was fitted to another X: values, names, runs or times differ. Pass "
-                "the X and y that it was fitted to, or fit it to these."
-            )
+        check_data_of_fit(model, X, y)
         return model, ""
     if not hasattr(model, "with_effect"):
         kind = type(model).__name__
@@ -277,7 +280,3 @@ def _is_fitted(model: Any) -> bool:
     except NotFittedError:
         return False
     return True
-
-
-def _same(one: Any, other: Any) -> bool:
-    return bool(np.array_equal(one, np.asarray(other, dtype=float).ravel(), equal_nan=True))

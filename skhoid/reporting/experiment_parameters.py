@@ -11,7 +11,7 @@ import pandas as pd
 from ..effects.registry import title_of
 from ..experiment.read import ALL
 from ..experiment.statistics import MixedModelResult, mixed_model
-from ..summaries import DASH, number, p_text, quantity
+from ..summaries import DASH, as_sentence, number, p_text, quantity
 from .experiment_plots import ExperimentGallery
 
 if TYPE_CHECKING:
@@ -172,7 +172,7 @@ def _part(
     if len(result.influence) and "changes" in result.influence:
         changed = result.influence[result.influence["changes"].astype(bool)]
         part["influence"] = list(dict.fromkeys(map(str, changed["without"])))
-    part["notes"] = [sentence(note) for note in result.notes]
+    part["notes"] = [as_sentence(note) for note in result.notes]
     return part
 
 
@@ -212,12 +212,6 @@ def _contrasts(statistics: dict[str, MixedModelResult]) -> Iterator[dict[str, An
                 "d_interval": f"{row['d_low']:.2f} to {row['d_high']:.2f}" if sized else DASH,
                 "sure": bool(row["p_adjusted"] < 1.0 - result.confidence),
             }
-
-
-def sentence(text: str) -> str:
-    """A text with a capital and a full stop; a symbol of one letter stays as it is."""
-    symbol = text[1:2] == " " and text[:2] != "a "
-    return (text if symbol else text[:1].upper() + text[1:]).rstrip(".") + "."
 
 
 def interval_of(estimate: float, se: float) -> str:

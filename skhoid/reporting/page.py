@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import webbrowser
 from functools import cached_property
 from html import escape
@@ -13,6 +11,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
+from ..explore import component
 from ..io.whole import written_whole
 from ..summaries import rendered
 
@@ -46,16 +45,16 @@ class Page:
 
     @cached_property
     def html(self) -> str:
-        script = _text(f"{self.template}.js")
-        # No other script can run, whatever a name in the data holds.
-        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+        script, style = _text(f"{self.template}.js"), _text("report.css")
+        if self._content.get("payload"):
+            script, style = component.script() + script, f"{style}\n{component.style()}"
         return rendered(
             __name__,
             f"{self.template}.html.j2",
             title=self.title,
-            style=_text("report.css"),
+            style=style,
             script=script,
-            script_hash=f"sha256-{digest}",
+            script_hash=component.hash_of(script),  # whatever a name in the data holds
             **self._content,
         )
 

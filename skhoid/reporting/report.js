@@ -47,6 +47,16 @@
       if (asked() >= 0) panels[asked()].scrollIntoView();
     });
   }
+  const payload = document.querySelector(".sk-payload");
+  if (payload) {
+    const host = document.querySelector(".sk-host");
+    skhoidBench.wire
+      .unpackText(payload.textContent)
+      .then((found) => skhoidBench.mount(host, found.view, skhoidBench.staticBackend(found)))
+      .catch(() => {
+        host.textContent = "This browser cannot show this part. The pictures below show the same.";
+      });
+  }
   // Paper has nothing to click: all steps and details are printed.
   let opened = [];
   window.addEventListener("beforeprint", () => {

@@ -192,7 +192,7 @@ def test_the_ceiling_and_the_findings_come_with_judge(exploration):
     exploration.act("add", {"effect": "bias", "run": 0})
     state = exploration.act("add", {"effect": "dead_zone", "run": 0})["state"]
     assert state["ceiling_pending"]
-    assert state["ceiling"]["note"] == "of the best model of the search"
+    assert state["ceiling"]["note"] == "Of the best model of the search."
     revision = state["revision"]
     exploration.judge()
     state = exploration.state()

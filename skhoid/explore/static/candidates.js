@@ -1,0 +1,170 @@
+// Effects that could be added, best first: hover or focus shows what each would do.
+
+const WAIT = 150;
+const GROUPS = [
+  ["gains", "Gain on held-out rows", ["found", "helps"]],
+  ["untried", "Not tried yet", ["untried"]],
+  ["no", "No gain", ["no"]],
+  ["refused", "Do not apply here", ["refused"]],
+];
+
+function candidatesPart(bench) {
+  const title = el("h3", { id: `${bench.id}-candidates`, tabindex: "-1" }, "Effects to try");
+  const of = el("p", { class: "sk-soft" });
+  const search = searchRow(bench);
+  const groups = GROUPS.map(([key, words, statuses]) =>
+    candidateGroup(bench, key, words, statuses),
+  );
+  const node = el(
+    "div",
+    {
+      class: "sk-candidates sk-part",
+      role: "group",
+      "aria-labelledby": title.id,
+      "data-sk-place": "",
+      tabindex: "-1",
+    },
+    title,
+    of,
+    search.node,
+    ...groups.map((group) => group.node),
+  );
+  let before = "";
+  const update = () => {
+    const { cards, cards_of } = bench.state;
+    setText(of, cards_of);
+    node.hidden = cards.length === 0 && !bench.view.can.search && !bench.state.search;
+    search.update();
+    const most = Math.max(...cards.map((card) => card.gain ?? 0), 1e-9);
+    for (const group of groups) group.update(cards, most);
+    // What is open stays as the user left it, until the kinds of cards change.
+    const kinds = groups.map((group) => group.size > 0).join();
+    if (kinds !== before) openFirst(groups);
+    before = kinds;
+  };
+  return { node, update };
+}
+
+function openFirst(groups) {
+  const first = groups.find((group) => group.size > 0);
+  for (const group of groups) group.node.open = group === first;
+}
+
+function candidateGroup(bench, key, words, statuses) {
+  const summary = el("summary", { "data-sk-key": `group ${key}` });
+  const list = el("div", { class: "sk-cards" });
+  const node = el("details", { class: "sk-group" }, summary, list);
+  const known = new Map();
+  const group = { node, size: 0 };
+  group.update = (cards, most) => {
+    const own = cards.filter((card) => statuses.includes(card.status));
+    group.size = own.length;
+    node.hidden = own.length === 0;
+    setText(summary, `${words} (${own.length})`);
+    for (const card of own) if (!known.has(card.id)) known.set(card.id, candidateCard(bench, card));
+    arrange(
+      list,
+      own.map((card) => known.get(card.id).node),
+    );
+    own.forEach((card) => known.get(card.id).update(card, most));
+  };
+  return group;
+}
+
+function candidateCard(bench, card) {
+  const gain = el("span", { class: "sk-gain" });
+  const bar = el("span", { class: "sk-gain-bar", "aria-hidden": "true" });
+  const about = el("p");
+  const form = el("p", { class: "sk-form" });
+  const reason = el("p", { class: "sk-soft" });
+  const add = button("Add", () => isUsable(add) && addEffect(bench, card), {
+    class: "sk-button sk-primary",
+    "data-sk-key": `card ${card.id}`,
+    "aria-label": `Add ${isolated(card.title)}`,
+  });
+  const node = el(
+    "div",
+    { class: "sk-card sk-candidate", role: "group", "aria-label": card.title },
+    el("div", { class: "sk-head" }, el("h4", {}, named(card.title)), gain, add),
+    bar,
+    about,
+    form,
+    reason,
+  );
+  previewOn(bench, node, add, card);
+  const update = (now, most) => {
+    const usable = bench.view.can.change && (now.ready || bench.view.can.any);
+    add.hidden = !usable || now.status === "refused";
+    setText(gain, now.gain === null ? "" : `${points(now.gain)} points`);
+    bar.hidden = !(now.gain > 0);
+    bar.style.width = `${(100 * Math.max(now.gain ?? 0, 0)) / most}%`;
+    setText(about, now.words);
+    setText(form, now.form);
+    form.hidden = !now.form;
+    setText(reason, reasonInWords(now));
+    reason.hidden = !reason.textContent;
+    node.dataset.preview = String(!add.hidden);
+  };
+  return { node, update };
+}
+
+function reasonInWords({ reason, parameters, delta_bic: bic, gain }) {
+  const evidence = bic === null || gain === null ? "" : `ΔBIC ${points(bic)}.`;
+  return [parameters && `${parameters}.`, evidence, reason].filter(Boolean).join(" ");
+}
+
+function addEffect(bench, { id, title }) {
+  bench.endPreview();
+  bench.act(
+    "add",
+    { effect: id },
+    (before, after) => `${isolated(title)} added: ${fromTo(before.vaf.train, after.vaf.train)}`,
+  );
+}
+
+function previewOn(bench, node, add, { id, title }) {
+  let timer = null;
+  const start = () => {
+    if (node.dataset.preview !== "true") return;
+    clearTimeout(timer);
+    timer = setTimeout(() => bench.startPreview(id, title), WAIT);
+  };
+  const end = () => {
+    clearTimeout(timer);
+    bench.endPreview(id);
+  };
+  node.addEventListener("pointerenter", start);
+  node.addEventListener("pointerleave", end);
+  add.addEventListener("focus", start);
+  add.addEventListener("blur", end);
+}
+
+function searchRow(bench) {
+  const { can } = bench.view;
+  const go = button(
+    "Search for effects",
+    () => isUsable(go) && bench.act("search", {}, () => "The search has started."),
+    {
+      class: "sk-button sk-primary",
+      "data-sk-key": "search",
+    },
+  );
+  const stop = button("Stop", () => bench.act("stop", {}, () => "The search is asked to stop."), {
+    "data-sk-key": "stop",
+    "aria-label": "Stop the search",
+  });
+  const bar = el("progress", { max: "1", "aria-label": "Progress of the search" });
+  const words = el("span", { class: "sk-soft" });
+  const running = el("div", { class: "sk-row sk-running" }, bar, words, stop);
+  const node = el("div", {}, can.search ? go : null, running);
+  const update = () => {
+    const { search } = bench.state;
+    go.hidden = Boolean(search);
+    running.hidden = !search;
+    if (!search) return;
+    bar.value = search.share;
+    setText(words, search.words);
+    stop.hidden = !can.search;
+  };
+  return { node, update };
+}

@@ -1,0 +1,333 @@
+// The plots of the run that is shown, with what is brushed as numbers and in words.
+
+const QUIET = 700;
+const REST = 150;
+
+function plotsPart(bench) {
+  const times = timePlots(bench);
+  const spectrum = spectrumPlot(bench);
+  const amplitude = amplitudePlot(bench);
+  const texts = textsOf(bench);
+  const channel = channelSelect(bench);
+  const ranges = rangesOf(bench);
+  const head = runHead(bench);
+  bench.readOut = el("span", { class: "sk-readout", "aria-hidden": "true" });
+  const filteredKey = keyOf("ink", "within the band");
+  const previewKey = keyOf("preview", "");
+  previewKey.setAttribute("aria-live", "polite");
+  const node = el(
+    "div",
+    { class: "sk-plots sk-part", role: "group", "aria-labelledby": `${bench.id}-run` },
+    head.node,
+    texts.away,
+    el(
+      "p",
+      { class: "sk-legend" },
+      keyOf("measured", "measured"),
+      keyOf("simulated", "simulated"),
+      previewKey,
+    ),
+    times.upper.frame,
+    el("p", { class: "sk-legend" }, keyOf("residual", "residual"), filteredKey, bench.readOut),
+    times.lower.frame,
+    el("div", { class: "sk-row sk-window-row" }, ranges.time.node, zoomButtons(bench)),
+    texts.time,
+    times.keys,
+    el(
+      "div",
+      { class: "sk-pair" },
+      el(
+        "div",
+        {},
+        el("h4", {}, "Spectrum"),
+        el(
+          "p",
+          { class: "sk-legend" },
+          keyOf("measured", "measured"),
+          keyOf("residual", "residual"),
+        ),
+        spectrum.frame,
+        spectrum.keys,
+        ranges.band.node,
+        texts.band,
+      ),
+      el(
+        "div",
+        {},
+        el("h4", {}, channel.node),
+        el(
+          "p",
+          { class: "sk-legend" },
+          keyOf("residual", "mean of the residual"),
+          keyOf("rms", "rms"),
+        ),
+        amplitude.frame,
+        amplitude.keys,
+        ranges.amplitude.node,
+        texts.amplitude,
+      ),
+    ),
+  );
+  const parts = { times, spectrum, amplitude, texts, ranges, filteredKey, previewKey };
+  bench.redraw = drawer(bench, parts);
+  bench.brush = brusher(bench, texts);
+  bench.see = (range) => {
+    bench.zoom = range;
+    bench.redraw("time");
+  };
+  return {
+    node,
+    figures: [times.upper, times.lower, spectrum, amplitude],
+    update: head.update,
+    resize: () => {
+      times.resize();
+      spectrum.resize();
+      amplitude.resize();
+    },
+  };
+}
+
+function runHead(bench) {
+  const { runs } = bench.view;
+  const title = el("h3", { id: `${bench.id}-run`, class: "sk-run-title" });
+  const step = (by) => {
+    const kept = (run) => !bench.backend.kept || bench.backend.kept(run);
+    let run = bench.run + by;
+    while (run >= 0 && run < runs.length && !kept(run)) run += by;
+    return run >= 0 && run < runs.length ? run : null;
+  };
+  const go = (by, word) => {
+    const node = button(word, () => isUsable(node) && bench.show(step(by)), {
+      class: "sk-button sk-small",
+      "data-sk-key": `step ${by}`,
+      "aria-label": `${word} run`,
+    });
+    return node;
+  };
+  const back = go(-1, "Previous");
+  const on = go(1, "Next");
+  const node = el(
+    "div",
+    { class: "sk-head" },
+    title,
+    runs.length > 1 ? el("div", { class: "sk-row" }, back, on) : null,
+  );
+  const update = () => {
+    const { label, person } = runs[bench.run];
+    const text = `${label}\n${person}`;
+    if (title.dataset.of !== text) {
+      title.dataset.of = text;
+      title.replaceChildren(
+        named(upperFirst(runName(label))),
+        ...(person === null ? [] : [", ", named(person)]),
+      );
+    }
+    setUsable(back, step(-1) !== null);
+    setUsable(on, step(1) !== null);
+  };
+  return { node, update };
+}
+
+function zoomButtons(bench) {
+  const into = button("Zoom to window", () => bench.time && bench.see([...bench.time]), {
+    class: "sk-button sk-small",
+  });
+  const out = button("Whole run", () => bench.see(null), { class: "sk-button sk-small" });
+  return el("div", { class: "sk-row" }, into, out);
+}
+
+function channelSelect(bench) {
+  const { channels, output } = bench.view;
+  const options = [...channels, { name: output.name }].map(({ name }, i) =>
+    el("option", { value: i < channels.length ? i : OUTPUT }, name),
+  );
+  const select = el(
+    "select",
+    {
+      class: "sk-select",
+      id: `${bench.id}-over`,
+      onchange: () => {
+        bench.over = Number(select.value);
+        bench.brush("amplitude", null);
+        bench.redraw("small");
+      },
+    },
+    ...options,
+  );
+  select.value = bench.over;
+  const node = el("label", { for: select.id }, "Residual over ", select);
+  return { node };
+}
+
+function rangesOf(bench) {
+  const range = (kind, legend, low, high, unit) =>
+    rangeInputs(bench, {
+      legend,
+      low,
+      high,
+      unit,
+      get: () => bench[kind],
+      set: (given) => bench.brush(kind, given),
+    });
+  return {
+    time: range("time", "Window", "Window from, seconds", "Window to, seconds", () => "s"),
+    band: range("band", "Band", "Band from, rad/s", "Band to, rad/s", () => "rad/s"),
+    amplitude: range(
+      "amplitude",
+      "Amplitudes",
+      "Amplitudes from",
+      "Amplitudes to",
+      () => overName(bench).unit ?? "",
+    ),
+  };
+}
+
+function textsOf() {
+  const text = (name) => el("p", { class: name });
+  return {
+    away: text("sk-warning"),
+    time: text("sk-sentence"),
+    band: text("sk-sentence"),
+    amplitude: text("sk-sentence"),
+  };
+}
+
+// Draws in the next frame what was asked for since the last one.
+function drawer(bench, parts) {
+  const asked = new Set();
+  let frame = null;
+  let timer = null;
+  const small = () => {
+    timer = null;
+    if (bench.gone || !bench.model) return;
+    parts.spectrum.draw();
+    parts.amplitude.draw();
+  };
+  const later = () => {
+    if (bench.gone || !bench.model) return;
+    drawRun(bench, parts);
+    small();
+    writeTexts(bench, parts);
+  };
+  const flush = () => {
+    frame = null;
+    if (bench.gone) return;
+    if (asked.has("colours")) repaint(parts);
+    if (bench.model) {
+      const many = bench.record.t.length > MANY_ROWS;
+      // A spectrum of a million rows takes longer than a frame: the hand goes first.
+      const waits = many && ["small", "window", "brushed"].some((name) => asked.has(name));
+      if (asked.has("time") || (asked.has("brushed") && !many)) {
+        drawRun(bench, parts, many && asked.has("small"));
+      }
+      if (asked.has("window")) parts.times.place();
+      writeTexts(bench, parts);
+      if (waits) {
+        placeSmall(parts);
+        clearTimeout(timer);
+        timer = setTimeout(later, REST);
+      } else if (asked.has("small") || asked.has("window")) small();
+      else placeSmall(parts);
+    }
+    asked.clear();
+  };
+  return (...what) => {
+    what.forEach((name) => asked.add(name));
+    frame ??= requestAnimationFrame(flush);
+  };
+}
+
+function placeSmall({ spectrum, amplitude }) {
+  for (const part of [spectrum, amplitude]) {
+    part.place();
+    part.tell();
+  }
+}
+
+function repaint({ times, spectrum, amplitude }) {
+  for (const { plot } of [times.upper, times.lower, spectrum, amplitude]) plot.redraw(false);
+}
+
+function drawRun(bench, { times, filteredKey, previewKey }, linesOnly = false) {
+  bench.filtered = linesOnly ? null : filteredOf(bench);
+  bench.rows = linesOnly ? null : amplitudeRows(bench);
+  filteredKey.hidden = !bench.filtered;
+  previewKey.classList.toggle("sk-off", !bench.preview);
+  setText(previewKey.lastChild, previewInWords(bench));
+  times.draw();
+}
+
+// The band of the residual that is brushed, and its share in the run and in the window.
+function filteredOf(bench) {
+  const { band, model, view } = bench;
+  if (!band) return null;
+  const transform = transformOfModel(model);
+  const filtered = bandOfTransform(transform, view.dt, ...band);
+  bench.filtered = {
+    band: filtered,
+    share: shareOf(filtered, transform.whole),
+    level: meanOf(model.counted),
+    inside: NaN,
+  };
+  shareInside(bench);
+  return bench.filtered;
+}
+
+function shareInside(bench) {
+  const { filtered, model } = bench;
+  const x = model.counted;
+  const [from, to] = rowsOf(bench);
+  let part = 0;
+  let whole = 0;
+  for (let i = from; i < to; i++) {
+    if (!Number.isFinite(x[i])) continue;
+    part += filtered.band[i] * filtered.band[i];
+    whole += (x[i] - filtered.level) ** 2;
+  }
+  filtered.inside = whole > 0 ? part / whole : NaN;
+}
+
+function writeTexts(bench, { texts, ranges, times }) {
+  Object.values(ranges).forEach((range) => range.update());
+  setText(texts.time, windowInWords(bench));
+  setText(texts.band, bandInWords(bench) || "Brush a band to see where in time it is.");
+  setText(texts.amplitude, rowsInWords(bench) || "Brush amplitudes to see where in time they are.");
+  setText(texts.away, awayInWords(bench));
+  texts.away.hidden = !texts.away.textContent;
+  const { label } = bench.view.runs[bench.run];
+  const about = `${upperFirst(isolated(runName(label)))}. ${texts.time.textContent} ${texts.away.textContent}`;
+  times.upper.describe(
+    `Measured and simulated ${isolated(bench.view.output.name)} over time. ${about}`,
+  );
+  times.lower.describe(`Residual over time. ${about}`);
+}
+
+function windowInWords(bench) {
+  const { vaf, rmse, rows } = windowFigures(bench);
+  const { time, view } = bench;
+  const where = time ? `Window, ${figure(time[0])} to ${figure(time[1])} s` : "Whole run";
+  if (!rows) return `${where}: no rows that count (the first ${figure(view.settling)} s settle).`;
+  const off = withUnit(figure(rmse, 3), view.output.unit);
+  return `${where}: VAF ${percent(vaf)}, RMSE ${off}, ${count(rows, "row")}.`;
+}
+
+function awayInWords({ model }) {
+  if (model.away === null) return "";
+  return (
+    `The model runs away: from ${figure(model.away)} s on it is more than ${AWAY} times as far ` +
+    "out as anything measured. The scale stays that of the measured output."
+  );
+}
+
+function brusher(bench, texts) {
+  let timer = null;
+  return (kind, range) => {
+    bench[kind] = range;
+    // Only what depends on the brush: the lines over time stay when the window moves.
+    if (kind === "time") bench.redraw("window");
+    else bench.redraw("brushed");
+    if (kind === "time" && bench.filtered) shareInside(bench);
+    clearTimeout(timer);
+    timer = setTimeout(() => !bench.gone && bench.say(texts[kind].textContent), QUIET);
+  };
+}

@@ -1,0 +1,116 @@
+// The stair of the error: what each step leaves unexplained, down to the noise ceiling.
+
+const LEAST_STEP = 84;
+
+function stairPart(bench) {
+  const sentence = el("p", { class: "sk-sentence" });
+  const steps = el("ol", { class: "sk-steps" });
+  const note = el("p", { class: "sk-soft" });
+  const key = el("p", { class: "sk-legend" }, keyOf("noise", "noise ceiling"));
+  const title = el("h3", { id: `${bench.id}-stair` }, "Error that remains");
+  const unwell = el("p", { class: "sk-warning" });
+  const node = el(
+    "div",
+    { class: "sk-stair sk-part", role: "group", "aria-labelledby": title.id },
+    title,
+    sentence,
+    key,
+    steps,
+    note,
+    unwell,
+  );
+  const update = () => {
+    const { stair, vaf } = { ...bench.state, ...bench.live };
+    const { ceiling, ceiling_pending: pending, impossible } = { ...bench.state, ...bench.live };
+    setText(sentence, stairInWords(stair, ceiling, pending));
+    key.hidden = !ceiling;
+    const most = topOf(stair, ceiling);
+    arrange(
+      steps,
+      stair.map((step, i) => stepNode(steps.children[i], step, stair[i - 1], most, ceiling)),
+    );
+    steps.classList.toggle("sk-many", bench.stairWidth < LEAST_STEP * stair.length);
+    const held = vaf.hold === null ? "" : `On held-out runs: VAF ${percent(vaf.hold)}. `;
+    setText(note, held + (ceiling && ceiling.note ? ceiling.note : ""));
+    setText(unwell, impossible ? `Not physically possible: ${impossible}` : "");
+    unwell.hidden = !impossible;
+  };
+  return { node, update };
+}
+
+function errorOf(vaf) {
+  return vaf === null || Number.isNaN(vaf) ? 100 : clamp(100 - vaf, [0, 100]);
+}
+
+function topOf(stair, ceiling) {
+  const errors = stair.map((step) => errorOf(step.vaf));
+  if (ceiling) errors.push(100 - ceiling.vaf);
+  return Math.max(...errors, 1e-9);
+}
+
+function stepNode(old, step, before, most, ceiling) {
+  const node = old ?? newStep();
+  const error = errorOf(step.vaf);
+  const [bar, line, band] = ["bar", "ceiling", "ceiling-band"].map((name) =>
+    node.querySelector(`.sk-${name}`),
+  );
+  node.style.setProperty("--sk-size", `${(100 * error) / most}%`);
+  line.hidden = band.hidden = !ceiling;
+  if (ceiling) {
+    const [low, high] = [ceiling.high ?? ceiling.vaf, ceiling.low ?? ceiling.vaf].map(errorOf);
+    node.style.setProperty("--sk-ceiling", `${(100 * errorOf(ceiling.vaf)) / most}%`);
+    node.style.setProperty("--sk-ceiling-low", `${(100 * low) / most}%`);
+    node.style.setProperty(
+      "--sk-ceiling-size",
+      `${(100 * Math.min(high - low, most - low)) / most}%`,
+    );
+  }
+  bar.classList.toggle("sk-beyond", !(100 - step.vaf <= 100));
+  const [name, vaf, gain, held] = ["name", "vaf", "gain", "held"].map((part) =>
+    node.querySelector(`.sk-step-${part}`),
+  );
+  setText(name, step.title);
+  setText(vaf, `VAF ${percent(step.vaf)}`);
+  setText(gain, before ? `${points(gained(before.vaf, step.vaf))} points` : "");
+  setText(
+    held,
+    step.held === null || step.held === undefined ? "" : `held out ${percent(step.held)}`,
+  );
+  return node;
+}
+
+function newStep() {
+  const part = (name) => el("span", { class: `sk-step-${name}` });
+  return el(
+    "li",
+    { class: "sk-step" },
+    el(
+      "span",
+      { class: "sk-well", "aria-hidden": "true" },
+      el("span", { class: "sk-ceiling-band" }),
+      el("span", { class: "sk-bar" }),
+      el("span", { class: "sk-ceiling" }),
+    ),
+    el("bdi", { class: "sk-step-name" }),
+    part("vaf"),
+    part("gain"),
+    part("held"),
+  );
+}
+
+function stairInWords(stair, ceiling, pending) {
+  const last = stair[stair.length - 1].vaf;
+  const gained = stair.length > 1 ? fromTo(stair[0].vaf, last) : `VAF ${percent(last)}`;
+  if (!ceiling) {
+    return `${gained}.${pending ? " The noise ceiling is being estimated …" : ""}`;
+  }
+  const { vaf, low, high } = ceiling;
+  const between =
+    Number.isFinite(low) && Number.isFinite(high) ? ` (${low.toFixed(1)} to ${percent(high)})` : "";
+  const left = vaf - last;
+  const rest =
+    left > 0.05
+      ? `${left > 1000 ? "more than 1,000" : left.toFixed(1)} points are left to explain.`
+      : "Nothing that any model could explain is left.";
+  return `${gained}. Noise ceiling ${percent(vaf)}${between}: ${rest}`;
+}

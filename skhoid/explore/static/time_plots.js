@@ -1,0 +1,195 @@
+// Measured and simulated over time, and below it, on the same axis, the residual.
+
+function timePlots(bench) {
+  const keys = el(
+    "p",
+    { class: "sk-keys sk-soft", id: `${bench.id}-time-keys` },
+    "Drag to brush a window. Keys: arrows, Shift with arrows, Escape; + − 0 zoom.",
+  );
+  const state = { columns: null, rows: null, data: null };
+  const hooks = {
+    drawClear: [
+      (plot) => {
+        if (!state.columns) return;
+        const { t } = bench.record;
+        shadeRows(plot, t, state.out, bench.colours.shade);
+        if (state.rows) shadeRows(plot, t, state.rows, bench.colours.misfit);
+      },
+    ],
+    setCursor: [(plot) => readOut(bench, plot)],
+  };
+  const x = { time: false, range: () => seenOf(bench) };
+  const upper = plotFigure(bench, {
+    key: "plot time",
+    help: keys,
+    height: () => (bench.narrow ? 200 : 216),
+    options: timeOptions(bench, x, hooks),
+  });
+  const lower = plotFigure(bench, {
+    key: "plot residual",
+    help: keys,
+    height: () => (bench.narrow ? 160 : 164),
+    options: residualOptions(bench, x, hooks),
+  });
+  const brush = {
+    get: () => bench.time,
+    set: (range) => bench.brush("time", range),
+    limits: () => [bench.record.since, bench.record.until],
+  };
+  const places = [upper, lower].map((figure) => brushOn(bench, figure, brush));
+  for (const { frame, plot } of [upper, lower]) {
+    frame.addEventListener("keydown", (event) => zoomByKey(bench, event));
+    plot.over.addEventListener("wheel", (event) => zoomByWheel(bench, plot, event), {
+      passive: false,
+    });
+  }
+  const resize = () => [upper, lower].forEach((figure) => figure.resize());
+  const place = () => places.forEach((f) => f());
+  return {
+    upper,
+    lower,
+    keys,
+    resize,
+    place,
+    draw: () => {
+      drawTime(bench, state, upper.plot, lower.plot);
+      place();
+    },
+  };
+}
+
+function timeOptions(bench, x, hooks) {
+  const { output } = bench.view;
+  return {
+    scales: { x, y: { range: () => aroundMeasured(bench) } },
+    cursor: cursorOf(bench),
+    axes: [
+      axisOf(bench, { size: 10, values: (plot, splits) => splits.map(() => "") }),
+      axisOf(bench, { size: MARGIN, space: 30, label: labelOf(output.name, output.unit) }),
+    ],
+    series: [
+      {},
+      lineOf(bench, "measured", { width: 1.75 }),
+      lineOf(bench, "simulated"),
+      lineOf(bench, "simulated", { dash: [7, 4], width: 2 }),
+    ],
+    hooks,
+  };
+}
+
+function residualOptions(bench, x, hooks) {
+  return {
+    scales: { x, y: { range: () => aroundZero(bench) } },
+    cursor: cursorOf(bench),
+    axes: [
+      axisOf(bench, { size: 30, label: "time in the run, s" }),
+      axisOf(bench, {
+        size: MARGIN,
+        space: 26,
+        label: labelOf("residual", bench.view.output.unit),
+      }),
+    ],
+    series: [{}, lineOf(bench, "residual", { width: 1.25 }), lineOf(bench, "ink", { width: 1.75 })],
+    hooks,
+  };
+}
+
+function cursorOf(bench) {
+  return {
+    y: false,
+    drag: { x: false, y: false },
+    points: { show: false },
+    sync: { key: bench.id, setSeries: false, scales: ["x", null] },
+  };
+}
+
+function labelOf(name, unit) {
+  const short = isolated(shortened(name, 24));
+  return unit ? `${short}, ${isolated(shortened(unit, 12))}` : short;
+}
+
+function seenOf(bench) {
+  if (!bench.record) return [0, 1];
+  const { since, until } = bench.record;
+  return bench.zoom ?? [since, until > since ? until : since + 1];
+}
+
+function aroundMeasured({ record, model }) {
+  if (!model) return [-1, 1];
+  const reach = 1.06 * model.reach;
+  return [record.middle - reach, record.middle + reach];
+}
+
+function aroundZero({ model }) {
+  const reach = model ? 1.06 * model.largest : 1;
+  return [-reach, reach];
+}
+
+function drawTime(bench, state, upper, lower) {
+  const { record, model, preview } = bench;
+  const columns = columnsOf(record.t, ...seenOf(bench), pixelsOf(upper));
+  const [low, high] = aroundMeasured(bench);
+  const far = 4 * (high - low);
+  const drawn = (y) => valuesOf(y, columns, low - far, high + far);
+  const nothing = () => new Array(times.length).fill(null);
+  const times = timesOf(record.t, columns);
+  state.columns = columns;
+  state.out = stretchesOf(record.unscored, columns);
+  state.rows = bench.rows ? stretchesOf(bench.rows.mask, columns) : null;
+  upper.setData([
+    times,
+    drawn(record.measured),
+    drawn(model.simulated),
+    preview ? drawn(preview.simulated) : nothing(),
+  ]);
+  lower.setData([
+    times,
+    drawn(model.residual),
+    bench.filtered ? drawn(bench.filtered.band) : nothing(),
+  ]);
+}
+
+function readOut(bench, plot) {
+  const { record, model } = bench;
+  const { left } = plot.cursor;
+  if (!record || !model || left === null || left === undefined || left < 0) {
+    setText(bench.readOut, "");
+    return;
+  }
+  const at = plot.posToVal(left, "x");
+  const i = clamp(rowAt(record.t, at - bench.view.dt / 2), [0, record.t.length - 1]);
+  const { unit } = bench.view.output;
+  setText(
+    bench.readOut,
+    `at ${figure(record.t[i], 6)} s: measured ${figure(record.measured[i], 3)}, simulated ` +
+      `${figure(model.simulated[i], 3)}, residual ${withUnit(figure(model.residual[i], 3), unit)}`,
+  );
+}
+
+function zoomByKey(bench, event) {
+  if (event.altKey || event.ctrlKey || event.metaKey) return;
+  const factor = { "+": 0.5, "=": 0.5, "-": 2, 0: Infinity }[event.key];
+  if (factor === undefined) return;
+  event.preventDefault();
+  const [low, high] = seenOf(bench);
+  const centre = bench.time ? (bench.time[0] + bench.time[1]) / 2 : (low + high) / 2;
+  zoomAround(bench, centre, factor);
+}
+
+// With Ctrl only: without it the wheel scrolls the page, as everywhere.
+function zoomByWheel(bench, plot, event) {
+  if (!event.ctrlKey) return;
+  event.preventDefault();
+  const left = plot.over.getBoundingClientRect().left;
+  zoomAround(bench, plot.posToVal(event.clientX - left, "x"), event.deltaY > 0 ? 1.25 : 0.8);
+}
+
+function zoomAround(bench, centre, factor) {
+  const { since, until } = bench.record;
+  const [low, high] = seenOf(bench);
+  const span = Math.max((high - low) * factor, 8 * bench.view.dt);
+  if (!(span < until - since)) return bench.see(null);
+  const share = clamp((centre - low) / (high - low), [0, 1]);
+  const start = clamp(centre - share * span, [since, until - span]);
+  return bench.see([start, start + span]);
+}

@@ -1,0 +1,83 @@
+// The title, the verdict, what went wrong, and what was done last.
+
+function topPart(bench) {
+  const verdict = el("p", { class: "sk-verdict" });
+  const list = el("ul", { class: "sk-findings" });
+  const summary = el("summary", { "data-sk-key": "findings" });
+  const findings = el("details", {}, summary, list);
+  const message = el("span", { dir: "auto" });
+  const trouble = el("div", { class: "sk-alert", role: "alert" });
+  const dismiss = button("Dismiss", () => bench.alert(null), { class: "sk-button sk-small" });
+  const status = el("p", { class: "sk-status", role: "status" });
+  const busy = el("p", { class: "sk-busy" });
+  const node = el(
+    "div",
+    { class: "sk-top" },
+    bench.view.title ? el("h2", {}, named(bench.view.title)) : null,
+    verdict,
+    el("div", { class: "sk-under" }, findings, el("div", { class: "sk-said" }, busy, status)),
+    bench.view.note ? el("p", { class: "sk-soft" }, bench.view.note) : null,
+    trouble,
+  );
+  bench.say = (text) => {
+    status.textContent = text;
+  };
+  bench.alert = (text) => {
+    setText(message, text ?? "");
+    trouble.replaceChildren(...(text ? [message, dismiss] : []));
+  };
+  bench.busy = (words) => {
+    if (!words) return () => {};
+    bench.computing += 1;
+    busy.textContent = words;
+    bench.root.setAttribute("aria-busy", "true");
+    return () => {
+      bench.computing -= 1;
+      if (bench.computing > 0) return;
+      busy.textContent = "";
+      bench.root.removeAttribute("aria-busy");
+    };
+  };
+  const update = () => {
+    const { verdict: words, verdict_kind: kind, findings: found } = bench.state;
+    setText(verdict, words);
+    verdict.hidden = !words;
+    verdict.dataset.kind = kind;
+    findings.hidden = found.length === 0;
+    setText(summary, `What the baseline gets wrong (${found.length})`);
+    list.replaceChildren(
+      ...found.map(({ what, why }) => el("li", {}, el("strong", {}, what), " ", why)),
+    );
+  };
+  return { node, update };
+}
+
+// The other parameters, as numbers.
+function modelPart(bench) {
+  const title = el("h3", { id: `${bench.id}-model` }, "Other parameters");
+  const list = el("dl", { class: "sk-model" });
+  const summary = el("summary", { class: "sk-summary", "data-sk-key": "model" });
+  const node = el(
+    "details",
+    { class: "sk-model-part", role: "group", "aria-labelledby": title.id },
+    summary,
+    title,
+    list,
+  );
+  const update = () => {
+    const { model } = bench.state;
+    node.hidden = model.length === 0;
+    setText(summary, `Other parameters (${model.length})`);
+    list.replaceChildren(
+      ...model.map(({ name, value, sd, unit, meaning }) =>
+        el(
+          "div",
+          {},
+          el("dt", {}, named(name), el("span", { class: "sk-rows" }, meaning)),
+          el("dd", {}, withUnit(figure(value) + (sd === null ? "" : ` ± ${figure(sd, 2)}`), unit)),
+        ),
+      ),
+    );
+  };
+  return { node, update };
+}
