@@ -39,9 +39,9 @@ def style() -> str:
     return "\n".join(_text(name) for name in ("uplot.min.css", "bench.css"))
 
 
-def framed(payload: str, title: str) -> str:
-    """A packed payload as a page of its own in a frame, for notebooks without a kernel."""
-    content = rendered(
+def page(payload: str, title: str) -> str:
+    """A packed payload as a page of its own, which needs no network."""
+    return rendered(
         __name__,
         "page.html.j2",
         title=title,
@@ -50,9 +50,14 @@ def framed(payload: str, title: str) -> str:
         script=script() + SHOW,
         script_hash=hash_of(script() + SHOW),
     )
+
+
+def framed(payload: str, title: str) -> str:
+    """The same in a frame, for notebooks without a kernel."""
     return (
-        f'<iframe srcdoc="{escape(content)}" title="{escape(title)}" sandbox="allow-scripts" '
-        f'loading="lazy" style="width: 100%; height: {HEIGHT}px; border: 1px solid #ccc"></iframe>'
+        f'<iframe srcdoc="{escape(page(payload, title))}" title="{escape(title)}" '
+        f'sandbox="allow-scripts" loading="lazy" '
+        f'style="width: 100%; height: {HEIGHT}px; border: 1px solid #ccc"></iframe>'
     )
 
 

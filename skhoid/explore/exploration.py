@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ..diagnosis.comparison import compare
 from ..effects.composition import Effects
 from ..effects.registry import title_of
 from ..exceptions import did_you_mean
@@ -21,17 +20,14 @@ from ..greybox.base import SimulatedModelMixin
 from ..greybox.protocol import check_simulated_model
 from ..runs.roles import of_person
 from ..search.effect_search import EffectSearchCV
-from ..summaries import as_sentence
 from .cards import FOUND, HELPS, Found
+from .figures import Figures
 from .models import Models, own_values
 from .parts import curve_of, effects_of, others_of
 from .position import OUT, TRAIN, USES, History, Position
 from .runs_kept import Runs
 from .script import script_of
 
-RUNS_AWAY = -999.0  # VAF in percent, below which a free run has left the data
-BESIDE = 5.0  # times the largest measured value, at which a run has left them too
-CLOSE = 0.5  # points of VAF, by which the best model known may be worse than that of a search
 WARMED = 4  # cards whose models are fitted ahead
 
 
@@ -106,7 +102,7 @@ class Exploration:
         self.found = Found()
         self.own = {e.name: e for e in self._candidates()}
         self._progress: dict[str, Any] | None = None
-        self._judged: dict[Any, dict[str, Any]] = {}
+        self.figures = Figures(self.models, self.domain)
         first = Position(self._first_uses(), Effects.of(self.estimator.effects), {}, "Begin")
         self.history = History(first)
         if memory is not None:
@@ -175,7 +171,7 @@ class Exploration:
     def script(self) -> str:
         """The present model as Python: a script that gives the same numbers."""
         with self.lock:
-            vaf = self._vaf(self._prediction(self.here), self.here)
+            vaf = self.figures.vaf(self.figures.prediction(self.here), self.here)
             figures = {"fitted": vaf["train"], "held out": vaf["hold"]}
             return script_of(self.estimator, self.runs, self.here, self.source, figures)
 
@@ -225,25 +221,10 @@ class Exploration:
     def judge(self) -> None:
         """Find the noise ceiling and the findings of the present model."""
         with self.lock:
-            here, key, model = self.here, _key(self.here), self.model
-        if key in self._judged:
-            return
-        runs = tuple(sorted((*here.train, *here.hold)))
-        settling = float(getattr(self.estimator, "settling", 0.0)) or None
-        judged: dict[str, Any] = {"ceiling": None, "note": "", "findings": [], "vaf": -np.inf}
-        try:
-            found = compare(model, *self.runs.part(runs), run_in=settling, domain=self.domain)
-        except ValueError as error:
-            judged["note"] = str(error)
-        else:
-            judged |= {"note": found.ceiling_note, "vaf": found.vaf}
-            if np.isfinite(found.noise_ceiling):
-                low, high = found.noise_ceiling_interval
-                judged["ceiling"] = {"vaf": found.noise_ceiling, "low": low, "high": high}
-            judged["findings"] = [{"what": f.title, "why": f.meaning} for f in found.findings]
-        with self.lock:
-            self._judged[key] = judged
-            self._changed()
+            here = self.here
+        if self.figures.judge(here):
+            with self.lock:
+                self._changed()
 
     def memory(self) -> dict[str, Any]:
         """All that is needed to come back to this state, for JSON."""
@@ -292,27 +273,26 @@ class Exploration:
         here = history.here
         model = self.models.moved(here.effects, here.train, here.moved)
         fitted = self.models.fitted(here.effects, here.train)
-        prediction = self._prediction(here)
+        prediction = self.figures.prediction(here)
         cards, cards_of = self._cards(here)
-        judged = self._judged.get(_key(here))
         return {
             "revision": self.revision,
             "uses": list(here.uses),
             "effects": effects_of(model, here.moved, fitted, self.domain),
             "model": others_of(model),
-            "stair": self._stair(here),
-            **self._ceiling(here),
-            "vaf": self._vaf(prediction, here),
+            "stair": self.figures.stair(here),
+            **self.figures.ceiling(here, self.found),
+            "vaf": self.figures.vaf(prediction, here),
             "run_vaf": self.runs.vaf_by_run(prediction),
             "settled": not here.moved,
-            "impossible": self._runs_away(prediction, here),
+            "impossible": self.figures.runs_away(prediction, here),
             "undo": history.undo,
             "redo": history.redo,
             "cards": [{**card, "ready": True} for card in cards],
             "cards_of": cards_of,
             "verdict": self.found.verdict,
             "verdict_kind": self.found.kind,
-            "findings": [] if judged is None else judged["findings"],
+            "findings": self.figures.findings(here),
             "search": self._progress,
         }
 
@@ -354,55 +334,6 @@ class Exploration:
             )
         return " ".join(notes) or None
 
-    def _prediction(self, here: Position, n: int | None = None) -> np.ndarray:
-        """Free run on all runs with the first n effects, or all."""
-        effects = here.effects if n is None else Effects(here.effects.steps[:n])
-        return self.models.prediction(effects, here.train, here.moved)
-
-    def _stair(self, here: Position) -> list[dict[str, Any]]:
-        """The error without effects, with the first, the first two ..."""
-        stair = []
-        for n in range(len(here.effects) + 1):
-            prediction = self._prediction(here, n)
-            title = title_of(here.effects.names[n - 1]) if n else "baseline"
-            vaf = self._vaf(prediction, here)
-            rmse = self.runs.rmse(prediction, here.train)
-            stair.append({"title": title, "vaf": vaf["train"], "rmse": rmse, "held": vaf["hold"]})
-        return stair
-
-    def _vaf(self, prediction: np.ndarray, here: Position) -> dict[str, Any]:
-        return {
-            "train": self.runs.vaf(prediction, here.train),
-            "hold": self.runs.vaf(prediction, here.hold),
-        }
-
-    def _ceiling(self, here: Position) -> dict[str, Any]:
-        """The noise ceiling as the best model on these runs has it: a worse one shows less."""
-        own = self._judged.get(_key(here))
-        same = [one for key, one in self._judged.items() if key[0] == here.uses]
-        known = [one for one in same if one["ceiling"] is not None]
-        best = max(known, key=lambda one: one["vaf"], default=None)
-        found = self.found
-        of_search = found.ceiling is not None and tuple(found.runs) == here.train
-        if of_search and (best is None or best["vaf"] < found.vaf - CLOSE):
-            note = "Of the best model of the search."
-            ceiling = {"vaf": found.ceiling, "low": None, "high": None, "note": note}
-        elif best is not None:
-            ceiling = {**best["ceiling"], "note": as_sentence(best["note"])}
-        else:
-            ceiling = None
-        return {"ceiling": ceiling, "ceiling_pending": own is None}
-
-    def _runs_away(self, prediction: np.ndarray, here: Position) -> str | None:
-        """What to say where the free run leaves the data behind."""
-        scored = self.runs.scored
-        largest = float(np.abs(self.runs.measured[scored]).max(initial=0.0))
-        reached = np.abs(np.nan_to_num(prediction[scored], nan=np.inf)).max(initial=0.0)
-        vaf = self._vaf(prediction, here)["train"]
-        if vaf is None or (vaf > RUNS_AWAY and reached < BESIDE * max(largest, 1e-300)):
-            return None
-        return "With these values the simulation runs away from what was measured."
-
     def _of_run(self, prediction: np.ndarray, args: Mapping[str, Any]) -> np.ndarray:
         return prediction[self.runs.rows(self._run(args))]
 
@@ -414,7 +345,7 @@ class Exploration:
 
     def _trace(self, args: Mapping[str, Any]) -> dict[str, Any]:
         rows = self.runs.rows(self._run(args))
-        prediction = self._prediction(self.here)[rows]
+        prediction = self.figures.prediction(self.here)[rows]
         frame = self.runs.frame
         return {
             "t": self.runs.layout.time[rows],
@@ -448,27 +379,30 @@ class Exploration:
     def _drag(self, args: Mapping[str, Any]) -> dict[str, Any]:
         to = self._dragged(args)
         model = self.models.moved(to.effects, to.train, to.moved)  # refuses what is not possible
-        prediction = self._prediction(to)
+        prediction = self.figures.prediction(to)
         return {
             "simulated": self._of_run(prediction, args),
-            "vaf": self._vaf(prediction, to),
+            "vaf": self.figures.vaf(prediction, to),
             "run_vaf": self.runs.vaf_by_run(prediction),
-            "stair": self._stair(to),
-            "impossible": self._runs_away(prediction, to),
+            "stair": self.figures.stair(to),
+            "impossible": self.figures.runs_away(prediction, to),
             "curve": curve_of(model, str(args["name"]).split("__")[0]),
             "settled": False,
         }
 
     def _go(self, position: Position, args: Mapping[str, Any]) -> dict[str, Any]:
         """Take a step, if its model can be fitted."""
-        self._prediction(position)
+        self.figures.prediction(position)
         self.history.go(position)
         return self._shown(args, changed=True)
 
     def _shown(self, args: Mapping[str, Any], *, changed: bool = False) -> dict[str, Any]:
         if changed:
             self._changed()
-        return {"state": self.state(), "simulated": self._of_run(self._prediction(self.here), args)}
+        return {
+            "state": self.state(),
+            "simulated": self._of_run(self.figures.prediction(self.here), args),
+        }
 
     def _changed(self) -> None:
         self.revision += 1
@@ -536,11 +470,6 @@ class Exploration:
     def _walk(self, by: int, args: Mapping[str, Any]) -> dict[str, Any]:
         self.history.step(by)
         return self._shown(args, changed=True)
-
-
-def _key(here: Position) -> Any:
-    """By which what was found of a position is known again."""
-    return here.uses, repr(here.effects.get_params()), tuple(here.moved.items())
 
 
 def _words(name: str) -> str:
