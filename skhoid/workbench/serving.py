@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import warnings
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -105,10 +106,25 @@ def serve(
             say(f"Its session is kept in {session.path}. Ctrl+C ends it.")
             if browser:
                 webbrowser.open(address)
-            with contextlib.suppress(KeyboardInterrupt):
+            with contextlib.suppress(KeyboardInterrupt), _warnings_on(bench):
                 server.run(sockets=[listener])
     finally:
         bench.close()
+
+
+@contextlib.contextmanager
+def _warnings_on(bench: Workbench) -> Iterator[None]:
+    """Show what the library warns of on the page, where the user looks."""
+    with warnings.catch_warnings():
+        before = warnings.showwarning
+
+        def show(message: Any, category: type[Warning], *where: Any, **more: Any) -> None:
+            if issubclass(category, UserWarning):
+                bench.note(str(message))
+            before(message, category, *where, **more)
+
+        warnings.showwarning = show
+        yield
 
 
 def _listening(port: int | None) -> socket.socket:
@@ -122,6 +138,7 @@ def _listening(port: int | None) -> socket.socket:
             f"Port {port} cannot be used ({error.strerror}): another program has it, or it needs "
             "other rights. Give another --port, or none for a free one."
         ) from error
+    listener.listen()  # a browser that is quicker than the server waits
     return listener
 
 

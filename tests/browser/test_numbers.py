@@ -31,7 +31,9 @@ def numbers(browser, tmp_path_factory):
     """Call a function of the page's by its name; numbers travel without rounding."""
     path = tmp_path_factory.mktemp("numbers") / "page.html"
     script = f"{component.script()}window.skhoidBench = skhoidBench;"
-    head = '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>Numbers</title></head>'
+    head = (
+        '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>Numbers</title></head>'
+    )
     path.write_text(f"{head}<body><script>{script}</script></body></html>", encoding="utf-8")
 
     def call(name, *arguments):

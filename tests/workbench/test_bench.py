@@ -102,6 +102,7 @@ def test_a_model_that_cannot_be_fitted_is_said(begun, runs_file):
     assert "no column is the subject" in found["message"]
 
 
+@pytest.mark.slow  # models are fitted several times
 def test_a_session_comes_back_to_the_last_digit(fitted, begun):
     fitted.call("add", effect="dead_zone")
     fitted.call("release", name="dead_zone__width", value=0.3)
@@ -140,6 +141,7 @@ def test_a_drag_is_no_step(fitted):
     assert same(fitted.state(), state)
 
 
+@pytest.mark.slow  # models are fitted several times
 def test_a_file_that_has_changed_is_said_and_nothing_is_overwritten(begun, runs_file, tmp_path):
     path = tmp_path / "runs.csv"
     shutil.copy(runs_file, path)
@@ -165,6 +167,7 @@ def test_a_file_that_has_changed_is_said_and_nothing_is_overwritten(begun, runs_
     assert (page.bench.folder.path / "session.json").exists()
 
 
+@pytest.mark.slow  # models are fitted several times
 def test_an_uploaded_file_comes_back(begun, runs_file):
     page = begun()
     name = page.upload("runs.csv", runs_file.read_bytes()).json()["id"]
@@ -210,6 +213,7 @@ def test_two_pages_see_the_same(fitted, monkeypatch):
     assert [effect["name"] for effect in fitted.state()["effects"]] == ["bias"]
 
 
+@pytest.mark.slow  # models are fitted several times
 def test_pages_that_act_at_once_do_not_corrupt_each_other(fitted):
     fitted.call("add", effect="bias")
     wrong = []

@@ -55,6 +55,7 @@ def test_two_servers_cannot_have_it(folder):
     other.give_back()
 
 
+@pytest.mark.slow  # another process imports all
 def test_a_lock_whose_server_is_gone_is_taken_over(tmp_path):
     code = (
         "import os, sys; from skhoid.workbench.session import SessionFolder; "

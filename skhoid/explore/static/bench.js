@@ -91,7 +91,7 @@ function partsOf(bench) {
   const stair = stairPart(bench);
   const model = modelPart(bench);
   const effects = effectsPart(bench);
-  const inner = [effects, candidatesPart(bench), savingPart(bench)];
+  const inner = [effects, candidatesPart(bench)];
   const side = { node: el("div", { class: "sk-side sk-part" }, ...inner.map((part) => part.node)) };
   const data = { node: el("div", { class: "sk-data sk-part" }, runs.node, model.node) };
   const folded = [runs.node, model.node];

@@ -49,6 +49,8 @@ function brushByPointer(plot, brush, set, wide) {
   const valueAt = (pixel) => clamp(plot.posToVal(pixel, "x"), brush.limits());
   over.addEventListener("pointerdown", (event) => {
     if (event.button !== 0) return;
+    // Keys go on with what the pointer has begun.
+    over.closest(".sk-plot").focus({ preventScroll: true });
     held = { left: over.getBoundingClientRect().left, before: brush.get(), moved: false };
     held.start = pixelOf(event);
     held.grip = gripOf(plot, held.before, held.start);

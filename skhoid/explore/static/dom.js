@@ -115,13 +115,19 @@ function rangeInputs(bench, { legend, low, high, unit, get, set }) {
     "aria-label": `Clear the ${legend.toLowerCase()}`,
   });
   const node = el("fieldset", { class: "sk-range" }, sign, from, el("span", {}, "to"), to, clear);
+  let before = null;
+  let typed = false;
+  node.addEventListener("input", () => {
+    typed = true;
+  });
   const update = () => {
     const range = get();
-    const active = focusedIn(bench.root);
+    if (range !== before) typed = false;
+    before = range;
     [from, to].forEach((input, i) => {
       const text = range ? String(rounded(range[i], 5)) : "";
-      const half =
-        !range && input.value !== "" && (input === active || from.value === "" || to.value === "");
+      // Of a range that is not there yet one number may have been typed.
+      const half = typed && !range;
       if (input.value !== text && !half && !emptied[i]()) input.value = text;
     });
     setText(sign, unit() ? `${legend}, ${isolated(shortened(unit(), 12))}` : legend);

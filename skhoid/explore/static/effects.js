@@ -85,13 +85,11 @@ function stepButton(bench, name, word, keys) {
 }
 
 function stepHistory(bench, name) {
-  const words = bench.state[name];
-  if (words === null) return;
   const done = { undo: "Undone", redo: "Done again" }[name];
   bench.act(
     name,
     {},
-    (before, after) => `${done}: ${words}. ${fromTo(before.vaf.train, after.vaf.train)}`,
+    (before, after) => `${done}: ${before[name]}. ${fromTo(before.vaf.train, after.vaf.train)}`,
   );
 }
 

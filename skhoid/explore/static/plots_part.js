@@ -10,6 +10,7 @@ function plotsPart(bench) {
   const texts = textsOf(bench);
   const channel = channelSelect(bench);
   const ranges = rangesOf(bench);
+  const zooms = zoomButtons(bench);
   const head = runHead(bench);
   bench.readOut = el("span", { class: "sk-readout", "aria-hidden": "true" });
   const filteredKey = keyOf("ink", "within the band");
@@ -30,7 +31,7 @@ function plotsPart(bench) {
     times.upper.frame,
     el("p", { class: "sk-legend" }, keyOf("residual", "residual"), filteredKey, bench.readOut),
     times.lower.frame,
-    el("div", { class: "sk-row sk-window-row" }, ranges.time.node, zoomButtons(bench)),
+    el("div", { class: "sk-row sk-window-row" }, ranges.time.node, zooms.node),
     texts.time,
     times.keys,
     el(
@@ -68,7 +69,7 @@ function plotsPart(bench) {
       ),
     ),
   );
-  const parts = { times, spectrum, amplitude, texts, ranges, filteredKey, previewKey };
+  const parts = { times, spectrum, amplitude, texts, zooms, ranges, filteredKey, previewKey };
   bench.redraw = drawer(bench, parts);
   bench.brush = brusher(bench, texts);
   bench.see = (range) => {
@@ -129,11 +130,14 @@ function runHead(bench) {
 }
 
 function zoomButtons(bench) {
-  const into = button("Zoom to window", () => bench.time && bench.see([...bench.time]), {
-    class: "sk-button sk-small",
-  });
-  const out = button("Whole run", () => bench.see(null), { class: "sk-button sk-small" });
-  return el("div", { class: "sk-row" }, into, out);
+  const small = { class: "sk-button sk-small" };
+  const into = button("Zoom to window", () => isUsable(into) && bench.see([...bench.time]), small);
+  const out = button("Whole run", () => isUsable(out) && bench.see(null), small);
+  const update = () => {
+    setUsable(into, bench.time !== null);
+    setUsable(out, bench.zoom !== null);
+  };
+  return { node: el("div", { class: "sk-row" }, into, out), update };
 }
 
 function channelSelect(bench) {
@@ -287,7 +291,8 @@ function shareInside(bench) {
   filtered.inside = whole > 0 ? part / whole : NaN;
 }
 
-function writeTexts(bench, { texts, ranges, times }) {
+function writeTexts(bench, { texts, ranges, zooms, times }) {
+  zooms.update();
   Object.values(ranges).forEach((range) => range.update());
   setText(texts.time, windowInWords(bench));
   setText(texts.band, bandInWords(bench) || "Brush a band to see where in time it is.");
@@ -295,7 +300,8 @@ function writeTexts(bench, { texts, ranges, times }) {
   setText(texts.away, awayInWords(bench));
   texts.away.hidden = !texts.away.textContent;
   const { label } = bench.view.runs[bench.run];
-  const about = `${upperFirst(isolated(runName(label)))}. ${texts.time.textContent} ${texts.away.textContent}`;
+  const run = upperFirst(isolated(runName(label)));
+  const about = `${run}. ${texts.time.textContent} ${texts.away.textContent}`.trim();
   times.upper.describe(
     `Measured and simulated ${isolated(bench.view.output.name)} over time. ${about}`,
   );

@@ -129,7 +129,8 @@ function useCells(bench, runs, key, name) {
           "use",
           { runs, use },
           (before, after) =>
-            `${upperFirst(isolated(name))} ${USED[use]}: ${fromTo(before.vaf.train, after.vaf.train)}`,
+            `${upperFirst(isolated(name))} ${USED[use]}: ` +
+            fromTo(before.vaf.train, after.vaf.train),
         ),
     }),
   );

@@ -1,8 +1,8 @@
 // What is taken away: the script that gives these numbers, and the report.
 
-function savingPart(bench) {
+// Its buttons, and what they lead to.
+function savingParts(bench) {
   const { can } = bench.view;
-  const title = el("h3", { id: `${bench.id}-saving` }, "Take it with you");
   const code = el("pre", { tabindex: "0", role: "region", "aria-label": "The script in Python" });
   const shown = el("details", { class: "sk-script" }, el("summary", {}, "The script"), code);
   shown.hidden = true;
@@ -11,16 +11,13 @@ function savingPart(bench) {
     "data-sk-key": "script",
   });
   const save = button("Save report", () => saveReport(bench, result), { "data-sk-key": "report" });
-  const node = el(
+  const buttons = el(
     "div",
-    { class: "sk-saving sk-part", role: "group", "aria-labelledby": title.id },
-    title,
-    el("div", { class: "sk-row" }, can.script ? copy : null, can.report ? save : null),
-    result,
-    shown,
+    { class: "sk-row" },
+    can.script ? copy : null,
+    can.report ? save : null,
   );
-  node.hidden = !can.script && !can.report;
-  return { node, update() {} };
+  return { buttons, results: [result, shown] };
 }
 
 async function copyScript(bench, code, shown) {

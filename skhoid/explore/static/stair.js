@@ -5,18 +5,26 @@ const LEAST_STEP = 84;
 function stairPart(bench) {
   const sentence = el("p", { class: "sk-sentence" });
   const steps = el("ol", { class: "sk-steps" });
+  const held = el("p", { class: "sk-soft" });
   const note = el("p", { class: "sk-soft" });
+  const about = el(
+    "details",
+    { class: "sk-soft" },
+    el("summary", {}, "About the noise ceiling"),
+    note,
+  );
   const key = el("p", { class: "sk-legend" }, keyOf("noise", "noise ceiling"));
   const title = el("h3", { id: `${bench.id}-stair` }, "Error that remains");
   const unwell = el("p", { class: "sk-warning" });
   const node = el(
     "div",
     { class: "sk-stair sk-part", role: "group", "aria-labelledby": title.id },
-    title,
+    el("div", { class: "sk-head" }, title, bench.busyNode),
     sentence,
     key,
     steps,
-    note,
+    held,
+    about,
     unwell,
   );
   const update = () => {
@@ -30,9 +38,11 @@ function stairPart(bench) {
       stair.map((step, i) => stepNode(steps.children[i], step, stair[i - 1], most, ceiling)),
     );
     steps.classList.toggle("sk-many", bench.stairWidth < LEAST_STEP * stair.length);
-    const held = vaf.hold === null ? "" : `On held-out runs: VAF ${percent(vaf.hold)}. `;
-    setText(note, held + (ceiling && ceiling.note ? ceiling.note : ""));
-    setText(unwell, impossible ? `Not physically possible: ${impossible}` : "");
+    setText(held, vaf.hold === null ? "" : `On held-out runs: VAF ${percent(vaf.hold)}.`);
+    held.hidden = vaf.hold === null;
+    setText(note, ceiling && ceiling.note ? ceiling.note : "");
+    about.hidden = !note.textContent;
+    setText(unwell, impossible ?? "");
     unwell.hidden = !impossible;
   };
   return { node, update };

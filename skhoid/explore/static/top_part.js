@@ -9,13 +9,21 @@ function topPart(bench) {
   const trouble = el("div", { class: "sk-alert", role: "alert" });
   const dismiss = button("Dismiss", () => bench.alert(null), { class: "sk-button sk-small" });
   const status = el("p", { class: "sk-status", role: "status" });
-  const busy = el("p", { class: "sk-busy" });
+  const busy = el("span", { class: "sk-busy" });
+  const saving = savingParts(bench);
+  bench.busyNode = busy;
   const node = el(
     "div",
     { class: "sk-top" },
-    bench.view.title ? el("h2", {}, named(bench.view.title)) : null,
+    el(
+      "div",
+      { class: "sk-head" },
+      bench.view.title ? el("h2", {}, named(bench.view.title)) : null,
+      saving.buttons,
+    ),
     verdict,
-    el("div", { class: "sk-under" }, findings, el("div", { class: "sk-said" }, busy, status)),
+    el("div", { class: "sk-under" }, findings, status),
+    ...saving.results,
     bench.view.note ? el("p", { class: "sk-soft" }, bench.view.note) : null,
     trouble,
   );
@@ -44,7 +52,7 @@ function topPart(bench) {
     verdict.hidden = !words;
     verdict.dataset.kind = kind;
     findings.hidden = found.length === 0;
-    setText(summary, `What the baseline gets wrong (${found.length})`);
+    setText(summary, `Findings (${found.length})`);
     list.replaceChildren(
       ...found.map(({ what, why }) => el("li", {}, el("strong", {}, what), " ", why)),
     );

@@ -115,11 +115,9 @@
     at("problems").hidden = found.problems.length === 0;
     at("problems").querySelector("ul").replaceChildren(...found.problems.map(problem));
     at("findings").hidden = !found.checked;
-    at("findings")
-      .querySelector("ul")
-      .replaceChildren(
-        ...(found.findings.length ? found.findings.map(finding) : [text("li", "Nothing is wrong.")]),
-      );
+    const findings = found.findings.map(finding);
+    if (findings.length === 0) findings.push(text("li", "Nothing is wrong."));
+    at("findings").querySelector("ul").replaceChildren(...findings);
     const same = before && before.phase === "columns";
     const drawn = JSON.stringify([found.columns, found.model]);
     if (same && drawn === JSON.stringify([before.columns, before.model])) return;
@@ -180,7 +178,8 @@
     unit.maxLength = 40;
     unit.value = column.unit;
     unit.setAttribute("aria-label", `Unit of ${column.name}`);
-    tr.append(name, cell(select), cell(unit), cell(picture(column), text("div", column.first, "values")));
+    const first = cell(picture(column), text("div", column.first, "values"));
+    tr.append(name, cell(select), cell(unit), first);
     return tr;
   }
 
@@ -350,18 +349,19 @@
       if (at("wrong").textContent === SILENT) says(null);
     });
     events.addEventListener("error", () => says(new Error(SILENT)));
-    events.addEventListener("message", (event) => {
-      const news = JSON.parse(event.data);
-      const before = seen;
-      seen = { state: news.state, opening: news.opening };
-      if (news.opening !== before.opening) refresh().catch(says);
-      if (!mounted || mounted === "soon" || before.state < 0) return;
-      if (news.state !== before.state) {
-        if (news.by !== me) follow();
-      } else if (news.search && state) {
-        tell({ ...state, search: news.search });
-      }
-    });
+    events.addEventListener("message", (event) => hear(JSON.parse(event.data)).catch(says));
+  }
+
+  async function hear(news) {
+    const before = seen;
+    seen = { state: news.state, opening: news.opening };
+    if (news.opening !== before.opening) await refresh(); // first: it may end the component
+    if (!mounted || mounted === "soon" || before.state < 0) return;
+    if (news.state !== before.state) {
+      if (news.by !== me) follow();
+    } else if (news.search && state) {
+      tell({ ...state, search: news.search });
+    }
   }
 
   at("chooser").addEventListener("change", upload);

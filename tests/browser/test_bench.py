@@ -1,0 +1,300 @@
+"""The component by hand: effects, brushes, keyboard, hostile names, narrow and dark."""
+
+import re
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+from selenium.webdriver import ActionChains
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+from skhoid import EffectSearchCV, OperatorRegressor, compare, make_tracking_runs, vaf_score
+from skhoid.effects import Bias, DeadZone
+from skhoid.explore import component, wire
+from skhoid.explore.payloads import payload_of_comparison, payload_of_search
+
+EVIL = "\"><img src=x onerror='window.hacked=1'></script>\u202e"
+LONG = "very " * 60
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return make_tracking_runs(
+        "C1",
+        3,
+        effects=DeadZone(width=0.3) + Bias(level=0.05),
+        channels=["e", "x", "f_t"],
+        sampling_rate=50,
+        remnant_intensity=0.05,
+        random_state=3,
+    )
+
+
+@pytest.fixture(scope="module")
+def payload(runs):
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias", "dead_zone"]).fit(*runs)
+    return payload_of_search(search, *runs)
+
+
+class Hand:
+    """A page with the component, and what hands and eyes do in it."""
+
+    def __init__(self, browser, path, payload, **how):
+        path.write_text(component.page(wire.pack_text(payload), "Bench"), encoding="utf-8")
+        self.browser, self.driver = browser, browser.driver
+        browser.open(path, **how)
+        self.wait(lambda: self.all(".sk-plot .uplot canvas"))
+
+    def all(self, selector):
+        return self.driver.find_elements(By.CSS_SELECTOR, selector)
+
+    def wait(self, done):
+        for _ in range(200):
+            if found := done():
+                return found
+            time.sleep(0.05)
+        raise AssertionError("It did not come.")
+
+    def labelled(self, label):
+        [one] = self.all(f'[aria-label="{label}"]')
+        return one
+
+    def plot(self, name):
+        [one] = self.all(f'.sk-plot[data-sk-key="plot {name}"]')
+        return one
+
+    def sentences(self):
+        return [one.text for one in self.all(".sk-sentence")]
+
+    def said(self, pattern):
+        """The groups of a pattern in what is said below the plots, once it is there."""
+        return self.wait(
+            lambda: next((m.groups() for s in self.sentences() if (m := re.search(pattern, s))), ())
+        )
+
+    def type_range(self, name, low, high):
+        for end, value in (("from", low), ("to", high)):
+            box = next(
+                one
+                for one in self.all(".sk-range input")
+                if one.get_attribute("aria-label").startswith(f"{name} {end}")
+            )
+            box.clear()
+            box.send_keys(f"{value}", Keys.TAB)
+
+    def stair(self):
+        return [
+            float(re.search(r"VAF ([\d.]+) %", one.text)[1]) for one in self.all(".sk-step-vaf")
+        ]
+
+
+@pytest.fixture
+def hand(browser, tmp_path, payload):
+    return Hand(browser, tmp_path / "page.html", payload)
+
+
+def shown(states, key):
+    return [round(step["vaf"], 1) for step in states[key]["stair"]]
+
+
+def test_effects_are_taken_away_and_added_again(hand, payload):
+    states = payload["states"]
+    assert hand.stair() == shown(states, "bias,dead_zone")
+    hand.labelled("Remove bias").click()
+    hand.wait(lambda: hand.stair() == shown(states, "dead_zone"))
+    hand.labelled("Remove dead zone").click()
+    hand.wait(lambda: hand.stair() == shown(states, ""))
+    hand.labelled("Add bias").click()
+    hand.wait(lambda: hand.stair() == shown(states, "bias"))
+    for _ in range(3):
+        hand.browser.press(Keys.CONTROL, "z", Keys.NULL)
+    hand.wait(lambda: hand.stair() == shown(states, "bias,dead_zone"))
+    hand.browser.press(Keys.CONTROL, Keys.SHIFT, "z", Keys.NULL)
+    hand.wait(lambda: hand.stair() == shown(states, "dead_zone"))
+    assert hand.browser.console() == []
+
+
+def test_what_happened_is_said(hand):
+    hand.labelled("Remove bias").click()
+    [status] = hand.all("[role=status]")
+    hand.wait(lambda: "bias" in status.text)
+
+
+def test_a_window_has_the_vaf_of_the_library(hand, runs, payload):
+    hand.type_range("Window", 30, 60)
+    _, y = (part.loc[[0]] for part in runs)
+    simulated = payload["traces"][0]["simulated"]["bias,dead_zone"]
+    time_of = y.index.get_level_values("time")
+    rows = (time_of >= 30 - 1e-9) & (time_of <= 60 + 1e-9)
+    expected = vaf_score(y[rows], simulated[rows])
+    found = float(hand.said(r"VAF ([\d.]+) %.* 1,50\d rows")[0])
+    assert found == pytest.approx(expected, abs=0.11)
+
+
+def test_a_window_is_dragged_and_cleared(hand):
+    hand.said("Whole run: ")
+    plot = hand.plot("time")
+    ActionChains(hand.driver).move_to_element_with_offset(plot, -50, 0).click_and_hold().pause(
+        0.05
+    ).move_by_offset(120, 0).release().perform()
+    hand.wait(lambda: not any(s.startswith("Whole run") for s in hand.sentences()))
+    boxes = [one.get_attribute("value") for one in hand.all(".sk-window-row input")]
+    assert all(boxes)
+    hand.browser.press(Keys.ESCAPE)
+    hand.said("Whole run: ")
+
+
+def test_a_window_is_moved_by_keyboard(hand):
+    plot = hand.plot("time")
+    hand.driver.execute_script("arguments[0].focus()", plot)
+    hand.browser.press(Keys.ARROW_RIGHT)
+    first = hand.wait(
+        lambda: [
+            float(v) for b in hand.all(".sk-window-row input") if (v := b.get_attribute("value"))
+        ]
+    )
+    hand.browser.press(Keys.ARROW_RIGHT)
+
+    def values():
+        return [float(b.get_attribute("value")) for b in hand.all(".sk-window-row input")]
+
+    hand.wait(lambda: values()[0] > first[0])
+    wide = np.ptp(values())
+    hand.browser.press(Keys.SHIFT, Keys.ARROW_RIGHT, Keys.NULL)
+    hand.wait(lambda: np.ptp(values()) > wide)
+    hand.browser.press(Keys.ESCAPE)
+    hand.said("Whole run: ")
+
+
+def test_a_band_is_linked_to_time(hand, runs, payload):
+    hand.type_range("Band", 1.0, 4.0)
+    share = float(hand.said(r"([\d.]+) % of the residual")[0])
+    r = runs[1].loc[0].to_numpy() - payload["traces"][0]["simulated"]["bias,dead_zone"]
+    spectrum = np.abs(np.fft.rfft(r - r.mean(), 4096)) ** 2
+    omega = 2 * np.pi * np.fft.rfftfreq(4096, 0.02)
+    inside = (omega >= 1.0) & (omega <= 4.0)
+    assert share == pytest.approx(100 * spectrum[inside].sum() / spectrum.sum(), abs=1.0)
+
+
+def test_amplitudes_are_linked_to_time(hand):
+    hand.type_range("Amplitudes", 0.5, 5.0)
+    rows, share = hand.said(r"([\d,]+) rows.*?([\d.]+) %|([\d.]+) %.*?([\d,]+) rows")[:2]
+    assert rows is not None or share is None
+
+
+def test_runs_are_shown_one_after_the_other(hand):
+    hand.labelled("Next run").click()
+    hand.wait(lambda: "1" in hand.all(".sk-run-title")[0].text)
+    hand.all("button.sk-run")[2].click()
+    hand.wait(lambda: "2" in hand.all(".sk-run-title")[0].text)
+
+
+def test_keyboard_reaches_everything_and_the_focus_is_seen(hand):
+    """Tab from the top meets all that can be operated, each with an outline."""
+    hand.browser.js("document.body.tabIndex = -1; document.body.focus()")
+    keys, seen = set(), 0
+    wanted = hand.browser.js(
+        "return [...document.querySelectorAll('button, input, select, summary, [tabindex=\"0\"]')]"
+        ".filter(e => e.checkVisibility() && !e.disabled && e.tabIndex === 0).length"
+    )
+    for _ in range(wanted + 5):
+        hand.browser.press(Keys.TAB)
+        label, outline = hand.browser.js(
+            "const e = document.activeElement; const s = getComputedStyle(e);"
+            "e.dataset.met ??= Math.random(); return [e === document.body ? '' : e.dataset.met,"
+            "s.outlineStyle !== 'none' && parseFloat(s.outlineWidth) > 0 || s.boxShadow !== 'none']"
+        )
+        if label and label not in keys:
+            keys.add(label)
+            seen += outline
+    assert len(keys) >= wanted
+    assert seen == len(keys)
+
+
+@pytest.fixture(scope="module")
+def hostile(runs):
+    X, y = runs
+    X = X.rename(columns={"x": EVIL, "f_t": LONG})
+    X = X.rename(index={0: EVIL, 1: LONG, 2: "\u202e \U0001f600"}, level=0)
+    y = y.set_axis(X.index).rename(EVIL)
+    X.attrs["units"], y.attrs["units"] = {"e": EVIL, LONG: LONG}, {EVIL: LONG}
+    return payload_of_comparison(compare(OperatorRegressor(effects=["bias"]).fit(X, y), X, y))
+
+
+@pytest.mark.parametrize("colours", ["light", "dark"])
+@pytest.mark.parametrize("width", [400, 1400])
+@pytest.mark.parametrize("which", ["payload", "hostile"])
+def test_all_can_be_read(browser, tmp_path, request, which, width, colours):
+    payload = request.getfixturevalue(which)
+    hand = Hand(browser, tmp_path / "page.html", payload, width=width, colours=colours)
+    assert browser.console() == []
+    assert browser.requests() == []
+    assert browser.overflow() <= 0
+    assert browser.violations() == []
+    assert browser.js("return window.hacked === undefined")
+    sizes = browser.js(
+        "return [...document.querySelectorAll('.sk-bench *')].filter(e => e.checkVisibility() &&"
+        "[...e.childNodes].some(c => c.nodeType === 3 && c.textContent.trim()))"
+        ".map(e => parseFloat(getComputedStyle(e).fontSize))"
+    )
+    assert min(sizes) >= 12
+    assert hand.all(".sk-alert")[0].text == ""
+
+
+def test_holes_in_the_data(browser, tmp_path, runs):
+    X, y = (part.loc[[0]].copy() for part in runs)
+    model = OperatorRegressor().fit(X, y)
+    y.iloc[1000:2500] = np.nan
+    X.iloc[500:505] = np.nan
+    with pytest.warns(UserWarning, match="NaN"):
+        payload = payload_of_comparison(compare(model, X, y))
+    hand = Hand(browser, tmp_path / "page.html", payload)
+    assert browser.console() == []
+    hand.type_range("Window", 22, 28)
+    hand.wait(
+        lambda: any("no row" in s.lower() or "nothing" in s.lower() for s in hand.sentences())
+    )
+    assert len(hand.all("button.sk-run")) == 1
+
+
+@pytest.mark.slow  # large pages
+def test_a_million_rows_and_a_hundred_runs(browser, tmp_path, payload):
+    """What the component is told directly, larger than a report would be."""
+    few = payload["traces"][0]
+    n = 1_000_000
+    rng = np.random.default_rng(0)
+    big = {
+        **few,
+        "measured": rng.normal(size=n),
+        "scored": np.ones(n, dtype=bool),
+        "channels": {"e": rng.normal(size=n)},
+        "simulated": dict.fromkeys(payload["states"], rng.normal(size=n) * 0.1),
+    }
+    view = {**payload["view"]}
+    view["runs"] = [{"label": f"run {i}", "n": n, "person": None} for i in range(100)]
+    states = {
+        key: {**state, "uses": ["train"] * 100, "run_vaf": [50.0] * 100}
+        for key, state in payload["states"].items()
+    }
+    empty = {**few, **dict.fromkeys(["measured", "scored", "channels", "simulated"])}
+    view["state"] = states[payload["start"]]
+    large = {"view": view, "start": payload["start"], "states": states}
+    hand = Hand(browser, tmp_path / "page.html", {**large, "traces": [big] + [empty] * 99})
+    assert len(hand.all("button.sk-run")) == 100
+    hand.said(r"1,000,000 rows|999,\d+ rows")
+    hand.type_range("Window", 100, 9000)
+    hand.said(r"VAF -?[\d.]+|VAF −[\d.]+")
+    assert browser.console() == []
+
+
+def test_people_stand_above_their_runs(browser, tmp_path, payload):
+    view = {
+        **payload["view"],
+        "people": [{"name": EVIL, "runs": [0, 1]}, {"name": "B", "runs": [2]}],
+    }
+    view["runs"] = [{**run, "person": EVIL if i < 2 else "B"} for i, run in enumerate(view["runs"])]
+    hand = Hand(browser, tmp_path / "page.html", {**payload, "view": view})
+    assert EVIL.split("\u202e")[0] in hand.all(".sk-runs")[0].text
+    assert isinstance(pd.Series(hand.stair()).sum(), float)
