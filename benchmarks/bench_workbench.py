@@ -10,6 +10,7 @@ paint). Needs Chromium, its driver, and ``pip install -e ".[browser,workbench]"`
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -32,7 +33,7 @@ const act = new Function("k", move);
 const painted = () => new Promise((go) => requestAnimationFrame(() => setTimeout(go)));
 const changed = (node) => new Promise((go) => {
   const seen = new MutationObserver(() => { seen.disconnect(); go(); });
-  seen.observe(node, { childList: true, subtree: true, characterData: true });
+  seen.observe(node, { childList: true, subtree: true, characterData: true, attributes: true });
 });
 (async () => {
   const times = [];
@@ -49,7 +50,8 @@ const changed = (node) => new Promise((go) => {
 """
 DRAG = """
 const slider = document.querySelector("input[type=range]");
-slider.value = Number(slider.min) + (0.2 + 0.002 * (k % 200)) * (slider.max - slider.min);
+const share = 0.2 + (0.6 * ((37 * k) % 200)) / 200;
+slider.value = Number(slider.min) + share * (slider.max - slider.min);
 slider.dispatchEvent(new Event("input", { bubbles: true }));
 """
 BRUSH = """
@@ -57,9 +59,10 @@ const plot = document.querySelector('.sk-plot[data-sk-key="plot time"]');
 const key = k % 20 < 10 ? "ArrowRight" : "ArrowLeft";
 plot.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
 """
+READY = "const fit = document.getElementById('fit'); return fit.checkVisibility() && !fit.disabled"
 PAINTED = """
-const painted = [...document.querySelectorAll(".sk-plot canvas")].length > 0;
-return painted && document.querySelector(".sk-sentence").textContent !== "";
+const said = document.querySelector(".sk-plots .sk-sentence");
+return document.querySelector(".sk-plot canvas") !== null && said !== null && said.textContent !== "";
 """
 
 
@@ -67,7 +70,8 @@ def chromium() -> webdriver.Chrome:
     options = webdriver.ChromeOptions()
     for argument in ("--headless=new", "--no-sandbox", "--window-size=1400,1000"):
         options.add_argument(argument)
-    driver = webdriver.Chrome(options)
+    options.binary_location = shutil.which("chromium") or ""
+    driver = webdriver.Chrome(options, webdriver.ChromeService(shutil.which("chromedriver")))
     driver.set_script_timeout(300)
     return driver
 
@@ -104,11 +108,11 @@ class Server:
         self.process.wait()
 
 
-def wait(driver: webdriver.Chrome, script: str, longest: float = 60.0) -> None:
+def wait(driver: webdriver.Chrome, script: str, longest: float = 25.0) -> None:
     end = time.monotonic() + longest
     while not driver.execute_script(script):
         if time.monotonic() > end:
-            raise TimeoutError(script)
+            raise TimeoutError(script + driver.find_element(By.TAG_NAME, "body").text[:2000])
         time.sleep(0.01)
 
 
@@ -126,8 +130,10 @@ def main() -> None:
         folder = Path(name)
         driver = chromium()
         with Server(written(folder, 60)) as server:
+            begun = time.monotonic()
             driver.get(server.url)
-            wait(driver, "return document.getElementById('fit').checkVisibility()")
+            wait(driver, READY)
+            print(f"60 runs: first paint, columns {time.monotonic() - begun:.2f} s, wanted <= 2")
             begun = time.monotonic()
             driver.find_element(By.ID, "fit").click()
             wait(driver, PAINTED)
@@ -135,10 +141,10 @@ def main() -> None:
             begun = time.monotonic()
             driver.refresh()
             wait(driver, PAINTED)
-            print(f"60 runs: first paint {time.monotonic() - begun:.2f} s, wanted <= 2")
+            print(f"60 runs: page with a model {time.monotonic() - begun:.2f} s, wanted <= 2")
         with Server(written(folder, 5)) as server:
             driver.get(server.url)
-            wait(driver, "return document.getElementById('fit').checkVisibility()")
+            wait(driver, READY)
             driver.find_element(By.ID, "fit-search").click()
             wait(driver, PAINTED)
             end = time.monotonic() + SEARCHED
@@ -166,6 +172,13 @@ def main() -> None:
         remnant_intensity=0.1,
         random_state=0,
     )
+    model = OperatorRegressor(effects=["dead_zone", "bias"]).fit(X, y)
+    predicted = []
+    for _ in range(20):
+        begun = time.perf_counter()
+        model.predict(X)
+        predicted.append(1e3 * (time.perf_counter() - begun))
+    say("beside: predict of 5 runs, ms", predicted, "15 where it was ordered")
     search = EffectSearchCV(OperatorRegressor(), effects=["bias", "dead_zone"]).fit(X, y)
     print(f"report: {len(report(search, X, y).html) / 1e6:.2f} MB, wanted <= 3")
 

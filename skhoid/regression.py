@@ -291,10 +291,17 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         With it the rows of runs in which the channels it needs were recorded.
         """
         self._check_fitted()
+        grid, values, output = self._read_to_compare(X, y)
+        return self._prediction_of(grid, values, output), self._fed(grid.layout, values)
+
+    def _read_to_compare(self, X: Any, y: Any) -> tuple[ModelGrid, np.ndarray, np.ndarray]:
+        """Grid, channels and output of data, as :meth:`_prediction_of` takes them."""
         grid, values = self._read_X(X, reset=False)
-        output = grid.thin_output(self._read_y(X, y))
-        prediction = grid.to_full_rate(self._run_from(grid, values, output))
-        return prediction, self._fed(grid.layout, values)
+        return grid, values, grid.thin_output(self._read_y(X, y))
+
+    def _prediction_of(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
+        """The same free run of data that have been read."""
+        return grid.to_full_rate(self._run_from(grid, values, output))
 
     def summary(self, X: Any = None, y: Any = None) -> Summary:
         """Summarise in a table what was fitted, how, and how certain the parameters are.

@@ -19,7 +19,7 @@ skhoidBench.wire
     skhoidBench.mount(host, found.view, skhoidBench.staticBackend(found));
   });
 """
-OFFERED = ("mount", "numbers", "wire", "staticBackend", "serverBackend", "widgetBackend")
+OFFERED = ("mount", "numbers", "wire", "staticBackend", "widgetBackend")
 
 
 @cache

@@ -12,11 +12,11 @@ from sklearn.base import clone
 
 from ..arx.batch import ARXRegressor
 from ..effects.composition import Effects
-from ..pipelines import prediction_from
 from ..search.effect_search import EffectSearchCV
 from .runs_kept import Runs
 
 KEPT = 96  # models
+FEW = 8  # with parameters moved by hand: of each there are many, one after the other
 KEPT_ROWS = 20_000_000  # of predictions
 
 
@@ -55,6 +55,7 @@ class Models:
         self.given = {key_of(Effects.of(one.effects), everything): one for one in given}
         self._models = Kept(KEPT)
         self._predictions = Kept(max(4, KEPT_ROWS // max(runs.layout.n_rows, 1)))
+        self._moved, self._predicted, self._read = Kept(FEW), Kept(FEW), Kept(FEW)
 
     def fitted(self, effects: Effects, train: tuple[int, ...]) -> Any:
         """The estimator with these effects, fitted to these runs."""
@@ -65,21 +66,22 @@ class Models:
 
     def moved(self, effects: Effects, train: tuple[int, ...], moved: Mapping[str, float]) -> Any:
         """The same with parameters moved by hand, those that it has."""
-        model = self.fitted(effects, train)
         own = own_values(moved, effects)
-        return model.with_parameters(own) if own else model
+        if not own:
+            return self.fitted(effects, train)
+        key = key_of(effects, train), tuple(own.items())
+        return self._moved.of(key, lambda: self.fitted(effects, train).with_parameters(own))
 
     def prediction(
         self, effects: Effects, train: tuple[int, ...], moved: Mapping[str, float]
     ) -> np.ndarray:
-        """Free run on all runs; a parameter moved is not kept."""
-        if own_values(moved, effects):
-            return self._predict(self.moved(effects, train, moved))
-        key = key_of(effects, train)
-        return self._predictions.of(key, lambda: self._predict(self.fitted(effects, train)))
-
-    def _predict(self, model: Any) -> np.ndarray:
-        return prediction_from(model, self.runs.X, self.runs.y)[0]
+        """Free run on all runs."""
+        own = own_values(moved, effects)
+        key = key_of(effects, train), tuple(own.items())
+        kept = self._predicted if own else self._predictions
+        model = self.moved(effects, train, own)
+        read = self._read.of(key[0], lambda: model._read_to_compare(self.runs.X, self.runs.y))
+        return kept.of(key, lambda: model._prediction_of(*read))
 
     def _fit(self, effects: Effects, train: tuple[int, ...]) -> Any:
         if not train:

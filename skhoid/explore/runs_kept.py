@@ -121,7 +121,17 @@ class Runs:
 
     def vaf_by_run(self, prediction: np.ndarray) -> list[float | None]:
         """VAF of each run; None where nothing counts."""
-        return [self.vaf(prediction, (run,)) for run in range(self.n)]
+        if not self.measured[self.scored].any():
+            return [None] * self.n
+        moves = np.add.reduceat(np.where(self.scored, self.measured**2, 0.0), self.begins) > 0
+        keep = self.scored & np.repeat(moves, np.diff(self.layout.run_starts))
+        found = vaf_of_rows(self.measured, prediction, keep, self.layout, None, False)
+        return [float(v) if known else None for v, known in zip(found, moves, strict=True)]
+
+    @property
+    def begins(self) -> np.ndarray:
+        """First rows of the runs."""
+        return self.layout.run_starts[:-1]
 
     def rmse(self, prediction: np.ndarray, runs: tuple[int, ...]) -> float | None:
         keep = self.scored & self.mask(runs)

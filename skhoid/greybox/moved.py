@@ -85,7 +85,6 @@ def table_of(
     table: pd.DataFrame, found: Mapping[str, float], moved_names: Any, simulation: Simulation
 ) -> pd.DataFrame:
     """The table of parameters with what was moved, which has no error, and what follows from it."""
-    table = table.copy()
     new = {name: found[name] for name in table.index if name in found}
     for ratio in simulation.spec.core.ratios:
         if ratio.name in table.index and found[ratio.under] != 0.0:
@@ -93,9 +92,12 @@ def table_of(
     for name, effect in simulation.effects:
         own = {**effect.fixed, **own_of(name, found)}
         for key, (value, _, _) in effect.derived({**found, **own}).items():
-            if f"{name}__{key}" in table.index:
-                new[f"{name}__{key}"] = value
-    for name, value in new.items():
-        if name in moved_names or value != table.loc[name, "value"]:
-            table.loc[name, ["value", "sd", "low", "high"]] = value, np.nan, np.nan, np.nan
-    return table
+            new[f"{name}__{key}"] = value
+    value = table["value"].to_numpy(copy=True)
+    errors = {name: table[name].to_numpy(copy=True) for name in ("sd", "low", "high")}
+    for row, name in enumerate(table.index):
+        if name in new and (name in moved_names or new[name] != value[row]):
+            value[row] = new[name]
+            for column in errors.values():
+                column[row] = np.nan
+    return table.assign(value=value, **errors)

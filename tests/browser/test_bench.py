@@ -70,9 +70,21 @@ class Hand:
 
     def said(self, pattern):
         """The groups of a pattern in what is said below the plots, once it is there."""
-        return self.wait(
-            lambda: next((m.groups() for s in self.sentences() if (m := re.search(pattern, s))), ())
+        found = self.wait(
+            lambda: next((m for s in self.sentences() if (m := re.search(pattern, s))), None)
         )
+        return found.groups()
+
+    def chord(self, *keys):
+        """Press keys together."""
+        *held, last = keys
+        actions = ActionChains(self.driver)
+        for key in held:
+            actions.key_down(key)
+        actions.send_keys(last)
+        for key in held:
+            actions.key_up(key)
+        actions.perform()
 
     def type_range(self, name, low, high):
         for end, value in (("from", low), ("to", high)):
@@ -109,9 +121,9 @@ def test_effects_are_taken_away_and_added_again(hand, payload):
     hand.labelled("Add bias").click()
     hand.wait(lambda: hand.stair() == shown(states, "bias"))
     for _ in range(3):
-        hand.browser.press(Keys.CONTROL, "z", Keys.NULL)
+        hand.chord(Keys.CONTROL, "z")
     hand.wait(lambda: hand.stair() == shown(states, "bias,dead_zone"))
-    hand.browser.press(Keys.CONTROL, Keys.SHIFT, "z", Keys.NULL)
+    hand.chord(Keys.CONTROL, Keys.SHIFT, "z")
     hand.wait(lambda: hand.stair() == shown(states, "dead_zone"))
     assert hand.browser.console() == []
 
@@ -162,7 +174,7 @@ def test_a_window_is_moved_by_keyboard(hand):
 
     hand.wait(lambda: values()[0] > first[0])
     wide = np.ptp(values())
-    hand.browser.press(Keys.SHIFT, Keys.ARROW_RIGHT, Keys.NULL)
+    hand.chord(Keys.SHIFT, Keys.ARROW_RIGHT)
     hand.wait(lambda: np.ptp(values()) > wide)
     hand.browser.press(Keys.ESCAPE)
     hand.said("Whole run: ")

@@ -206,14 +206,8 @@ async function dragOnce(bench, { name, value, of }) {
 }
 
 // A state that nobody here asked for: another tab, a search that ended, a ceiling that arrived.
-function hear(bench, state, { partial = false } = {}) {
+function hear(bench, state) {
   if (bench.gone || !state) return;
-  if (partial) {
-    bench.state = { ...bench.state, search: state.search };
-    bench.render();
-    if (markOf(state) !== markOf(bench.state)) bench.fetchSoon();
-    return;
-  }
   if (state.revision < bench.state.revision) return;
   if (bench.drag.active()) {
     bench.fetchSoon();
@@ -224,11 +218,6 @@ function hear(bench, state, { partial = false } = {}) {
   bench.live = null;
   bench.render();
   if (changed) showRun(bench, bench.run);
-}
-
-// All of a state but what moves in a search, and the curves, which do not come with events.
-function markOf(state) {
-  return JSON.stringify(state, (key, part) => (key === "search" || key === "curve" ? null : part));
 }
 
 function fetcher(bench) {

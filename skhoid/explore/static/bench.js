@@ -18,7 +18,7 @@ function mount(element, view, backend) {
   sizes.observe(element);
   window.addEventListener("resize", () => stick(parts), { signal: bench.ended.signal });
   bench.root.addEventListener("keydown", (event) => historyByKey(bench, event));
-  backend.onState((state, how) => hear(bench, state, how));
+  backend.onState((state) => hear(bench, state));
   showRun(bench, bench.run);
   return {
     refresh: (state) => hear(bench, state),

@@ -2,7 +2,8 @@
 
 const WAIT = 150;
 const GROUPS = [
-  ["gains", "Gain on held-out rows", ["found", "helps"]],
+  ["named", "Named by the search", ["found"]],
+  ["gains", "Gain too, but were not named", ["helps"]],
   ["untried", "Not tried yet", ["untried"]],
   ["no", "No gain", ["no"]],
   ["refused", "Do not apply here", ["refused"]],
@@ -45,8 +46,9 @@ function candidatesPart(bench) {
   return { node, update };
 }
 
+// What brings nothing stays folded.
 function openFirst(groups) {
-  const first = groups.find((group) => group.size > 0);
+  const first = groups.slice(0, 3).find((group) => group.size > 0);
   for (const group of groups) group.node.open = group === first;
 }
 
@@ -109,7 +111,8 @@ function candidateCard(bench, card) {
 }
 
 function reasonInWords({ reason, parameters, delta_bic: bic, gain }) {
-  const evidence = bic === null || gain === null ? "" : `ΔBIC ${points(bic)}.`;
+  const said = bic === null || gain === null || reason.includes("ΔBIC");
+  const evidence = said ? "" : `ΔBIC ${points(bic)}.`;
   return [parameters && `${parameters}.`, evidence, reason].filter(Boolean).join(" ");
 }
 

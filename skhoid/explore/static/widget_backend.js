@@ -7,7 +7,7 @@ function widgetBackend(model) {
   const heard = (content, buffers) => {
     const value = unpack(bufferOf(buffers[0]));
     if (content.id === null) {
-      for (const listener of listeners) listener(value.state, {});
+      for (const listener of listeners) listener(value.state);
       return;
     }
     const { resolve, reject } = waiting.get(content.id) ?? {};
