@@ -62,7 +62,8 @@ plot.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true }));
 READY = "const fit = document.getElementById('fit'); return fit.checkVisibility() && !fit.disabled"
 PAINTED = """
 const said = document.querySelector(".sk-plots .sk-sentence");
-return document.querySelector(".sk-plot canvas") !== null && said !== null && said.textContent !== "";
+const drawn = document.querySelector(".sk-plot canvas") !== null;
+return drawn && said !== null && said.textContent !== "";
 """
 
 

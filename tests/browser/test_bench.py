@@ -35,7 +35,9 @@ def runs():
 @pytest.fixture(scope="module")
 def payload(runs):
     search = EffectSearchCV(OperatorRegressor(), effects=["bias", "dead_zone"]).fit(*runs)
-    return payload_of_search(search, *runs)
+    payload = payload_of_search(search, *runs)
+    payload["view"]["title"] = "A person"  # which a report says itself
+    return payload
 
 
 class Hand:
