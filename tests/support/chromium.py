@@ -32,8 +32,8 @@ class Browser:
         self.driver = driver
         self._axe = axe
 
-    def open(self, path, *, width=1400, colours="light", scripts=True):
-        """Load a file; console and network are those of this page from here on."""
+    def open(self, page, *, width=1400, colours="light", scripts=True):
+        """Load a file or an address; console and network are of this page from here on."""
         from selenium.webdriver.support.ui import WebDriverWait
 
         self.command(
@@ -48,7 +48,7 @@ class Browser:
         self.driver.get("about:blank")  # the page before may be of the same file
         for log in ("browser", "performance"):
             self.driver.get_log(log)
-        self.driver.get(path.as_uri())
+        self.driver.get(page if isinstance(page, str) else page.as_uri())
         WebDriverWait(self.driver, 60).until(
             lambda _: self.js("return document.readyState") == "complete"
         )

@@ -1,0 +1,252 @@
+"""``skhoid workbench`` in a real browser, with its own server: from a file to a report and back."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+from skhoid import make_tracking_runs
+from skhoid.effects import Bias, DeadZone
+
+pytest.importorskip("uvicorn")
+
+EVIL = '"><img src=x onerror="window.hacked=1">'
+PATIENCE = 120.0  # s
+EFFECTS = ["--effects", "bias", "dead_zone", "saturation"]
+COUNT_CLICKS = """
+window.clicks = 0;
+window.typed = 0;
+addEventListener("click", (e) => { if (e.isTrusted && e.detail > 0) window.clicks += 1; }, true);
+addEventListener("keydown", (e) => { if (e.isTrusted) window.typed += 1; }, true);
+"""
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A file as a lab has it."""
+    X, y = make_tracking_runs(
+        "C1",
+        3,
+        effects=DeadZone(width=0.3) + Bias(level=0.05),
+        channels=["e", "x", "f_t"],
+        sampling_rate=50,
+        remnant_intensity=0.05,
+        random_state=11,
+    )
+    table = X.assign(stick=y).reset_index()
+    names = {"run": "trial", "time": "Time [s]", "e": "Tracking error (deg)"}
+    path = tmp_path_factory.mktemp("lab") / "subject 7.csv"
+    table.rename(columns={**names, "x": "pitch", "f_t": "target"}).to_csv(path, index=False)
+    return path
+
+
+class Served:
+    """The command in a process of its own, and the page in the browser."""
+
+    def __init__(self, browser, session, *arguments):
+        command = [sys.executable, "-m", "skhoid", "workbench", *map(str, arguments)]
+        command += ["--no-browser", "--session", str(session), *EFFECTS]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self.url = re.search(r"http://\S+", self.process.stdout.readline())[0]
+        self.browser, self.driver = browser, browser.driver
+
+    def open(self, **how):
+        self.browser.open(self.url, **how)
+        self.browser.js(COUNT_CLICKS)
+        return self
+
+    def end(self, how=signal.SIGTERM):
+        if self.process.poll() is None:
+            os.kill(self.process.pid, how)
+        self.process.wait()
+        self.process.stdout.close()
+
+    def wait(self, done, patience=PATIENCE):
+        end = time.monotonic() + patience
+        while time.monotonic() < end:
+            if found := done():
+                return found
+            time.sleep(0.05)
+        raise AssertionError(self.text())
+
+    def text(self):
+        return self.driver.find_element(By.TAG_NAME, "body").text
+
+    def one(self, selector):
+        """The element, once it is there, seen and usable."""
+
+        def usable():
+            found = self.driver.find_elements(By.CSS_SELECTOR, selector)
+            ready = [f for f in found if f.is_displayed() and f.is_enabled()]
+            busy = ready and ready[0].get_attribute("aria-disabled") == "true"
+            return ready[0] if ready and not busy else None
+
+        return self.wait(usable)
+
+    def state(self):
+        """VAF of each step of the stair, and all that the engine says."""
+        return self.browser.driver.execute_async_script(
+            "const done = arguments[0];"
+            "fetch('api/state', {method: 'POST', body: '{\"run\": 0}',"
+            " headers: {'Content-Type': 'application/json'}})"
+            ".then((reply) => reply.arrayBuffer())"
+            ".then((buffer) => skhoidBench.wire.unpack(buffer))"
+            ".then(({ state }) => done(JSON.stringify(state)))"
+        )
+
+    def stair(self):
+        return [
+            one.text
+            for one in self.driver.find_elements(By.CSS_SELECTOR, ".sk-step-vaf")
+            if one.text
+        ]
+
+    def named(self):
+        return self.wait(lambda: "Missing:" in self.text() and "Add dead zone" in self.labels())
+
+    def labels(self):
+        return self.browser.js(
+            "return [...document.querySelectorAll('[aria-label]')]"
+            ".filter((e) => e.checkVisibility()).map((e) => e.getAttribute('aria-label'))"
+        )
+
+
+@pytest.fixture
+def serve(browser, tmp_path):
+    running = []
+
+    def start(*arguments, session=tmp_path / "session"):
+        running.append(Served(browser, session, *arguments))
+        return running[-1]
+
+    yield start
+    for served in running:
+        served.end()
+
+
+def script_of(served):
+    return served.driver.execute_async_script(
+        "fetch('api/script.py').then((r) => r.text()).then(arguments[0])"
+    )
+
+
+def vaf_of(state):
+    return float(re.search(r'"vaf":\{"train":([-\d.e]+)', state)[1])
+
+
+def test_from_a_csv_to_a_saved_report_and_the_same_numbers(serve, recorded, tmp_path):
+    served = serve().open()
+    served.one("#chooser").send_keys(str(recorded))  # the first click
+    served.one("#fit-search").click()
+    served.named()
+    start = served.stair()
+    for effect in ("bias", "dead zone"):
+        served.one(f'[aria-label="Add {effect}"]').click()
+        served.wait(lambda name=effect: f"Remove {name}" in served.labels())
+    served.one('[data-sk-key="report"]').click()
+    path = served.wait(
+        lambda: re.search(r"report is saved: (\S.*report\.html)", served.text()) or None
+    )[1]
+    assert served.browser.js("return window.clicks") + 1 <= 6
+    assert served.browser.js("return window.typed") == 0
+    state = served.state()
+    assert len(served.stair()) == 3
+    script = script_of(served)
+    (tmp_path / "script.py").write_text(script, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    printed = float(re.search(r"VAF, runs fitted: ([-\d.e]+)", done.stdout)[1])
+    assert printed == vaf_of(state)
+    for _ in range(2):
+        served.one('[data-sk-key="undo"]').click()
+        time.sleep(0.3)
+    served.wait(lambda: served.stair() == start)
+    assert served.browser.console() == []
+    origin = served.url.partition("/?")[0]
+    assert [u for u in served.browser.requests() if not u.startswith((origin, "blob:"))] == []
+    served.end()
+    served.browser.open(tmp_path / path)
+    assert "dead zone" in served.driver.find_element(By.CSS_SELECTOR, ".headline").text
+    assert served.browser.console() == []
+
+
+def focus_on(served, selector, most=80):
+    """Press Tab until the focus is there."""
+    for _ in range(most):
+        if served.browser.js("return document.activeElement.matches(arguments[0])", selector):
+            return
+        served.browser.press(Keys.TAB)
+    raise AssertionError(f"Tab does not reach {selector}.")
+
+
+@pytest.mark.slow  # a server and a search
+def test_by_keyboard_alone(serve, recorded):
+    served = serve(recorded).open()
+    served.one("#fit-search")
+    focus_on(served, "#fit-search")
+    served.browser.press(Keys.ENTER)
+    served.named()
+    for effect in ("bias", "dead zone"):
+        focus_on(served, f'[aria-label="Add {effect}"]', most=200)
+        served.browser.press(Keys.ENTER)
+        served.wait(lambda name=effect: f"Remove {name}" in served.labels())
+    before = served.stair()
+    focus_on(served, 'input[type="range"]', most=200)
+    served.browser.press(Keys.ARROW_RIGHT)
+    served.wait(
+        lambda: served.browser.js(
+            "return !document.querySelector('[data-sk-key=refit]').ariaDisabled"
+            " || document.querySelector('[data-sk-key=refit]').ariaDisabled === 'false'"
+        )
+    )
+    focus_on(served, '[data-sk-key="undo"]', most=300)
+    served.browser.press(Keys.ENTER)
+    served.wait(lambda: served.stair() == before)
+    focus_on(served, '[data-sk-key="report"]', most=300)
+    served.browser.press(Keys.ENTER)
+    served.wait(lambda: "report is saved" in served.text())
+
+
+@pytest.mark.slow  # a server, killed
+def test_killed_in_mid_search_it_comes_back_as_it_was(serve, recorded, tmp_path):
+    served = serve(recorded).open()
+    served.one("#fit").click()
+    served.one('[aria-label="Add bias"]').click()
+    served.wait(lambda: "Remove bias" in served.labels())
+    before = vaf_of(served.state())
+    served.one('[data-sk-key="search"]').click()
+    time.sleep(0.5)
+    served.end(signal.SIGKILL)
+    served.wait(lambda: "does not answer" in served.text())
+    again = serve().open()
+    again.wait(lambda: "Remove bias" in again.labels())
+    assert vaf_of(again.state()) == before
+    assert "was not finished" in again.text()
+
+
+@pytest.mark.slow  # a server for each
+@pytest.mark.parametrize("colours", ["light", "dark"])
+@pytest.mark.parametrize("width", [400, 1400])
+def test_hostile_names_at_each_stage(serve, recorded, tmp_path, width, colours):
+    path = tmp_path / "hostile.csv"
+    text = recorded.read_text(encoding="utf-8")
+    quoted = EVIL.replace('"', '""')
+    path.write_text(text.replace("pitch", f'"pitch {quoted}"', 1), encoding="utf-8")
+    served = serve(path).open(width=width, colours=colours)
+    served.one("#fit")
+    for stage in ("columns", "model"):
+        if stage == "model":
+            served.one("#fit").click()
+            served.one('[aria-label="Add bias"]')
+        assert served.browser.violations() == []
+        assert served.browser.overflow() <= 0
+        assert served.browser.js("return window.hacked === undefined")
+    assert EVIL in served.browser.js("return document.body.textContent")
+    assert served.browser.console() == []
