@@ -74,6 +74,7 @@ def test_dragging_moves_the_simulation_and_leaves_no_step(exploration, runs):
     assert after["undo"] == "Add bias"
 
 
+@pytest.mark.slow  # several fits
 def test_releasing_is_a_step_and_refitting_keeps_what_was_moved(exploration, runs):
     exploration.act("add", {"effect": "bias", "run": 0})
     exploration.act("add", {"effect": "dead_zone", "run": 0})
@@ -95,6 +96,7 @@ def test_releasing_is_a_step_and_refitting_keeps_what_was_moved(exploration, run
     assert state["effects"][1]["parameters"][0]["value"] != 0.4
 
 
+@pytest.mark.slow  # several fits
 def test_undo_to_the_start_gives_the_start(exploration):
     start = exploration.state()
     steps = [
@@ -125,6 +127,7 @@ def text(value):
     return json.dumps(value, default=lambda array: array.tolist())
 
 
+@pytest.mark.slow  # several fits
 def test_held_out_runs_are_not_fitted(exploration, runs):
     state = exploration.act("use", {"runs": [0, 2], "use": "hold", "run": 0})["state"]
     assert state["uses"] == ["hold", "train", "hold"]
@@ -202,6 +205,7 @@ def test_the_ceiling_and_the_findings_come_with_judge(exploration):
     assert state["vaf"]["train"] <= state["ceiling"]["vaf"]
 
 
+@pytest.mark.slow  # several fits
 def test_memory_brings_everything_back(exploration, runs):
     exploration.act("add", {"effect": "bias", "run": 0})
     exploration.act("use", {"runs": [1], "use": "hold", "run": 0})
@@ -214,6 +218,7 @@ def test_memory_brings_everything_back(exploration, runs):
     assert same(again.state(), exploration.state())
 
 
+@pytest.mark.slow  # several fits
 def test_a_search_from_here_has_the_model_and_the_runs(exploration, runs):
     exploration.act("add", {"effect": "bias", "run": 0})
     exploration.act("use", {"runs": [1], "use": "hold", "run": 0})

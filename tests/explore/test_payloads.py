@@ -14,6 +14,8 @@ from skhoid.explore.payloads import (
     payload_of_search,
 )
 
+pytestmark = pytest.mark.slow  # a search first
+
 
 @pytest.fixture(scope="module")
 def payload(search, runs):

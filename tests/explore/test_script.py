@@ -11,6 +11,8 @@ from skhoid import ARXRegressor, OperatorRegressor
 from skhoid.effects import Bias, DeadZone
 from skhoid.explore.exploration import Exploration
 
+pytestmark = pytest.mark.slow  # fits again what the script fits
+
 
 def printed(script, X, y, capsys):
     """What the script prints as VAF, by runs."""

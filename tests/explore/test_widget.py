@@ -12,6 +12,8 @@ import pytest
 from skhoid import EffectSearchCV, OperatorRegressor, compare
 from skhoid.explore import wire
 
+pytestmark = pytest.mark.slow  # a search first
+
 
 @pytest.fixture
 def widget(search, runs):

@@ -10,6 +10,8 @@ from support.workbench import same, until
 from skhoid.workbench.bench import words_of
 from skhoid.workbench.choices import Choices
 
+pytestmark = pytest.mark.slow  # a server's model for each
+
 
 def reopened(page, begun, paths=()):
     """The same session, in another server, after this one was killed."""
