@@ -5,3 +5,7 @@ the component that people touch: one script without a framework, the same in the
 notebooks and in ``skhoid workbench``. Open ``exploration`` to change what a step does, ``view`` for
 what the component is told, ``wire`` for how arrays travel.
 """
+
+from .exploration import Exploration
+
+__all__ = ["Exploration"]

@@ -56,12 +56,52 @@ class Exploration:
     fitted : sequence of estimators, default=()
         Models that are fitted to all runs already, known by their effects.
 
+    Attributes
+    ----------
+    model : estimator
+        The present model, fitted, with what was moved by hand.
+    here : Position
+        What it is made of.
+    revision : int
+        Grows with each change.
+
     Raises
     ------
     TypeError
         If the estimator is not a model that simulates effects.
     ValueError
         If the baseline cannot be fitted, with the reason.
+
+    See Also
+    --------
+    EffectSearchCV.explore : The same to touch, in a notebook.
+
+    Examples
+    --------
+    >>> from skhoid import OperatorRegressor, make_tracking_runs
+    >>> from skhoid.effects import Bias
+    >>> from skhoid.explore import Exploration
+    >>> X, y = make_tracking_runs(
+    ...     "C1",
+    ...     2,
+    ...     sampling_rate=50,
+    ...     remnant_intensity=0.05,
+    ...     effects=Bias(level=0.1),
+    ...     random_state=0,
+    ... )
+    >>> by_hand = Exploration(OperatorRegressor(), X, y)
+    >>> reply = by_hand.act("add", {"effect": "bias"})
+    >>> [step["title"] for step in reply["state"]["stair"]]
+    ['baseline', 'bias']
+    >>> reply = by_hand.act("release", {"name": "bias__level", "value": 0.05})
+    >>> print(by_hand.script())  # doctest: +ELLIPSIS
+    from skhoid import OperatorRegressor, VAFScorer
+    from skhoid.effects import Bias
+    ...
+    model = OperatorRegressor(effects=Bias())
+    model.fit(X, y)
+    model = model.with_parameters({'bias__level': 0.05})  # moved by hand
+    ...
     """
 
     def __init__(
