@@ -14,7 +14,6 @@ import numpy as np
 from sklearn.base import clone
 
 from ..effects.composition import Effects
-from ..effects.registry import title_of
 from ..exceptions import did_you_mean
 from ..greybox.base import SimulatedModelMixin
 from ..greybox.protocol import check_simulated_model
@@ -22,11 +21,12 @@ from ..runs.roles import of_person
 from ..search.effect_search import EffectSearchCV
 from .cards import FOUND, HELPS, Found
 from .figures import Figures
-from .models import Models, own_values
+from .models import Models
 from .parts import curve_of, effects_of, others_of
-from .position import OUT, TRAIN, USES, History, Position
+from .position import OUT, TRAIN, History, Position
 from .runs_kept import Runs
 from .script import script_of
+from .steps import STEPS, moved, with_moved
 
 WARMED = 4  # cards whose models are fitted ahead
 
@@ -194,18 +194,15 @@ class Exploration:
             "drag": self._drag,
             "state": self._shown,
             "script": lambda _: {"text": self.script()},
-            "add": self._add,
-            "remove": self._remove,
-            "release": self._release,
-            "refit": self._refit,
-            "free": self._free,
-            "use": self._use,
             "undo": lambda args: self._walk(-1, args),
             "redo": lambda args: self._walk(1, args),
         }
-        if name not in actions:
-            raise ValueError(f"There is no action {name!r}.{did_you_mean(name, list(actions))}")
+        if name not in actions and name not in STEPS:
+            known = [*actions, *STEPS]
+            raise ValueError(f"There is no action {name!r}.{did_you_mean(name, known)}")
         with self.lock:
+            if name in STEPS:
+                return self._go(STEPS[name](self, args), args)
             return actions[name](args)
 
     def script(self) -> str:
@@ -218,7 +215,7 @@ class Exploration:
     def search_for(self) -> tuple[EffectSearchCV, Any, Any]:
         """A search, unfitted, from the present model, and the runs to fit it to."""
         with self.lock:
-            effects = self._with_moved()
+            effects = with_moved(self)
             model = clone(self.estimator).set_params(effects=effects if len(effects) else None)
             return EffectSearchCV(model, **self.options), *self.runs.part(self.here.train)
 
@@ -247,8 +244,8 @@ class Exploration:
         with self.lock:
             here, (cards, _) = self.here, self._cards(self.here)
             wanted = [c["id"] for c in cards if c["status"] in (FOUND, HELPS)][:WARMED]
-            named = [self._effect(name) for name in self.found.named if name in wanted]
-            tried = [here.effects + self._effect(name) for name in wanted]
+            named = [self.effect(name) for name in self.found.named if name in wanted]
+            tried = [here.effects + self.effect(name) for name in wanted]
             for i in range(2, len(named) + 1):
                 tried.append(Effects.of([here.effects, *named[:i]]))
         for effects in tried:
@@ -351,7 +348,8 @@ class Exploration:
         effects = self.options.get("effects", "all")
         return EffectSearchCV(self.estimator, effects=effects)._candidates()
 
-    def _effect(self, kind: str) -> Any:
+    def effect(self, kind: str) -> Any:
+        """The effect of an id, with the choices that a search made."""
         known = self.own.keys()
         if kind not in known:
             raise ValueError(f"No effect is called {kind!r}.{did_you_mean(kind, list(known))}")
@@ -375,16 +373,17 @@ class Exploration:
         return " ".join(notes) or None
 
     def _of_run(self, prediction: np.ndarray, args: Mapping[str, Any]) -> np.ndarray:
-        return prediction[self.runs.rows(self._run(args))]
+        return prediction[self.runs.rows(self.run_of(args))]
 
-    def _run(self, args: Mapping[str, Any]) -> int:
+    def run_of(self, args: Mapping[str, Any]) -> int:
+        """The number of the run that arguments name."""
         run = args.get("run", 0)
         if not isinstance(run, int) or not 0 <= run < self.runs.n:
             raise ValueError(f"There is no run number {run!r}; there are {self.runs.n} runs.")
         return run
 
     def _trace(self, args: Mapping[str, Any]) -> dict[str, Any]:
-        rows = self.runs.rows(self._run(args))
+        rows = self.runs.rows(self.run_of(args))
         prediction = self.figures.prediction(self.here)[rows]
         frame = self.runs.frame
         return {
@@ -400,24 +399,15 @@ class Exploration:
 
     def _preview(self, args: Mapping[str, Any]) -> dict[str, Any]:
         here = self.here
-        effects = here.effects + self._effect(str(args["effect"]))
+        effects = here.effects + self.effect(str(args["effect"]))
         prediction = self.models.prediction(effects, here.train, here.moved)
         return {
             "simulated": self._of_run(prediction, args),
             "vaf": self.runs.vaf(prediction, here.train),
         }
 
-    def _dragged(self, args: Mapping[str, Any]) -> Position:
-        name, value = str(args["name"]), args["value"]
-        if name.partition("__")[0] not in self.here.effects.names:
-            raise ValueError(f"{name!r} is no parameter of an effect of this model.")
-        if not isinstance(value, int | float) or isinstance(value, bool):
-            raise ValueError(f"{name} must be a number; got {value!r}.")
-        moved = {**self.here.moved, name: float(value)}
-        return self.here.with_changes(f"Move {_words(name)}", moved=moved)
-
     def _drag(self, args: Mapping[str, Any]) -> dict[str, Any]:
-        to = self._dragged(args)
+        to = moved(self, args)
         model = self.models.moved(to.effects, to.train, to.moved)  # refuses what is not possible
         prediction = self.figures.prediction(to)
         return {
@@ -447,72 +437,6 @@ class Exploration:
     def _changed(self) -> None:
         self.revision += 1
 
-    def _release(self, args: Mapping[str, Any]) -> dict[str, Any]:
-        return self._go(self._dragged(args), args)
-
-    def _add(self, args: Mapping[str, Any]) -> dict[str, Any]:
-        effect = self._effect(str(args["effect"]))
-        if effect.name in {e.name for _, e in self.here.effects}:
-            raise ValueError(f"The model has the effect {title_of(effect.name)} already.")
-        words = f"Add {title_of(effect.name)}"
-        return self._go(self.here.with_changes(words, effects=self.here.effects + effect), args)
-
-    def _remove(self, args: Mapping[str, Any]) -> dict[str, Any]:
-        name, here = str(args["effect"]), self.here
-        if name not in here.effects.names:
-            raise ValueError(f"The model has no effect {name!r}.")
-        left = Effects([(n, e) for n, e in here.effects if n != name])
-        changes = {"effects": left, "moved": own_values(here.moved, left)}
-        return self._go(here.with_changes(f"Remove {title_of(name)}", **changes), args)
-
-    def _with_moved(self) -> Effects:
-        """The effects with what was moved as given numbers."""
-        chosen = self.models.fitted(self.here.effects, self.here.train)._simulation.effects
-        kept = dict(self.here.effects.steps)
-        steps = []
-        for name, effect in chosen if len(self.here.moved) else self.here.effects:
-            start = f"{name}__"
-            own = {k[len(start) :]: v for k, v in self.here.moved.items() if k.startswith(start)}
-            steps.append((name, effect.with_choices(**own) if own else kept[name]))
-        return Effects(steps)
-
-    def _refit(self, args: Mapping[str, Any]) -> dict[str, Any]:
-        if not self.here.moved:
-            raise ValueError("Nothing was moved: all parameters are those of the fit.")
-        changes = {"effects": self._with_moved(), "moved": {}}
-        return self._go(self.here.with_changes("Refit the others", **changes), args)
-
-    def _free(self, args: Mapping[str, Any]) -> dict[str, Any]:
-        name, _, key = str(args["name"]).partition("__")
-        known = dict(self.here.effects.steps)
-        if name not in known or key not in known[name].fixed:
-            raise ValueError(f"{args['name']!r} is not kept at a number.")
-        steps = [
-            (n, e.with_choices(**{key: None}) if n == name else e) for n, e in self.here.effects
-        ]
-        words = f"Estimate {_words(str(args['name']))}"
-        return self._go(self.here.with_changes(words, effects=Effects(steps)), args)
-
-    def _use(self, args: Mapping[str, Any]) -> dict[str, Any]:
-        use, chosen = str(args["use"]), [self._run({"run": run}) for run in args["runs"]]
-        if use not in USES:
-            raise ValueError(f"A run is used for one of {', '.join(USES)}; got {use!r}.")
-        uses = list(self.here.uses)
-        for run in chosen:
-            uses[run] = use
-        if TRAIN not in uses:
-            raise ValueError("At least one run must be left to fit: tick another one first.")
-        words = {"train": "Fit", "hold": "Hold out", "out": "Leave out"}[use]
-        names = self.runs.labels[chosen[0]] if len(chosen) == 1 else f"{len(chosen)} runs"
-        changes: dict[str, Any] = {"uses": tuple(uses)}
-        return self._go(self.here.with_changes(f"{words} {names}", **changes), args)
-
     def _walk(self, by: int, args: Mapping[str, Any]) -> dict[str, Any]:
         self.history.step(by)
         return self._shown(args, changed=True)
-
-
-def _words(name: str) -> str:
-    """A parameter of an effect for people: ``dead_zone__width`` as "dead zone: width"."""
-    effect, _, key = name.partition("__")
-    return f"{title_of(effect)}: {key.replace('_', ' ')}"

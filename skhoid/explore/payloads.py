@@ -100,7 +100,7 @@ def payload_of_comparison(found: Comparison) -> dict[str, Any]:
     note = found.ceiling_note
     state = {
         "revision": 0,
-        "uses": [TRAIN] * len(layout.labels),
+        "uses": [""] * len(layout.labels),  # which rows were fitted is not known
         "effects": [],
         "model": [],
         "stair": [{"title": found.model_name, "vaf": found.vaf, "rmse": found.rmse, "held": None}],

@@ -5,7 +5,7 @@ const USES = [
   ["hold", "hold out"],
   ["out", "leave out"],
 ];
-const USED = { train: "trained", hold: "held out", out: "left out" };
+const USED = { train: "fitted", hold: "held out", out: "left out" };
 
 function runsPart(bench) {
   const { view } = bench;
@@ -22,7 +22,7 @@ function runsPart(bench) {
     body.push(tbody);
   }
   const split = view.can.split;
-  const heads = split ? USES.map(([, words]) => words) : ["use"];
+  const heads = split ? USES.map(([, words]) => words) : usesAreKnown(view) ? ["use"] : [];
   const table = el(
     "table",
     { class: split ? "sk-runs sk-split" : "sk-runs" },
@@ -54,13 +54,18 @@ function runsPart(bench) {
   return { node, update };
 }
 
+// Of a comparison it is not known what its rows were used for.
+function usesAreKnown({ state }) {
+  return state.uses.some(Boolean);
+}
+
 function usesInWords(uses) {
   const parts = Object.entries(USED).map(([use, words]) => [
     uses.filter((u) => u === use).length,
     words,
   ]);
   const told = parts.filter(([n]) => n > 0).map(([n, words]) => `${n} ${words}`);
-  return `Runs: ${told.join(", ")}`;
+  return told.length ? `Runs: ${told.join(", ")}` : `Runs: ${uses.length}`;
 }
 
 function runRow(bench, tbody, run) {
@@ -112,6 +117,7 @@ function personRow(bench, tbody, name, runs, k) {
 // Three ticks for a run, or for all runs of a person; words where nothing can be changed.
 function useCells(bench, runs, key, name) {
   const common = (uses) => (runs.every((r) => uses[r] === uses[runs[0]]) ? uses[runs[0]] : null);
+  if (!usesAreKnown(bench.view)) return { nodes: [], update() {} };
   if (!bench.view.can.split) {
     const cell = el("td");
     const update = (uses) => setText(cell, USED[common(uses)] ?? "");

@@ -27,10 +27,11 @@ function stairPart(bench) {
     about,
     unwell,
   );
+  const where = bench.view.state.uses.some(Boolean) ? "On the runs fitted: " : "";
   const update = () => {
     const { stair, vaf } = { ...bench.state, ...bench.live };
     const { ceiling, ceiling_pending: pending, impossible } = { ...bench.state, ...bench.live };
-    setText(sentence, stairInWords(stair, ceiling, pending));
+    setText(sentence, where + stairInWords(stair, ceiling, pending));
     key.hidden = !ceiling;
     const most = topOf(stair, ceiling);
     arrange(
@@ -121,6 +122,6 @@ function stairInWords(stair, ceiling, pending) {
   const rest =
     left > 0.05
       ? `${left > 1000 ? "more than 1,000" : left.toFixed(1)} points are left to explain.`
-      : "Nothing that any model could explain is left.";
+      : "nothing is left to explain, the rest is remnant.";
   return `${gained}. Noise ceiling ${percent(vaf)}${between}: ${rest}`;
 }
