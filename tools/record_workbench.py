@@ -3,11 +3,12 @@
     pip install -e ".[workbench,browser]" pillow
     python tools/record_workbench.py [--frames FOLDER]
 
-Run it after the page has changed, and look at the result. A file of four simulated runs is opened
-in ``skhoid workbench``, and a headless Chromium goes by mouse from its columns to the report. Writes
-``docs/_static/workbench.webp``, the recording, and ``workbench.png``, its last picture. The pointer
-is drawn by this script, and the time of the search is shortened; all else is the page itself.
-``--frames`` also writes each picture of the recording, with its time, as a file.
+Run it after the page has changed, and look at the result: a file of four simulated runs is opened
+in ``skhoid workbench``, and a headless Chromium goes by mouse from its columns to the report. Takes
+some minutes, and writes ``docs/_static/workbench.webp``, the recording, and ``workbench.png``, its
+last picture. Pointer and rings are drawn by this script, the search is a time-lapse, and of folders
+of this machine nothing is shown; all else is the page itself. ``--frames`` also writes each picture
+into a folder.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -33,15 +34,26 @@ from skhoid.effects import Bias, DeadZone
 
 FOLDER = Path(__file__).resolve().parents[1] / "docs" / "_static"
 NAME = "pitch-tracking.csv"
-WIDTH, HEIGHT = 1300, 900  # px: the least at which spectrum and amplitudes are side by side
+WIDTH, HEIGHT = 1300, 950  # px: all plots can be seen at once
 MOST, MOST_STILL = 1_200_000, 250_000  # bytes
 LONGEST = 300.0  # s, that anything may take
-LAPSE = 7  # pictures of the search
-GLANCE, READ, END = 500, 1600, 3000  # ms
-STEP = 50  # ms, of the pointer
+LAPSE = 6  # pictures of the search
+STEP, PRESS, GLANCE, LOOK, READ, END = 50, 200, 450, 1000, 1500, 2000  # ms
 TIP = [(0, 0), (0, 17), (4, 13.4), (6.8, 19.6), (9.6, 18.3), (6.9, 12.2), (12.4, 12.2)]
 RING, INK = "#D55E00", "#1b1f24"
-FINE = 4  # the pointer is drawn so many times as large
+FINE = 4  # the pointer is drawn so many times as large, then made smaller
+COLOURS = 64  # of the recording: half its size, and no difference is seen
+COLOURS_STILL = 128
+NEAR = 6  # levels in which two colours of a palette differ at least
+
+NAMED = '.sk-candidate[aria-label="{}"]'
+ADD = '[aria-label="Add {}"]'
+PLOT = '.sk-plot[data-sk-key="plot time"] .u-over'
+SLIDER = '.sk-added[aria-label="dead zone"] input[type="range"]'
+SHARE = "const s = document.querySelector(arguments[0]); return (s.value-s.min)/(s.max-s.min)"
+HANDLE = 8  # px, half of a slider's
+STATUS = "document.querySelector('.sk-status').textContent"
+HIDE_FOLDER = f"const s = {STATUS}; {STATUS} = s.replace(/\\S*[/\\\\]/, '')"
 
 Point = tuple[float, float]
 
@@ -146,31 +158,46 @@ class Film:
         self.pictures: list[Image.Image] = []
         self.times: list[int] = []
 
-    def add(self, picture: Image.Image, time: int) -> None:
+    def add(self, picture: Image.Image, ms: int) -> None:
         if self.pictures and not ImageChops.difference(self.pictures[-1], picture).getbbox():
-            self.times[-1] += time
+            self.times[-1] += ms
         else:
             self.pictures.append(picture)
-            self.times.append(time)
+            self.times.append(ms)
 
     def save(self, path: Path) -> None:
-        first, *others = self.pictures
-        first.save(
-            path,
-            save_all=True,
-            append_images=others,
-            duration=self.times,
-            loop=0,
-            lossless=True,
-            quality=100,
-            method=6,
-            minimize_size=True,
-        )
+        """In few colours, but sharp: lines and letters suffer from a lossy file."""
+        some = self.pictures[:: max(len(self.pictures) // 6, 1)]
+        sheet = Image.new("RGB", (WIDTH, HEIGHT * len(some)))
+        for i, picture in enumerate(some):
+            sheet.paste(picture, (0, HEIGHT * i))
+        palette = in_few_colours(sheet, COLOURS)
+        first, *others = [
+            picture.quantize(palette=palette, dither=Image.Dither.NONE).convert("RGB")
+            for picture in self.pictures
+        ]
+        how = {"lossless": True, "quality": 80, "method": 4, "loop": 0}
+        first.save(path, save_all=True, append_images=others, duration=self.times, **how)
 
     def save_each(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        for i, (picture, time) in enumerate(zip(self.pictures, self.times, strict=True)):
-            picture.save(folder / f"{i:02d}-{time}ms.png")
+        for i, (picture, ms) in enumerate(zip(self.pictures, self.times, strict=True)):
+            picture.save(folder / f"{i:02d}-{ms}ms.png")
+
+
+def in_few_colours(picture: Image.Image, count: int) -> Image.Image:
+    """The most frequent ones, and some that cover what else there is."""
+    found = sorted(picture.getcolors(picture.width * picture.height), reverse=True)
+    levels = picture.quantize(count // 2, Image.Quantize.MAXCOVERAGE).getpalette()
+    others = zip(*[iter(levels)] * 3, strict=True)
+    kept: list[tuple[int, ...]] = []
+    for colour in (*(colour for _, colour in found[: count // 2]), *others):
+        # Pillow takes a near one for the nearest: white would become grey.
+        if all(max(abs(a - b) for a, b in zip(colour, one, strict=True)) > NEAR for one in kept):
+            kept.append(colour)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([level for colour in kept for level in colour])
+    return picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 class Hand:
@@ -202,8 +229,8 @@ class Hand:
         plain = Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")
         return with_pointer(plain, self.at, self.pressed)
 
-    def show(self, time: int) -> None:
-        self.film.add(self.picture(), time)
+    def show(self, ms: int) -> None:
+        self.film.add(self.picture(), ms)
 
     def mouse(self, kind: str) -> None:
         down = kind != "mouseReleased" and (self.pressed or kind == "mousePressed")
@@ -212,32 +239,37 @@ class Hand:
         event |= {"buttons": int(down), "clickCount": int(kind != "mouseMoved")}
         self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", event)
 
-    def go(self, to: Point, steps: int = 3, time: int = STEP) -> None:
-        """Move in steps, each of which is shown."""
+    def go(self, to: Point) -> None:
+        """Move there in steps, slow at first and at last."""
         (x, y), (right, down) = self.at, to
+        steps = 3 if abs(right - x) + abs(down - y) > 300 else 2
         for step in range(1, steps + 1):
-            share = step / steps
-            if not self.pressed:
-                share = share * share * (3 - 2 * share)
+            share = (step / steps) ** 2 * (3 - 2 * step / steps)
             self.at = (x + share * (right - x), y + share * (down - y))
             self.mouse("mouseMoved")
-            if self.pressed:
-                self.settle()
-            self.show(time)
+            self.show(STEP)
+
+    def drag(self, to: Point, ms: int) -> None:
+        self.at = to
+        self.mouse("mouseMoved")
+        self.settle()
+        self.show(ms)
 
     def press(self) -> None:
+        self.show(PRESS)
         self.pressed = True
         self.mouse("mousePressed")
+        self.show(PRESS)
 
     def let_go(self) -> None:
         self.mouse("mouseReleased")
         self.pressed = False
 
     def click(self, selector: str) -> None:
-        self.go(self.middle(selector))
-        self.show(GLANCE // 2)
+        """At a place of the button that leaves its word to be read."""
+        while (to := self.middle(selector, 0.75, 0.75)) != self.at:
+            self.go(to)
         self.press()
-        self.show(GLANCE // 2)
         self.let_go()
 
     def middle(self, selector: str, x: float = 0.5, y: float = 0.5) -> Point:
@@ -255,11 +287,10 @@ class Hand:
             raise SystemExit(f"{selector} is out of sight, at {found}.")
         return found
 
-    def on_slider(self, selector: str, share: float) -> Point:
-        """Where the handle of a slider is at a share of its range."""
-        (left, y), (right, _) = (self.middle(selector, x) for x in (0, 1))
-        half = 8  # px, of the handle
-        return left + half + share * (right - left - 2 * half), y
+    def on_slider(self, share: float) -> Point:
+        """Where the handle of the slider is at a share of its range."""
+        (left, y), (right, _) = (self.middle(SLIDER, x) for x in (0, 1))
+        return left + HANDLE + share * (right - left - 2 * HANDLE), y
 
     def top(self) -> float:
         """How far to scroll to bring the plots to the upper edge."""
@@ -275,103 +306,98 @@ class Hand:
             self.scroll(self.js("return scrollY") + bottom - HEIGHT + room)
 
     def scroll(self, to: float) -> None:
-        begin = self.js("return scrollY")
-        for share in (0.5, 1.0):
-            self.js("scrollTo(0, arguments[0])", begin + share * (to - begin))
-            self.mouse("mouseMoved")
-            time.sleep(0.15)
-            self.show(STEP)
+        """At once: a picture on the way costs as much as any other."""
+        self.js("scrollTo(0, arguments[0])", to)
+        self.mouse("mouseMoved")
+        time.sleep(0.3)
+        self.show(PRESS)
 
 
-NAMED = '.sk-candidate[aria-label="{}"]'
-ADD = '[aria-label="Add {}"]'
-PLOT = '.sk-plot[data-sk-key="plot time"] .u-over'
-SLIDER = '.sk-added[aria-label="dead zone"] input[type="range"]'
-STATUS = "document.querySelector('.sk-status').textContent"
-
-
-def fit_and_search(hand: Hand) -> None:
+def choose_columns(hand: Hand) -> None:
     hand.wait("document.getElementById('fit-search').checkVisibility()")
     hand.wait("!document.getElementById('fit-search').disabled")
     hand.settle()
     hand.show(READ)
     hand.click("#fit-search")
-    begun, seen = time.monotonic(), []
     hand.wait("document.querySelector('.sk-plot canvas')")
-    hand.at = (WIDTH * 0.45, HEIGHT * 0.8)
+
+
+def search(hand: Hand) -> None:
+    """Pictures of the search, evenly over its time."""
+    hand.at = (WIDTH * 0.6, HEIGHT * 0.7)
     hand.mouse("mouseMoved")
-    while not hand.js("return document.querySelector('.sk-verdict')?.textContent"):
+    begun, seen = time.monotonic(), []
+    while not hand.js("return document.querySelector('.sk-verdict').textContent"):
         seconds = time.monotonic() - begun
         if seconds > LONGEST:
             raise SystemExit("The search has not ended.")
         seen.append(with_note(hand.picture(), f"Time-lapse: {seconds:.0f} s"))
-        time.sleep(0.4)
+        time.sleep(0.5)
     count = min(LAPSE, len(seen))
     for i in range(count):
-        hand.film.add(seen[round(i * (len(seen) - 1) / max(count - 1, 1))], GLANCE * 4 // 5)
+        hand.film.add(seen[i * (len(seen) - 1) // max(count - 1, 1)], PRESS * 3 // 2)
     hand.settle()
+    hand.show(READ)
 
 
 def try_effects(hand: Hand) -> None:
     """Rest on a card, and add both that were named."""
     hand.scroll(hand.top())
-    hand.go(hand.middle(NAMED.format("bias"), 0.4, 0.7))
-    hand.wait("document.querySelector('.sk-legend').textContent.includes('With ')")
+    hand.go(hand.middle(NAMED.format("bias"), 0.4, 0.85))
+    hand.wait("document.querySelector('.sk-plots').textContent.includes('With bias')")
     hand.settle()
-    hand.show(READ)
-    for name in ("bias", "dead zone"):
-        hand.reach(ADD.format(name))
+    hand.show(LOOK)
+    for name, ms in {"bias": LOOK, "dead zone": READ}.items():
+        hand.reach(NAMED.format(name))
         hand.click(ADD.format(name))
         hand.wait(f"{STATUS}.startsWith('{name} added')")
         hand.settle()
-        hand.show(READ)
+        hand.show(ms)
 
 
 def look_at_a_window(hand: Hand) -> None:
-    hand.go(hand.middle(PLOT, 0.36, 0.75))
+    hand.go(hand.middle(PLOT, 0.36, 0.8))
     hand.press()
-    hand.show(GLANCE // 2)
-    hand.go(hand.middle(PLOT, 0.58, 0.6), steps=5, time=2 * STEP)
+    for share in (0.42, 0.48, 0.54, 0.58):
+        hand.drag(hand.middle(PLOT, share, 0.8), 2 * STEP)
     hand.let_go()
     hand.settle()
-    hand.show(READ)
+    hand.show(LOOK)
 
 
 def move_a_slider(hand: Hand) -> None:
     """Move the threshold by hand, and take that back."""
-    hand.reach(".sk-effects > .sk-row", 70)
-    share = hand.js(
-        "const s = document.querySelector(arguments[0]); return (s.value - s.min) / (s.max - s.min)",
-        SLIDER,
-    )
-    hand.go(hand.on_slider(SLIDER, share))
+    hand.reach(".sk-effects > .sk-row", 90)
+    place = hand.js(SHARE, SLIDER)
+    hand.go(hand.on_slider(place))
     hand.press()
-    hand.show(GLANCE // 2)
-    hand.go(hand.on_slider(SLIDER, 0.55), steps=6, time=3 * STEP)
-    hand.show(GLANCE)
+    for step in range(1, 6):
+        hand.drag(hand.on_slider(place + step / 5 * (0.55 - place)), 3 * STEP)
+    hand.show(LOOK)
     hand.let_go()
     hand.wait(f"{STATUS}.startsWith('width =')")
     hand.settle()
-    hand.show(READ)
+    hand.show(GLANCE)
     hand.scroll(hand.top())
     hand.click('[data-sk-key="undo"]')
     hand.wait(f"{STATUS}.startsWith('Undone')")
     hand.settle()
-    hand.show(READ * 3 // 4)
+    hand.show(LOOK)
 
 
 def save_report(hand: Hand) -> None:
     hand.scroll(0)
     hand.click('[data-sk-key="report"]')
-    hand.wait("document.querySelector('.sk-saved').textContent")
+    hand.wait(f"{STATUS}.startsWith('The report is saved')")
     hand.settle()
+    hand.js(HIDE_FOLDER)
     hand.show(END)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--frames", type=Path, help="also write each picture into this folder")
-    frames = parser.parse_args().frames
+ACTS = (choose_columns, search, try_effects, look_at_a_window, move_a_slider, save_report)
+
+
+def recorded() -> Film:
     film = Film()
     with tempfile.TemporaryDirectory() as folder, chromium() as driver:
         path = Path(folder) / NAME
@@ -379,12 +405,27 @@ def main() -> None:
         with served(path) as address:
             driver.get(address)
             hand = Hand(driver, film)
-            for act in (fit_and_search, try_effects, look_at_a_window, move_a_slider, save_report):
+            for act in ACTS:
                 act(hand)
-    if frames:
+    return film
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--frames", type=Path, help="also write each picture into this folder")
+    frames = parser.parse_args().frames
+    film = recorded()
+    if frames is not None:
         film.save_each(frames)
-    film.save(FOLDER / "workbench.webp")
-    film.pictures[-1].save(FOLDER / "workbench.png", optimize=True)
+    moving, still = FOLDER / "workbench.webp", FOLDER / "workbench.png"
+    film.save(moving)
+    in_few_colours(film.pictures[-1], COLOURS_STILL).save(still, optimize=True)
+    print(f"{moving}: {len(film.times)} pictures, {sum(film.times) / 1000:.1f} s")
+    for path, most in ((moving, MOST), (still, MOST_STILL)):
+        size = path.stat().st_size
+        print(f"{path}: {size} bytes")
+        if size > most:
+            raise SystemExit(f"{path} is larger than {most} bytes.")
 
 
 if __name__ == "__main__":

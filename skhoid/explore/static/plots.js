@@ -3,7 +3,8 @@
 const LETTERS = '13px system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
 const MARGIN = 58;
 
-const COLOURS = ["ink", "soft", "line", "measured", "simulated", "residual", "misfit", "shade"];
+const COLOURS = [
+  "preview","ink", "soft", "line", "measured", "simulated", "residual", "misfit", "shade"];
 
 function coloursOf(root) {
   const style = getComputedStyle(root);

@@ -116,8 +116,9 @@ function stairInWords(stair, ceiling, pending) {
     return `${gained}.${pending ? " The noise ceiling is being estimated …" : ""}`;
   }
   const { vaf, low, high } = ceiling;
-  const between =
-    Number.isFinite(low) && Number.isFinite(high) ? ` (${low.toFixed(1)} to ${percent(high)})` : "";
+  const known = Number.isFinite(low) && Number.isFinite(high);
+  const range = known ? ` (${low.toFixed(1)} to ${percent(high)})` : "";
+  const between = range || (pending ? " (range follows)" : "");
   const left = vaf - last;
   const rest =
     left > 0.05

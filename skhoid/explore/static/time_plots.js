@@ -71,7 +71,7 @@ function timeOptions(bench, x, hooks) {
       {},
       lineOf(bench, "measured", { width: 1.75 }),
       lineOf(bench, "simulated"),
-      lineOf(bench, "simulated", { dash: [7, 4], width: 2 }),
+      lineOf(bench, "preview", { dash: [7, 4], width: 2 }),
     ],
     hooks,
   };

@@ -47,7 +47,7 @@ function shortened(text, most) {
 }
 
 function withUnit(text, unit) {
-  return unit ? `${text} ${isolated(unit)}` : text;
+  return unit && unit !== "-" ? `${text} ${isolated(unit)}` : text;
 }
 
 // Names in other scripts keep their direction to themselves.
