@@ -16,6 +16,7 @@ from ..effects.registry import title_of
 from ..search.effect_search import EffectSearchCV
 from ..search.explanations import with_effects
 from ..summaries import as_sentence
+from .position import Position
 
 FOUND, HELPS, NO, REFUSED, UNTRIED = "found", "helps", "no", "refused", "untried"
 ORDER = (FOUND, HELPS, UNTRIED, NO, REFUSED)
@@ -47,6 +48,7 @@ class Found:
     ceiling: float | None = None
     vaf: float = -np.inf
     runs: list[int] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
     @classmethod
     def of(cls, search: EffectSearchCV, runs: Sequence[int]) -> Found:
@@ -61,7 +63,7 @@ class Found:
         steps = []
         for number, table in search.ranking_.groupby("step"):
             before = [name.split("-")[0] for name in added[: int(number) - 1]]
-            cards = [_card(row, search.best_effects_) for _, row in table.iterrows()]
+            cards = [_card(row, search) for _, row in table.iterrows()]
             steps.append(SearchStepKept([*begun, *before], cards))
         ceiling = float(search.error_path_["ceiling"].iloc[-1])
         best = Effects.of(search.best_estimator_.effects)
@@ -74,6 +76,7 @@ class Found:
             ceiling=ceiling if np.isfinite(ceiling) else None,
             vaf=float(search.error_path_["vaf_train"].iloc[-1]),
             runs=list(runs),
+            notes=list(search.notes_),
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -93,21 +96,30 @@ class Found:
                 return template.with_choices(**params)
         return own[kind].with_choices() if kind in own else effect_of(kind)
 
+    def is_of(self, runs: Sequence[int]) -> bool:
+        """Whether the search was made on these runs; true before any."""
+        return not self.steps or list(self.runs) == list(runs)
+
     def cards(
-        self, present: Effects, catalogue: Sequence[Effect], domain: str | None
+        self, here: Position, catalogue: Sequence[Effect], domain: str | None
     ) -> tuple[list[dict[str, Any]], str]:
-        """Cards for the present effects, best first, and what their gains refer to."""
+        """Cards for a position, best first, and what their gains refer to."""
+        present = here.effects
         ids = Counter(e.name for _, e in present)
         step = self._step_for(ids)
         if step is None:
             cards = [_untried(e, domain) for e in catalogue if e.name not in ids and not e.noise]
             return cards, NOT_SEARCHED
-        cards = [card for card in step.cards if card["id"] not in ids]
+        own = self.is_of(here.train)
+        cards = [card if own else _elsewhere(card) for card in step.cards if card["id"] not in ids]
         cards.sort(key=lambda card: (ORDER.index(card["status"]), -(card["gain"] or 0.0)))
         exact = Counter(step.parent) == ids
         to = f"the model {with_effects(step.parent)}" if step.parent else "the baseline"
-        words = f"Gains on held-out rows, added to {to}"
-        return cards, words + ("." if exact else ", not to the present one: search again for that.")
+        words = f"Gains in the search, on held-out rows, added to {to}"
+        if not own:
+            words += ", of other runs than are fitted now"
+        again = "" if exact and own else ". Search again for the present model and runs"
+        return cards, f"{words}{again}."
 
     def _step_for(self, ids: Counter[str]) -> SearchStepKept | None:
         """The step that began from these effects, or else from the most of them."""
@@ -115,16 +127,26 @@ class Found:
         return max(begun, key=lambda step: len(step.parent), default=None)
 
 
-def _card(row: Any, named: Sequence[str]) -> dict[str, Any]:
+def _elsewhere(card: dict[str, Any]) -> dict[str, Any]:
+    """A card of a search on other runs, which names nothing here."""
+    if card["status"] != FOUND:
+        return card
+    return {**card, "status": HELPS, "reason": "Named for other runs than are fitted now."}
+
+
+def _card(row: Any, search: EffectSearchCV) -> dict[str, Any]:
     if row["status"] == "does not apply":
         status = REFUSED
-    elif row["effect"] in named:
+    elif row["effect"] in search.best_effects_:
         status = FOUND
     elif row["status"] == "added" or row["reason"].startswith(BETTER):
         status = HELPS
     else:
         status = NO
     reason = "" if status == FOUND else as_sentence(row["reason"])
+    if row["effect"] in search.stand_ins_:
+        status = HELPS
+        reason = "It explains part of what is missing, too little to be named."
     return {
         "id": row["effect"],
         "title": row["title"],

@@ -28,6 +28,7 @@ from .runs_kept import Runs
 from .script import script_of
 from .steps import STEPS, moved, with_moved
 
+MOST_NAMED = 3  # runs
 WARMED = 4  # cards whose models are fitted ahead
 
 
@@ -143,11 +144,13 @@ class Exploration:
         self.own = {e.name: e for e in self._candidates()}
         self._progress: dict[str, Any] | None = None
         self.figures = Figures(self.models, self.domain)
-        first = Position(self._first_uses(), Effects.of(self.estimator.effects), {}, "Begin")
+        uses = self._first_uses() if search is None else (TRAIN,) * self.runs.n
+        first = Position(uses, Effects.of(self.estimator.effects), {}, "Begin")
         self.history = History(first)
         if memory is not None:
             self.history = History.of_dict(memory["history"])
             self.found = Found.of_dict(memory["found"])
+            self.figures.remember(memory["judged"])
         if search is not None:
             self.found = Found.of(search, range(self.runs.n))
         self.models.fitted(self.here.effects, self.here.train)
@@ -266,7 +269,11 @@ class Exploration:
     def memory(self) -> dict[str, Any]:
         """All that is needed to come back to this state, for JSON."""
         with self.lock:
-            return {"history": self.history.as_dict(), "found": self.found.as_dict()}
+            return {
+                "history": self.history.as_dict(),
+                "found": self.found.as_dict(),
+                "judged": self.figures.memory(),
+            }
 
     def view(self) -> dict[str, Any]:
         """What the component is told once."""
@@ -327,11 +334,20 @@ class Exploration:
             "redo": history.redo,
             "cards": [{**card, "ready": True} for card in cards],
             "cards_of": cards_of,
-            "verdict": self.found.verdict,
-            "verdict_kind": self.found.kind,
-            "findings": self.figures.findings(here),
+            **self._verdict(here),
+            "findings": self.figures.findings(here, self.found),
             "search": self._progress,
         }
+
+    def _verdict(self, here: Position) -> dict[str, str]:
+        """What the search said, as long as it was of these runs."""
+        found = self.found
+        if found.is_of(here.train):
+            return {"verdict": found.verdict, "verdict_kind": found.kind}
+        names = [self.runs.labels[run] for run in found.runs]
+        of = ", ".join(names[:MOST_NAMED]) + (", ..." if len(names) > MOST_NAMED else "")
+        said = f"The search was on other runs ({of}). There: {found.verdict}"
+        return {"verdict": said, "verdict_kind": ""}
 
     def _first_uses(self) -> tuple[str, ...]:
         """All runs are fitted, but of several people only those of the first: each is another."""
@@ -357,7 +373,7 @@ class Exploration:
 
     def _cards(self, here: Position) -> tuple[list[dict[str, Any]], str]:
         fitting = [e for e in self.own.values() if self.domain in e.domains]
-        return self.found.cards(here.effects, fitting, self.domain)
+        return self.found.cards(here, fitting, self.domain)
 
     def _note(self) -> str | None:
         notes = []

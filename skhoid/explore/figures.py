@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from .position import Position
 RUNS_AWAY = -999.0  # VAF in percent, below which a free run has left the data
 BESIDE = 5.0  # times the largest measured value, at which a run has left them too
 CLOSE = 0.5  # points of VAF, by which the best model known may be worse than that of a search
+LEAST = -1e9  # points, of a model that could not be compared
+REMEMBERED = 20  # comparisons
 OF_SEARCH = "Of the best model of the search."
 AWAY = "With these values the simulation runs away from what was measured."
 
@@ -65,12 +68,11 @@ class Figures:
         """Compare the model of a position with the data; whether something new was found."""
         if key_of(here) in self._judged:
             return False
-        runs = tuple(sorted((*here.train, *here.hold)))
         settling = float(getattr(self.models.estimator, "settling", 0.0)) or None
         model = self.models.moved(here.effects, here.train, here.moved)
-        judged: dict[str, Any] = {"ceiling": None, "note": "", "findings": [], "vaf": -np.inf}
+        judged: dict[str, Any] = {"ceiling": None, "note": "", "findings": [], "vaf": LEAST}
         try:
-            found = compare(model, *self.runs.part(runs), run_in=settling, domain=self.domain)
+            found = compare(model, *self.runs.part(here.train), run_in=settling, domain=self.domain)
         except ValueError as error:
             judged["note"] = str(error)
         else:
@@ -82,10 +84,26 @@ class Figures:
         self._judged[key_of(here)] = judged
         return True
 
-    def findings(self, here: Position) -> list[dict[str, str]]:
-        """What the comparison of a position says, if it was made."""
+    def memory(self) -> list[list[Any]]:
+        """What comparisons found last, for JSON."""
+        last = list(self._judged.items())[-REMEMBERED:]
+        return [
+            [list(uses), text, [list(one) for one in moved], judged]
+            for (uses, text, moved), judged in last
+        ]
+
+    def remember(self, given: Iterable[list[Any]]) -> None:
+        """Take what :meth:`memory` returned."""
+        for uses, text, moved, judged in given:
+            key = tuple(uses), text, tuple((name, value) for name, value in moved)
+            self._judged[key] = judged
+
+    def findings(self, here: Position, found: Found) -> list[dict[str, str]]:
+        """What the comparison of a position says, if it was made, and the notes of its search."""
         judged = self._judged.get(key_of(here))
-        return [] if judged is None else judged["findings"]
+        notes = found.notes if found.is_of(here.train) else []
+        said = [{"what": as_sentence(note), "why": "A note of the search."} for note in notes]
+        return said + ([] if judged is None else judged["findings"])
 
     def ceiling(self, here: Position, found: Found) -> dict[str, Any]:
         """The noise ceiling as the best model on these runs has it: a worse one shows less."""

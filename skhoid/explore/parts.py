@@ -9,11 +9,14 @@ import numpy as np
 
 from ..effects.base import Effect
 from ..effects.registry import title_of
+from ..greybox.model import AT_BOUND
 
 SPAN = 3.0  # times a value, and
 SPAN_SD = 10.0  # standard errors of it, that a slider reaches on either side
 STEPS = 200  # of a slider
 MOST_POINTS = 200  # of a curve
+BOUNDS = ("lower", "upper")
+TINY = 1e-300
 DIGITS = 12  # of what a slider is set to
 
 
@@ -37,7 +40,12 @@ def effects_of(
 def others_of(model: Any) -> list[dict[str, Any]]:
     """The parameters that are not of an effect, as numbers."""
     return [
-        {"name": str(name), **_numbers(row), "unit": row["unit"], "meaning": row["meaning"]}
+        {
+            "name": str(name),
+            **_numbers(row),
+            "unit": row["unit"],
+            "meaning": row["meaning"] + at_bound(model, str(name), float(row["value"])),
+        }
         for name, row in model.parameters_.iterrows()
         if "__" not in str(name)
     ]
@@ -61,6 +69,14 @@ def curve_of(model: Any, name: str) -> dict[str, Any] | None:
     ]
     without = {"x": _thinned(found.without.x), "y": _thinned(found.without.y)}
     return {"xlabel": found.xlabel, "ylabel": found.ylabel, "lines": lines, "without": without}
+
+
+def at_bound(model: Any, name: str, value: float) -> str:
+    """Words for a parameter that ended at a bound: it is not estimated there."""
+    for bound, words in zip(model._simulation.bounds.get(name, ()), BOUNDS, strict=False):
+        if np.isfinite(bound) and abs(value - bound) <= AT_BOUND * max(abs(bound), TINY):
+            return f"; at its {words} bound"
+    return ""
 
 
 def _thinned(values: Any) -> np.ndarray:
@@ -88,7 +104,7 @@ def _parameters(
             {
                 "name": full,
                 "label": p.name.replace("_", " "),
-                "meaning": p.meaning,
+                "meaning": p.meaning + at_bound(model, full, float(row["value"])),
                 "unit": row["unit"],
                 **_numbers(row),
                 "low": low if np.isfinite(low) else None,

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..effects.composition import Effects
 from ..effects.registry import title_of
 from .models import own_values
@@ -41,8 +43,24 @@ def moved(of: Exploration, args: Mapping[str, Any]) -> Position:
         raise ValueError(f"{name!r} is no parameter of an effect of this model.")
     if not isinstance(value, int | float) or isinstance(value, bool):
         raise ValueError(f"{name} must be a number; got {value!r}.")
+    check_possible(of, name, float(value))
     values = {**here.moved, name: float(value)}
     return here.with_changes(f"Move {_words(name)}", moved=values)
+
+
+def check_possible(of: Exploration, name: str, value: float) -> None:
+    """Refuse what is beyond the bounds of a parameter, in the words that the user sees."""
+    model = of.models.fitted(of.here.effects, of.here.train)
+    low, high = model._simulation.bounds.get(name, (-np.inf, np.inf))
+    if low <= value <= high:
+        return
+    unit = str(model.parameters_["unit"].get(name, "")).replace("-", "").strip()
+    raise ValueError(
+        f"{_words(name)} = {value:.6g} {unit}".rstrip()
+        + " is beyond what is physically possible, "
+        f"or too small to matter: it may be {low:.4g} to {high:.4g} {unit}".rstrip()
+        + "."
+    )
 
 
 def refitted(of: Exploration, args: Mapping[str, Any]) -> Position:

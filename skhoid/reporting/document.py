@@ -231,8 +231,10 @@ def report(
 def embedded(payload: dict[str, Any] | None) -> dict[str, Any]:
     """What the template needs of a payload: its text, and whether effects can be changed."""
     if payload is None:
-        return {"payload": "", "touched": False}
-    return {"payload": pack_text(payload), "touched": payload["view"]["can"]["change"]}
+        return {"payload": "", "touched": False, "settling": ""}
+    view = payload["view"]
+    settling = f"{view['settling']:g}" if view["settling"] else ""
+    return {"payload": pack_text(payload), "touched": view["can"]["change"], "settling": settling}
 
 
 def _search(

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ..exceptions import IrregularSamplingError
 from ..explore.exploration import Exploration
 from ..io._column_guess import UnclearColumnsError
 from ..io._paths import shown
@@ -27,6 +28,15 @@ HISTORY = frozenset(("add", "remove", "release", "refit", "free", "undo", "redo"
 READING = frozenset(("trace", "preview", "drag", "state", "script"))
 UNFINISHED = (
     "The search was not finished when the workbench ended: nothing of it was kept. Start it again."
+)
+
+
+ONTO_A_GRID = (
+    'The clock is irregular: tick "Bring an irregular clock onto a grid" below, and check again.'
+)
+NOT_KEPT = (
+    "It has no ranking: of a search before the workbench was restarted only the result is kept. "
+    "Search again for the rest."
 )
 
 
@@ -335,7 +345,10 @@ class Workbench:
     def _failed(self, this: int, error: Exception) -> None:
         with contextlib.suppress(_Overtaken):
             phase = "empty" if self.columns is None else "columns"
-            self._now(this, phase=phase, doing="", message=words_of(error))
+            message = words_of(error)
+            if isinstance(error, IrregularSamplingError):
+                message = f"{ONTO_A_GRID} {message}"
+            self._now(this, phase=phase, doing="", message=message)
 
     # The component.
 
@@ -393,6 +406,8 @@ class Workbench:
             self.note(f"The noise ceiling could not be found: {words_of(error)}")
         if exploration is self.exploration:
             self.news.tell("state", revision=exploration.revision)
+            with contextlib.suppress(NotSaved):  # said at the next step
+                self.save()
             exploration.warm()
 
     def note(self, text: str) -> None:
@@ -470,11 +485,10 @@ class Workbench:
                 f"The report was not saved: {words_of(error)} Nothing else is lost: make room, or "
                 "let the folder be written into, and save it again."
             ) from error
-        return {
-            "href": f"/api/report/{path.name}",
-            "name": path.name,
-            "text": f"The report is saved: {path}",
-        }
+        text = f"The report is saved: {path}"
+        if self.searched is None and self._open_exploration().found.steps:
+            text += f". {NOT_KEPT}"
+        return {"href": f"/api/report/{path.name}", "name": path.name, "text": text}
 
     def script(self) -> str:
         """The present model as Python."""

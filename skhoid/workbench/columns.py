@@ -204,7 +204,7 @@ def noted(problem: Problem, table: list[dict[str, Any]]) -> dict[str, Any]:
             continue
         kind = row["kind"] if option == "unit" else OF_OPTION.get(option, option)
         offers.append({"column": name, "kind": kind, "unit": unit})
-        row["note"] = problem.text
+        row["note"] = " ".join(filter(None, [row.get("note", ""), problem.text]))
     return {
         "text": problem.text,
         "offers": offers,

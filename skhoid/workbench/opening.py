@@ -18,6 +18,7 @@ from ..io._column_guess import ColumnGuess
 from ..io.readers import read_guessed
 from ..preprocessing import RunInTrimmer, resample_runs
 from ..recordings.channels import check_channels
+from ..runs import read_layout
 from ..summaries import counted
 from .choices import Choices
 from .columns import Columns
@@ -129,14 +130,14 @@ def _words(X: Any) -> str:
     """How much there is: runs, rows, duration, rate."""
     levels = [name for name in X.index.names if name != "time"]
     time = X.index.get_level_values("time").to_numpy()
-    runs = X.index.droplevel("time").unique() if levels else [0]
+    n_runs = len(read_layout(X).labels)
     step = np.diff(time[: min(len(time), 1000)])
     dt = float(np.median(step)) if step.size else float("nan")
     people = X.index.unique("subject") if "subject" in levels else []
     who = f" of {len(people)} people" if len(people) > 1 else ""
     seconds = len(X) * dt
     return (
-        f"{counted(len(runs), 'run')}{who}, {counted(len(X), 'row')}: {seconds:.4g} s in all, one "
+        f"{counted(n_runs, 'run')}{who}, {counted(len(X), 'row')}: {seconds:.4g} s in all, one "
         f"row every {dt:.4g} s."
     )
 

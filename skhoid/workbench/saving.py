@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..effects.composition import Effects
 from ..explore.exploration import Exploration
+from ..explore.payloads import payload_of_exploration
 from ..reporting import report
 from .session import SessionFolder
 
@@ -32,11 +34,16 @@ def saved_report(
     with exploration.lock:
         here, model = exploration.here, exploration.model
         of_search = searched is not None and _is_found(exploration, searched)
-        data = exploration.runs.part(tuple(sorted((*here.train, *here.hold))))
+        data = exploration.runs.part(here.train)
+        payload = payload_of_exploration(exploration)
+        held = exploration.state()["vaf"]["hold"]
+    if held is not None:
+        names = ", ".join(exploration.runs.labels[run] for run in here.hold)
+        made_with["Held out"] = f"VAF {held:.1f} % on {names}, which are not in this page's figures"
     if of_search and searched is not None:
         page = report(searched.search, searched.X, searched.y, **more)
     else:
-        page = report(model, *data, effects=None, **more)
+        page = report(model, *data, effects=None, **more)._embed(payload)
     return page.save(folder.free("report.html"))
 
 
@@ -45,6 +52,9 @@ def _is_found(exploration: Exploration, searched: Searched) -> bool:
     here = exploration.here
     if here.moved or here.train != searched.train:
         return False
-    effects = searched.search.best_estimator_.effects
-    found = [] if effects is None else list(effects.names)
-    return sorted(found) == sorted(here.effects.names)
+    return _chosen(Effects.of(searched.search.best_estimator_.effects)) == _chosen(here.effects)
+
+
+def _chosen(effects: Effects) -> dict[str, str]:
+    """Choices and given numbers of effects, by name."""
+    return {name: repr(effect.get_params()) for name, effect in effects}

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhoid import ARXRegressor, OperatorRegressor, RecursiveARX, VAFScorer, select_runs
+from skhoid import ARXRegressor, OperatorRegressor, RecursiveARX, VAFScorer, compare, select_runs
 from skhoid.effects import Bias, DeadZone
 from skhoid.explore.exploration import Exploration
 
@@ -33,7 +33,7 @@ def test_begins_with_the_baseline_and_the_cards_of_the_search(exploration, searc
     assert {c["id"] for c in state["cards"] if c["status"] == "found"} == {"bias", "dead_zone"}
     first = search.ranking_[search.ranking_["step"] == 1].set_index("effect")["vaf_gain"]
     assert {c["id"]: c["gain"] for c in state["cards"]} == first.to_dict()
-    assert state["cards_of"] == "Gains on held-out rows, added to the baseline."
+    assert state["cards_of"] == "Gains in the search, on held-out rows, added to the baseline."
 
 
 def test_adding_is_fitting(exploration, runs):
@@ -179,16 +179,18 @@ def test_a_parameter_is_a_number(exploration):
 
 def test_beyond_its_range_a_parameter_is_refused(exploration):
     exploration.act("add", {"effect": "dead_zone", "run": 0})
-    with pytest.raises(ValueError, match="dead_zone__width = -1 is outside its range"):
+    with pytest.raises(
+        ValueError, match="dead zone: width = -1 deg is beyond what is physically possible"
+    ):
         exploration.act("drag", {"name": "dead_zone__width", "value": -1, "run": 0})
 
 
 def test_cards_follow_the_model(exploration, search):
     state = exploration.act("add", {"effect": "bias", "run": 0})["state"]
     assert "bias" not in {card["id"] for card in state["cards"]}
-    assert "search again" in state["cards_of"] or state["cards_of"].endswith("with bias.")
+    assert "Search again" in state["cards_of"] or state["cards_of"].endswith("with bias.")
     state = exploration.act("add", {"effect": "saturation", "run": 0})["state"]
-    assert state["cards_of"].endswith("not to the present one: search again for that.")
+    assert state["cards_of"].endswith(". Search again for the present model and runs.")
 
 
 def test_the_ceiling_and_the_findings_come_with_judge(exploration):
@@ -206,6 +208,33 @@ def test_the_ceiling_and_the_findings_come_with_judge(exploration):
 
 
 @pytest.mark.slow  # several fits
+def test_what_was_named_for_other_runs_is_not_named_here(exploration):
+    state = exploration.act("use", {"runs": [0], "use": "out", "run": 0})["state"]
+    assert state["verdict"].startswith("The search was on other runs (0, 1, 2). There: Missing: ")
+    assert state["verdict_kind"] == ""
+    assert "found" not in {card["status"] for card in state["cards"]}
+    assert "of other runs than are fitted now" in state["cards_of"]
+    assert state["ceiling"] is None  # that of the search is of other runs, too
+    exploration.act("undo", {"run": 0})
+    assert exploration.state()["verdict_kind"] == "found"
+
+
+def test_the_ceiling_is_of_the_runs_that_are_fitted(exploration, runs):
+    exploration.act("use", {"runs": [0], "use": "hold", "run": 0})
+    exploration.judge()
+    fitted = select_runs(*runs, runs=[1, 2])
+    expected = compare(OperatorRegressor().fit(*fitted), *fitted, run_in=3.0).noise_ceiling
+    assert exploration.state()["ceiling"]["vaf"] == expected
+
+
+def test_a_parameter_at_its_bound_says_so(runs):
+    X, y = runs
+    early = y.groupby(level="run").shift(-20)  # so that the delay would be below the least
+    model = Exploration(OperatorRegressor(), X, early).state()["model"]
+    [tau] = [p for p in model if p["name"] == "tau_e"]
+    assert tau["meaning"] == "effective time delay; at its lower bound"
+
+
 def test_memory_brings_everything_back(exploration, runs):
     exploration.act("add", {"effect": "bias", "run": 0})
     exploration.act("use", {"runs": [1], "use": "hold", "run": 0})
@@ -213,7 +242,7 @@ def test_memory_brings_everything_back(exploration, runs):
     exploration.act("undo", {"run": 0})
     kept = json.loads(json.dumps(exploration.memory()))
     again = Exploration(OperatorRegressor(), *runs, memory=kept)
-    for state in ("undo", "redo", "verdict", "cards"):
+    for state in ("undo", "redo", "verdict", "cards", "ceiling"):
         assert again.state()[state] == exploration.state()[state]
     assert same(again.state(), exploration.state())
 
@@ -230,7 +259,7 @@ def test_a_search_from_here_has_the_model_and_the_runs(exploration, runs):
     exploration.take_search(search.fit(*select_runs(*runs, runs=[0, 2])))
     state = exploration.state()
     assert state["cards"][0]["id"] == "dead_zone"
-    assert state["cards_of"] == "Gains on held-out rows, added to the model with bias."
+    assert state["cards_of"].endswith("added to the model with bias.")
 
 
 @pytest.mark.slow  # the ARX model is searched for a baseline

@@ -51,6 +51,7 @@ async function ask(bench, name, args, words) {
 function take(bench, reply, run, order) {
   if (reply.state) {
     if (reply.state.revision < bench.state.revision) return;
+    if (reply.state.revision > bench.state.revision) bench.alert(null);
     bench.state = reply.state;
     bench.live = null;
     bench.drag.forget();
@@ -268,5 +269,5 @@ function previewer(bench) {
 
 function previewInWords({ preview, state }) {
   if (!preview) return "";
-  return `With ${isolated(preview.title)}: ${fromTo(state.vaf.train, preview.vaf)}`;
+  return `With ${isolated(preview.title)}, runs fitted: ${fromTo(state.vaf.train, preview.vaf)}`;
 }

@@ -5,7 +5,7 @@ const GROUPS = [
   ["named", "Named by the search", ["found"]],
   ["gains", "Gain too, but were not named", ["helps"]],
   ["untried", "Not tried yet", ["untried"]],
-  ["no", "No gain", ["no"]],
+  ["no", "Tried, and not named", ["no"]],
   ["refused", "Do not apply here", ["refused"]],
 ];
 

@@ -4,7 +4,16 @@ const LETTERS = '13px system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans
 const MARGIN = 58;
 
 const COLOURS = [
-  "preview","ink", "soft", "line", "measured", "simulated", "residual", "misfit", "shade"];
+  "ink",
+  "soft",
+  "line",
+  "measured",
+  "simulated",
+  "preview",
+  "residual",
+  "misfit",
+  "shade",
+];
 
 function coloursOf(root) {
   const style = getComputedStyle(root);

@@ -123,6 +123,8 @@ function stairInWords(stair, ceiling, pending) {
   const rest =
     left > 0.05
       ? `${left > 1000 ? "more than 1,000" : left.toFixed(1)} points are left to explain.`
-      : "nothing is left to explain, the rest is remnant.";
+      : left > -0.5
+        ? "nothing is left that these runs show."
+        : "the model is above it, which was estimated from another model or by chance.";
   return `${gained}. Noise ceiling ${percent(vaf)}${between}: ${rest}`;
 }
