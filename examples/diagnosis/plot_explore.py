@@ -2,8 +2,8 @@
 How do I try an effect by hand?
 ===============================
 
-A search has named what a model lacks. Is it right? Take an effect away and add it again, look at the
-trace, and see what it is good for, without writing a line for each trial.
+A search has named what a model lacks. Is it right? Take an effect away and add it again, look at
+the trace, and see what it is good for, without writing a line for each trial.
 """
 
 # %%
@@ -53,5 +53,5 @@ compare(ARXRegressor(nk=15).fit(X, y), X, y).explore()
 # %%
 # The answer
 # ----------
-# ``search.explore()`` in a notebook, ``skhoid workbench run*.csv`` without one. Here the dead zone alone
-# gains little, since the model leans on the bias; both together reach the noise ceiling.
+# ``search.explore()`` in a notebook, ``skhoid workbench run*.csv`` without one. Here the dead zone
+# gains more beside the bias than alone, and both together reach the noise ceiling.
