@@ -30,7 +30,11 @@ def script_of(
     names = {kind, "VAFScorer"}
     if plain_arx:
         names.add("EffectSearchCV")
-    reading = list(source or GIVEN)
+    given = list(source or GIVEN)
+    imports = [line for line in given if line.startswith(("from ", "import "))]
+    reading = [line for line in given if line not in imports]
+    while reading and not reading[0]:
+        reading = reading[1:]
     body = [*reading, *_lost(runs)]
     fitted, lines = _part("fitted", runs, position.train)
     body += lines
@@ -55,7 +59,8 @@ def script_of(
         if rows.get(words):
             body += [f'print("VAF, runs {words}:", vaf(model, {rows[words]}))  # {figure!r}']
     body += ["print(model.parameters_.to_string())"]
-    return "\n".join([*_imports(names, position.effects, "\n".join(body)), "", *body, ""])
+    head = [*_imports(names, position.effects, "\n".join(body)), *imports]
+    return "\n".join([*head, "", *body, ""])
 
 
 def _imports(names: set[str], effects: Effects, body: str) -> list[str]:

@@ -6,14 +6,15 @@ import time
 import numpy as np
 import pandas as pd
 import pytest
-from selenium.webdriver import ActionChains
-from selenium.webdriver.common.by import By
-from selenium.webdriver.common.keys import Keys
 
 from skhoid import EffectSearchCV, OperatorRegressor, compare, make_tracking_runs, vaf_score
 from skhoid.effects import Bias, DeadZone
 from skhoid.explore import component, wire
 from skhoid.explore.payloads import payload_of_comparison, payload_of_search
+
+ActionChains = pytest.importorskip("selenium.webdriver").ActionChains
+By = pytest.importorskip("selenium.webdriver.common.by").By
+Keys = pytest.importorskip("selenium.webdriver.common.keys").Keys
 
 EVIL = "\"><img src=x onerror='window.hacked=1'></script>\u202e"
 LONG = "very " * 60

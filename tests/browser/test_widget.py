@@ -5,10 +5,11 @@ import json
 import time
 
 import pytest
-from selenium.webdriver.common.by import By
 
 from skhoid import EffectSearchCV, OperatorRegressor, compare, make_tracking_runs
 from skhoid.effects import Bias
+
+By = pytest.importorskip("selenium.webdriver.common.by").By
 
 pytest.importorskip("anywidget")
 

@@ -8,11 +8,12 @@ import sys
 import time
 
 import pytest
-from selenium.webdriver.common.by import By
-from selenium.webdriver.common.keys import Keys
 
 from skhoid import make_tracking_runs
 from skhoid.effects import Bias, DeadZone
+
+By = pytest.importorskip("selenium.webdriver.common.by").By
+Keys = pytest.importorskip("selenium.webdriver.common.keys").Keys
 
 pytest.importorskip("uvicorn")
 

@@ -53,6 +53,7 @@ def test_adding_is_fitting(exploration, runs):
     assert values == model.parameters_["value"][list(values)].to_dict()
 
 
+@pytest.mark.slow  # several fits
 def test_what_is_previewed_is_what_adding_gives(exploration):
     seen = exploration.act("preview", {"effect": "bias", "run": 2})
     assert titles(exploration.state()) == ["baseline"]
@@ -141,6 +142,7 @@ def test_held_out_runs_are_not_fitted(exploration, runs):
     assert state["vaf"]["hold"] == vaf(model, *select_runs(*runs, runs=[2]))
 
 
+@pytest.mark.slow  # several fits
 @pytest.mark.parametrize(
     ("name", "args", "message"),
     [
@@ -165,12 +167,14 @@ def test_what_cannot_be_done_is_said_and_changes_nothing(exploration, name, args
     assert text(exploration.state()) == text(before)
 
 
+@pytest.mark.slow  # several fits
 def test_an_effect_is_added_once(exploration):
     exploration.act("add", {"effect": "bias", "run": 0})
     with pytest.raises(ValueError, match="has the effect bias already"):
         exploration.act("add", {"effect": "bias", "run": 0})
 
 
+@pytest.mark.slow  # several fits
 def test_a_parameter_is_a_number(exploration):
     exploration.act("add", {"effect": "bias", "run": 0})
     with pytest.raises(ValueError, match="bias__level must be a number; got 'x'"):
@@ -185,6 +189,7 @@ def test_beyond_its_range_a_parameter_is_refused(exploration):
         exploration.act("drag", {"name": "dead_zone__width", "value": -1, "run": 0})
 
 
+@pytest.mark.slow  # several fits
 def test_cards_follow_the_model(exploration, search):
     state = exploration.act("add", {"effect": "bias", "run": 0})["state"]
     assert "bias" not in {card["id"] for card in state["cards"]}
@@ -193,6 +198,7 @@ def test_cards_follow_the_model(exploration, search):
     assert state["cards_of"].endswith(". Search again for the present model and runs.")
 
 
+@pytest.mark.slow  # several fits
 def test_the_ceiling_and_the_findings_come_with_judge(exploration):
     exploration.act("add", {"effect": "bias", "run": 0})
     state = exploration.act("add", {"effect": "dead_zone", "run": 0})["state"]
@@ -219,6 +225,7 @@ def test_what_was_named_for_other_runs_is_not_named_here(exploration):
     assert exploration.state()["verdict_kind"] == "found"
 
 
+@pytest.mark.slow  # several fits
 def test_the_ceiling_is_of_the_runs_that_are_fitted(exploration, runs):
     exploration.act("use", {"runs": [0], "use": "hold", "run": 0})
     exploration.judge()
@@ -227,6 +234,7 @@ def test_the_ceiling_is_of_the_runs_that_are_fitted(exploration, runs):
     assert exploration.state()["ceiling"]["vaf"] == expected
 
 
+@pytest.mark.slow  # several fits
 def test_a_parameter_at_its_bound_says_so(runs):
     X, y = runs
     early = y.groupby(level="run").shift(-20)  # so that the delay would be below the least
@@ -235,6 +243,7 @@ def test_a_parameter_at_its_bound_says_so(runs):
     assert tau["meaning"] == "effective time delay; at its lower bound"
 
 
+@pytest.mark.slow  # several fits
 def test_memory_brings_everything_back(exploration, runs):
     exploration.act("add", {"effect": "bias", "run": 0})
     exploration.act("use", {"runs": [1], "use": "hold", "run": 0})
@@ -306,6 +315,7 @@ def test_missing_output_is_not_scored(runs):
     assert not trace["scored"][:150].any()  # settling
 
 
+@pytest.mark.slow  # several fits
 def test_a_simulation_that_runs_away_is_said(runs):
     X, y = runs
     exploration = Exploration(OperatorRegressor(), X, y, options={"effects": ["output_feedback"]})

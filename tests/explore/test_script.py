@@ -77,6 +77,17 @@ def test_reads_as_people_write(runs, search):
     )
 
 
+def test_imports_of_the_reading_stand_with_the_others(runs, search):
+    source = ["from pathlib import Path", "", "X, y = read_runs(Path('a.csv'))"]
+    script = Exploration.of_search(search, *runs, source=source).script().splitlines()
+    assert script[:4] == [
+        "from skhoid import OperatorRegressor, VAFScorer, read_runs",
+        "from pathlib import Path",
+        "",
+        "X, y = read_runs(Path('a.csv'))",
+    ]
+
+
 @pytest.mark.parametrize(
     "estimator",
     [

@@ -10,6 +10,8 @@ from support.workbench import OWN
 from skhoid.workbench import app as app_module
 from skhoid.workbench.session import SessionFolder
 
+pytestmark = pytest.mark.slow  # a model is fitted for each
+
 
 def test_the_files_of_the_page(begun):
     client = begun().client

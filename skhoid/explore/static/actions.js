@@ -85,6 +85,7 @@ function fail(bench, error) {
 
 async function showRun(bench, run) {
   const other = run !== bench.run;
+  if (other && bench.live) bench.drag.cancel();
   bench.run = run;
   if (other) {
     bench.simulated = null;

@@ -96,6 +96,7 @@ function runRow(bench, tbody, run) {
       if (bench.run === run) show.setAttribute("aria-current", "true");
       else show.removeAttribute("aria-current");
       setText(vaf, percent(run_vaf[run]).replace(" %", "").replace("below ", "< "));
+      vaf.classList.toggle("sk-soft", uses[run] === "hold" || uses[run] === "out");
       cells.update(uses);
     },
   };

@@ -300,6 +300,8 @@
         if (mounted !== "soon") return;
         state = view.state;
         mounted = skhoidBench.mount(at("component"), view, backend);
+        // The button that was pressed is gone: go on here, not at the top of the page.
+        if (document.activeElement === document.body) at("component").focus();
       },
       (error) => {
         mounted = null;
