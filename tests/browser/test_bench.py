@@ -10,6 +10,7 @@ import pytest
 from skhoid import EffectSearchCV, OperatorRegressor, compare, make_tracking_runs, vaf_score
 from skhoid.effects import Bias, DeadZone
 from skhoid.explore import component, wire
+from skhoid.explore.figures import AWAY
 from skhoid.explore.payloads import payload_of_comparison, payload_of_search
 
 ActionChains = pytest.importorskip("selenium.webdriver").ActionChains
@@ -302,6 +303,27 @@ def test_a_million_rows_and_a_hundred_runs(browser, tmp_path, payload):
     hand.type_range("Window", 100, 9000)
     hand.said(r"VAF -?[\d.]+|VAF −[\d.]+")
     assert browser.console() == []
+
+
+def test_a_model_that_runs_away_is_said_and_drawn_in_bounds(browser, tmp_path, payload):
+    key = payload["start"]
+    state = {**payload["states"][key], "impossible": AWAY, "vaf": {"train": -1000.0, "hold": None}}
+    state["stair"] = [*state["stair"][:-1], {**state["stair"][-1], "vaf": -1000.0}]
+    traces = [
+        {**trace, "simulated": {**trace["simulated"], key: 1e100 * trace["measured"]}}
+        for trace in payload["traces"]
+    ]
+    view = {**payload["view"], "state": state}
+    states = {**payload["states"], key: state}
+    hand = Hand(
+        browser,
+        tmp_path / "page.html",
+        {"view": view, "start": key, "states": states, "traces": traces},
+    )
+    assert AWAY in hand.all(".sk-stair")[0].text
+    assert browser.console() == []
+    hand.labelled("Remove bias").click()
+    hand.wait(lambda: AWAY not in hand.all(".sk-stair")[0].text)
 
 
 def test_people_stand_above_their_runs(browser, tmp_path, payload):

@@ -2,10 +2,12 @@
 
 import os
 import re
+import resource
 import signal
 import subprocess
 import sys
 import time
+from functools import partial
 
 import pytest
 
@@ -20,6 +22,11 @@ pytest.importorskip("uvicorn")
 EVIL = '"><img src=x onerror="window.hacked=1">'
 PATIENCE = 120.0  # s
 EFFECTS = ["--effects", "bias", "dead_zone", "saturation"]
+# At once: what is drawn anew between two questions would be stale.
+USABLE = """
+return [...document.querySelectorAll(arguments[0])].find(
+  (e) => e.checkVisibility() && !e.disabled && e.ariaDisabled !== "true") ?? null;
+"""
 COUNT_CLICKS = """
 window.clicks = 0;
 window.typed = 0;
@@ -47,13 +54,21 @@ def recorded(tmp_path_factory):
     return path
 
 
+def limit_files(largest):
+    """No file may become larger, in bytes: the kernel refuses, as on a full disk."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
+
+
 class Served:
     """The command in a process of its own, and the page in the browser."""
 
-    def __init__(self, browser, session, *arguments):
+    def __init__(self, browser, session, *arguments, largest=None):
         command = [sys.executable, "-m", "skhoid", "workbench", *map(str, arguments)]
         command += ["--no-browser", "--session", str(session), *EFFECTS]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        limited = None if largest is None else partial(limit_files, largest)
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, text=True, preexec_fn=limited
+        )
         self.url = re.search(r"http://\S+", self.process.stdout.readline())[0]
         self.browser, self.driver = browser, browser.driver
 
@@ -77,18 +92,12 @@ class Served:
         raise AssertionError(self.text())
 
     def text(self):
-        return self.driver.find_element(By.TAG_NAME, "body").text
+        return self.browser.js("return document.body.innerText")
 
     def one(self, selector):
         """The element, once it is there, seen and usable."""
 
-        def usable():
-            found = self.driver.find_elements(By.CSS_SELECTOR, selector)
-            ready = [f for f in found if f.is_displayed() and f.is_enabled()]
-            busy = ready and ready[0].get_attribute("aria-disabled") == "true"
-            return ready[0] if ready and not busy else None
-
-        return self.wait(usable)
+        return self.wait(lambda: self.browser.js(USABLE, selector))
 
     def state(self):
         """VAF of each step of the stair, and all that the engine says."""
@@ -102,11 +111,9 @@ class Served:
         )
 
     def stair(self):
-        return [
-            one.text
-            for one in self.driver.find_elements(By.CSS_SELECTOR, ".sk-step-vaf")
-            if one.text
-        ]
+        return self.browser.js(
+            "return [...document.querySelectorAll('.sk-step-vaf')].map((e) => e.textContent)"
+        )
 
     def named(self):
         return self.wait(lambda: "Missing:" in self.text() and "Add dead zone" in self.labels())
@@ -122,8 +129,8 @@ class Served:
 def serve(browser, tmp_path):
     running = []
 
-    def start(*arguments, session=tmp_path / "session"):
-        running.append(Served(browser, session, *arguments))
+    def start(*arguments, session=tmp_path / "session", **how):
+        running.append(Served(browser, session, *arguments, **how))
         return running[-1]
 
     yield start
@@ -230,6 +237,25 @@ def test_killed_in_mid_search_it_comes_back_as_it_was(serve, recorded, tmp_path)
     again.wait(lambda: "Remove bias" in again.labels())
     assert vaf_of(again.state()) == before
     assert "was not finished" in again.text()
+
+
+@pytest.mark.slow  # a server with no room for a report
+def test_a_report_that_finds_no_room_is_said_and_nothing_is_lost(serve, recorded, tmp_path):
+    served = serve(recorded, largest=300_000).open()
+    served.one("#fit").click()
+    served.one('[aria-label="Add bias"]').click()
+    served.wait(lambda: "Remove bias" in served.labels())
+    before = served.stair()
+    served.one('[data-sk-key="report"]').click()
+    served.wait(lambda: "The report was not saved" in served.text())
+    assert "make room" in served.text()
+    left = {path.name for path in (tmp_path / "session").iterdir()}
+    assert not [name for name in left if "report" in name]
+    served.one('[data-sk-key="undo"]').click()  # and it goes on
+    served.wait(lambda: len(served.stair()) == 1)
+    served.wait(lambda: "The report was not saved" not in served.text())
+    served.one('[data-sk-key="redo"]').click()
+    served.wait(lambda: served.stair() == before)
 
 
 @pytest.mark.slow  # a server for each
