@@ -20,6 +20,7 @@ from ..experiment.people import PeopleResult, identify_people
 from ..experiment.read import ALL
 from ..experiment.statistics import MixedModelResult, write_long, write_wide
 from ..greybox import OperatorRegressor
+from ..human.typed_element import element_of
 from ..io._paths import shown
 from ..io.experiments import read_experiment
 from ..preprocessing import RunInTrimmer
@@ -32,7 +33,7 @@ from .arguments.shared import MAX_EFFECTS, OF_CORE
 from .files import check_folders, new_file, without_screen
 from .options import pairs, refuse
 from .output import print_bold, print_json, print_wrapped, say, say_files
-from .search_output import element_of, shows_progress, wanted_effects
+from .search_output import shows_progress, wanted_effects
 from .tables import check_tables, save_tables
 from .wording import reworded
 

@@ -16,6 +16,7 @@ from ..io.guess import ColumnGuess, guess_columns
 from ..io.readers import read_guessed
 from ..preprocessing import resample_runs
 from ..regression import units_of
+from ..runs.selection import runs_of_label
 from .options import pairs, refuse
 from .output import note
 
@@ -75,18 +76,7 @@ def _of_label(X: Any, y: Any, level: str, label: str) -> tuple[Any, Any]:
             f"--{level} selects among several {level}s, and no column of the files tells them "
             "apart: leave it out."
         )
-    labels = X.index.get_level_values(level).astype(str)
-    if label not in labels:
-        raise ValueError(
-            f"There is no {level} {label!r} in the files, only "
-            f"{', '.join(map(repr, labels.unique()))}."
-        )
-    chosen = labels == label
-    attributes, of_output = X.attrs, y.attrs
-    X, y = X[chosen].droplevel(level), y[chosen].droplevel(level)
-    X.index, y.index = (part.index.remove_unused_levels() for part in (X, y))
-    X.attrs, y.attrs = attributes, of_output
-    return X, y
+    return runs_of_label(X, y, level, label)
 
 
 def columns_dict(options: argparse.Namespace) -> dict[str, Any] | None:

@@ -10,6 +10,7 @@ from ..arx.searches import DelaySearchCV
 from ..greybox import OperatorRegressor
 from ..io import load_human_tracking
 from ..preprocessing import RunInTrimmer
+from ..preprocessing.means import about_means
 from .arguments.shared import OF_CORE
 from .files import column_of, names_of, read_files
 from .options import pairs, refuse
@@ -26,7 +27,7 @@ def read_recordings(options: argparse.Namespace) -> tuple[Any, Any, Any, str]:
     if options.run_in:
         X = RunInTrimmer(run_in=options.run_in).fit_transform(X)
     if options.remove_means:
-        X, y = _about_means(X), _about_means(y)
+        X, y = about_means(X), about_means(y)
     return X, y, _estimator(options, X, y, roles), source
 
 
@@ -67,13 +68,6 @@ def _bundled(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str
     )
     options.input = "f_t"  # the answer to the target, which is what a pursuit display shows
     return X, y, {}, source
-
-
-def _about_means(data: Any) -> Any:
-    """Subtract the mean of all runs, which keeps differences between runs."""
-    about = data - data.mean()
-    about.attrs = dict(data.attrs)
-    return about
 
 
 def _estimator(options: argparse.Namespace, X: Any, y: Any, roles: dict[str, str]) -> Any:

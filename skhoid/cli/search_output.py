@@ -14,8 +14,7 @@ from sklearn.callback import ProgressBar
 from .._version import __version__
 from ..diagnosis import Comparison
 from ..effects.catalogue import BY_NAME
-from ..human import ControlledElement, LinearElement
-from ..human.element_text import is_number
+from ..human.typed_element import element_of
 from ..io._paths import shown
 from ..reporting import Report, report
 from ..search import EffectSearchCV
@@ -114,16 +113,6 @@ def print_block(block: str, options: argparse.Namespace, truth: dict[str, float]
     left = ("effect", "parameter", "unit", "its numbers", "band", "")
     folded = headings if block.kind == "shape" else ("effect",)
     print_table(block.caption, headings, rows, left=left, folded=folded)
-
-
-def element_of(text: str | None) -> Any:
-    """The controlled element of the command line: a transfer function, or K_c and omega_b."""
-    if text is None:
-        return None
-    words = text.split()
-    if len(words) == 2 and all(is_number(word) for word in words):
-        return ControlledElement(float(words[0]), float(words[1]))
-    return LinearElement.of(text)
 
 
 def write_results(

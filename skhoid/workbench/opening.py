@@ -12,13 +12,14 @@ import numpy as np
 from ..arx.batch import ARXRegressor
 from ..arx.searches import DelaySearchCV
 from ..greybox import OperatorRegressor
-from ..human import ControlledElement, LinearElement
-from ..human.element_text import is_number
+from ..human.typed_element import element_of
 from ..io._column_guess import ColumnGuess
 from ..io.readers import read_guessed
 from ..preprocessing import RunInTrimmer, resample_runs
+from ..preprocessing.means import about_means
 from ..recordings.channels import check_channels
 from ..runs import read_layout
+from ..runs.selection import runs_of_label
 from ..summaries import counted
 from .choices import Choices
 from .columns import Columns
@@ -55,7 +56,7 @@ def read(paths: list[Path], columns: Columns, choices: Choices) -> Recorded:
     if choices.run_in:
         X = RunInTrimmer(run_in=choices.run_in).fit_transform(X)
     if choices.remove_means:
-        X, y = _about_means(X), _about_means(y)
+        X, y = about_means(X), about_means(y)
     said = [
         {
             "title": one.title,
@@ -87,16 +88,8 @@ def search_settings(choices: Choices) -> dict[str, Any]:
     """Parameters of the search that the user has set."""
     names = ("display", "controlled_element", "effects", "max_effects", "lost_control")
     settings = {name: getattr(choices, name) for name in names}
-    settings["controlled_element"] = _element(choices.controlled_element)
+    settings["controlled_element"] = element_of(choices.controlled_element)
     return {name: value for name, value in settings.items() if value is not None}
-
-
-def _element(text: str | None) -> Any:
-    """A transfer function, or the numbers K_c and omega_b."""
-    words = (text or "").split()
-    if len(words) == 2 and all(is_number(word) for word in words):
-        return ControlledElement(float(words[0]), float(words[1]))
-    return None if text is None else LinearElement.of(text)
 
 
 def _of_label(X: Any, y: Any, level: str, label: str) -> tuple[Any, Any]:
@@ -106,24 +99,7 @@ def _of_label(X: Any, y: Any, level: str, label: str) -> tuple[Any, Any]:
             f"The runs of {level} {label!r} were asked for, and no column is the {level}: choose "
             "it among the columns."
         )
-    labels = X.index.get_level_values(level).astype(str)
-    if label not in labels:
-        raise ValueError(
-            f"There is no {level} {label!r} in the files, only "
-            f"{', '.join(map(repr, labels.unique()))}."
-        )
-    chosen = labels == label
-    attributes, of_output = X.attrs, y.attrs
-    X, y = X[chosen].droplevel(level), y[chosen].droplevel(level)
-    X.index, y.index = (part.index.remove_unused_levels() for part in (X, y))
-    X.attrs, y.attrs = attributes, of_output
-    return X, y
-
-
-def _about_means(data: Any) -> Any:
-    about = data - data.mean()
-    about.attrs = dict(data.attrs)
-    return about
+    return runs_of_label(X, y, level, label)
 
 
 def _words(X: Any) -> str:

@@ -35,12 +35,13 @@ def saved_report(
         here, model = exploration.here, exploration.model
         of_search = searched is not None and _is_found(exploration, searched)
         data = exploration.runs.part(here.train)
-        payload = payload_of_exploration(exploration)
-        held = exploration.state()["vaf"]["hold"]
+        payload = None if of_search else payload_of_exploration(exploration)
+        held = exploration.figures.vaf(exploration.figures.prediction(here), here)["hold"]
     if held is not None:
         names = ", ".join(exploration.runs.labels[run] for run in here.hold)
         made_with["Held out"] = f"VAF {held:.1f} % on {names}, which are not in this page's figures"
-    if of_search and searched is not None:
+    if payload is None:
+        assert searched is not None
         page = report(searched.search, searched.X, searched.y, **more)
     else:
         page = report(model, *data, effects=None, **more)._embed(payload)

@@ -10,7 +10,7 @@ from skhoid.cli import main
 from skhoid.cli.options import with_one_element
 from skhoid.cli.parser import make_parsers
 from skhoid.cli.recordings import read_recordings
-from skhoid.cli.search_output import element_of
+from skhoid.human.typed_element import element_of
 
 FILES = ["run.csv", "--time", "t"]
 WORDS = {

@@ -37,23 +37,14 @@ function amplitudePlot(bench) {
       ],
     },
   });
-  const place = brushOn(bench, figureMade, {
+  const brush = {
     get: () => bench.amplitude,
     set: (range) => bench.brush("amplitude", range),
     limits: () => amplitudesOf(state),
-  });
-  const tell = () => figureMade.describe(amplitudeInWords(bench, state));
-  return {
-    ...figureMade,
-    keys,
-    place,
-    tell,
-    draw: () => {
-      drawAmplitude(bench, state, figureMade.plot);
-      place();
-      tell();
-    },
   };
+  const draw = (plot) => drawAmplitude(bench, state, plot);
+  const inWords = () => amplitudeInWords(bench, state);
+  return brushedFigure(bench, figureMade, keys, brush, draw, inWords);
 }
 
 function overName(bench) {

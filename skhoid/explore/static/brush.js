@@ -114,3 +114,20 @@ function rangeByKey(brush, key, shift, seen) {
   }
   return [low, high].map(back);
 }
+
+// A figure with its brush, drawn and told in words together.
+function brushedFigure(bench, figureMade, keys, brush, draw, inWords) {
+  const place = brushOn(bench, figureMade, brush);
+  const tell = () => figureMade.describe(inWords());
+  return {
+    ...figureMade,
+    keys,
+    place,
+    tell,
+    draw: () => {
+      draw(figureMade.plot);
+      place();
+      tell();
+    },
+  };
+}

@@ -30,24 +30,15 @@ function spectrumPlot(bench) {
       ],
     },
   });
-  const place = brushOn(bench, figureMade, {
+  const brush = {
     log: true,
     get: () => bench.band,
     set: (range) => bench.brush("band", range),
     limits: () => omegasOf(state),
-  });
-  const tell = () => figureMade.describe(spectrumInWords(bench, state));
-  return {
-    ...figureMade,
-    keys,
-    place,
-    tell,
-    draw: () => {
-      drawSpectrum(bench, state, figureMade.plot);
-      place();
-      tell();
-    },
   };
+  const draw = (plot) => drawSpectrum(bench, state, plot);
+  const inWords = () => spectrumInWords(bench, state);
+  return brushedFigure(bench, figureMade, keys, brush, draw, inWords);
 }
 
 function densityOf(unit) {
