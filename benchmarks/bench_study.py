@@ -20,9 +20,9 @@ from bench_simulate import cpu
 from skhoid import _kernels
 from skhoid.arx.recursive_cv import HORIZONS
 from skhoid.arx.rls import recurse
-from skhoid.montecarlo import MonteCarloStudy
-from skhoid.montecarlo.horizons import KEPT, candidate_delays, shifted
-from skhoid.montecarlo.vectorised import (
+from skhoid.lab.studies.montecarlo import MonteCarloStudy
+from skhoid.lab.studies.montecarlo.horizons import KEPT, candidate_delays, shifted
+from skhoid.lab.studies.montecarlo.vectorised import (
     BOUND,
     FORMS,
     NO_FORGETTING,
@@ -33,8 +33,8 @@ from skhoid.montecarlo.vectorised import (
     delay_losses,
     least_squares,
 )
-from skhoid.thesis import forgetting_study
-from skhoid.thesis.study_result import CONDITIONS, INTENSITIES
+from skhoid.lab.studies.thesis import forgetting_study
+from skhoid.lab.studies.thesis.study_result import CONDITIONS, INTENSITIES
 
 CELLS, ESTIMATION, VALIDATION = len(CONDITIONS) * len(INTENSITIES), 100, 10
 SECONDS, GIBIBYTES = 60.0, 2.0

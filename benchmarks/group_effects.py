@@ -33,9 +33,9 @@ from world import HopelessError
 from skhoid import ControlledElement, EffectSearchCV, OperatorRegressor
 from skhoid.effects.catalogue import BY_NAME
 from skhoid.effects.composition import Effects
-from skhoid.experiment.group.evidence import candidates_of
-from skhoid.experiment.group.prevalence import PersonEvidence, prevalences
-from skhoid.experiment.group.search import SURE
+from skhoid.lab.experiment.group.evidence import candidates_of
+from skhoid.lab.experiment.group.prevalence import PersonEvidence, prevalences
+from skhoid.lab.experiment.group.search import SURE
 from skhoid.search.evidence import evidence_of
 
 EFFECTS = (

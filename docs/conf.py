@@ -134,7 +134,7 @@ CALLED_BY_SEARCHES = ("prepare", "first_fit", "with_fit", "free_run")
 def leave_out_members(app, what, name, obj, skip, options):
     """Skip what scikit-learn's base classes bring along (its pages document it), and plumbing."""
     module = getattr(obj, "__module__", None) or ""
-    plumbing = name in CALLED_BY_SEARCHES and module.startswith("skhoid.greybox")
+    plumbing = name in CALLED_BY_SEARCHES and module.startswith("skhoid.model")
     return True if plumbing or module.startswith("sklearn") else None
 
 

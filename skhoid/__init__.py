@@ -24,7 +24,7 @@ index. Estimators, searches and transformers follow the scikit-learn API. By tas
   parameters that vary in time are a `Sigmoid`, `Step`, `Ramp` or `Mixture`.
 - Plan an experiment: `recommend_forgetting`, `MonteCarloStudy`, `simulate_experiment`.
 - Experiments with people: `identify_people`, `GroupEffectSearch`, `analyse_experiment`; statistics
-  in `skhoid.experiment`.
+  in `skhoid.lab.experiment`.
 - Draw: `skhoid.plotting`. Errors and warnings to catch: `skhoid.exceptions`.
 
 >>> from skhoid import ARXRegressor, make_tracking_runs, vaf_score
@@ -43,14 +43,11 @@ __getattr__, __dir__, _names = lazy_loader.attach_stub(__name__, __file__)
 _NAMESPACES = {
     "effects",
     "exceptions",
-    "experiment",
     "human",
     "interpret",
-    "montecarlo",
+    "lab",
     "plotting",
     "testing",
-    "thesis",
-    "tournament",
 }
 # Without the namespaces: a star import would import matplotlib with skhoid.plotting.
 __all__ = [name for name in _names if name not in _NAMESPACES]

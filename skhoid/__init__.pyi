@@ -2,14 +2,11 @@
 
 from . import effects as effects
 from . import exceptions as exceptions
-from . import experiment as experiment
 from . import human as human
 from . import interpret as interpret
-from . import montecarlo as montecarlo
+from . import lab as lab
 from . import plotting as plotting
 from . import testing as testing
-from . import thesis as thesis
-from . import tournament as tournament
 from .arx.batch import ARXRegressor as ARXRegressor
 from .arx.forgetting import forgetting_factor as forgetting_factor
 from .arx.recursive import RecursiveARX as RecursiveARX
@@ -37,12 +34,6 @@ from .exceptions import StudyFolderError as StudyFolderError
 from .exceptions import StudyWarning as StudyWarning
 from .exceptions import UnstableLoopError as UnstableLoopError
 from .exceptions import WorkersLostError as WorkersLostError
-from .experiment.analyse import analyse_experiment as analyse_experiment
-from .experiment.group import GroupEffectSearch as GroupEffectSearch
-from .experiment.people import identify_people as identify_people
-from .experiment.recommend import recommend_forgetting as recommend_forgetting
-from .experiment.simulate import simulate_experiment as simulate_experiment
-from .greybox import OperatorRegressor as OperatorRegressor
 from .human import ControlledElement as ControlledElement
 from .human import HumanOperator as HumanOperator
 from .human import LinearElement as LinearElement
@@ -64,9 +55,19 @@ from .io import load_human_tracking as load_human_tracking
 from .io import read_experiment as read_experiment
 from .io import read_runs as read_runs
 from .io import write_runs as write_runs
+from .lab.experiment.analyse import analyse_experiment as analyse_experiment
+from .lab.experiment.group import GroupEffectSearch as GroupEffectSearch
+from .lab.experiment.people import identify_people as identify_people
+from .lab.experiment.recommend import recommend_forgetting as recommend_forgetting
+from .lab.experiment.simulate import simulate_experiment as simulate_experiment
+from .lab.report import Report as Report
+from .lab.report import report as report
+from .lab.studies.montecarlo import MonteCarloStudy as MonteCarloStudy
+from .lab.studies.tournament import recommend_method as recommend_method
+from .lab.studies.tournament import run_tournament as run_tournament
 from .metrics import VAFScorer as VAFScorer
 from .metrics import vaf_score as vaf_score
-from .montecarlo import MonteCarloStudy as MonteCarloStudy
+from .model import OperatorRegressor as OperatorRegressor
 from .preprocessing import Decimator as Decimator
 from .preprocessing import DelayShift as DelayShift
 from .preprocessing import RunInTrimmer as RunInTrimmer
@@ -76,8 +77,6 @@ from .recordings.channels import check_channels as check_channels
 from .recordings.experiment_check import check_experiment as check_experiment
 from .recordings.findings import Finding as Finding
 from .recordings.loss_of_control import lost_control as lost_control
-from .reporting import Report as Report
-from .reporting import report as report
 from .runs.selection import run_labels as run_labels
 from .runs.selection import sampling_time as sampling_time
 from .runs.selection import select_runs as select_runs
@@ -89,8 +88,6 @@ from .simulation import make_tracking_runs as make_tracking_runs
 from .simulation import mixed_condition as mixed_condition
 from .simulation import tracking_condition as tracking_condition
 from .simulation import tune_remnant as tune_remnant
-from .tournament import recommend_method as recommend_method
-from .tournament import run_tournament as run_tournament
 from .tracking.box_jenkins import RecursiveBoxJenkins as RecursiveBoxJenkins
 from .tracking.delay_bank import DelayBankARX as DelayBankARX
 from .tracking.lpv_arx import LPVARX as LPVARX

@@ -35,7 +35,7 @@ from .runs import (
 )
 from .runs.empty import empty_runs, rows_of_runs
 from .runs.selection import warn_of_pooled
-from .summaries import ModelSummary, Summary
+from .text import ModelSummary, Summary
 
 NOTED_JITTER = 0.01  # of a sampling time
 STILL = 1e-9  # relative to the norm of a channel

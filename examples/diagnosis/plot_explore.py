@@ -36,7 +36,7 @@ search.explore()
 # %%
 # What was done by hand is a model like any other, and its script gives the same numbers:
 
-from skhoid.explore import Exploration
+from skhoid.lab.explore import Exploration
 
 by_hand = Exploration.of_search(search, X, y)
 by_hand.act("add", {"effect": "dead_zone"})

@@ -67,7 +67,7 @@ _ = PeopleDisplay.from_result(people)
 # %%
 # A mixed model compares the conditions: runs of one person are no independent measurements.
 
-from skhoid.experiment import mixed_model
+from skhoid.lab.experiment import mixed_model
 
 lead = mixed_model(people.table, "T_L")
 lead.summary()
@@ -86,7 +86,7 @@ _ = ConditionMeansDisplay.from_result(lead)
 
 from tempfile import mkdtemp
 
-from skhoid.experiment import write_long
+from skhoid.lab.experiment import write_long
 
 folder = mkdtemp()
 [path.name for path in write_long(lead, folder)]
@@ -94,7 +94,7 @@ folder = mkdtemp()
 # %%
 # And all of it on one page, with a part for each person:
 
-from skhoid.reporting import report_experiment
+from skhoid.lab.report import report_experiment
 
 page = report_experiment(
     group,

@@ -15,7 +15,7 @@ to do the same with your own recordings.
 # measurement window (at 50.00 s of the 90.00 s recorded). The first 8.08 s of a recording are the
 # run-in, at negative time.
 
-from skhoid.experiment import analyse_experiment, simulate_experiment
+from skhoid.lab.experiment import analyse_experiment, simulate_experiment
 
 X, y, truth = simulate_experiment(
     subjects=3, conditions=["C1", "C4"], runs=7, random_state=0, return_truth=True
@@ -89,7 +89,7 @@ print(pd.DataFrame(table).round(3).to_string())
 #
 #     import pandas as pd
 #     from skhoid import read_runs
-#     from skhoid.experiment import analyse_experiment
+#     from skhoid.lab.experiment import analyse_experiment
 #
 #     cells = {
 #         (person, condition): read_runs(

@@ -12,15 +12,15 @@ import numpy as np
 from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..effects.base import Effect
 from ..effects.composition import Effects
-from ..greybox.arx_core import fitted_arx
-from ..greybox.base import SimulatedModelMixin, Simulation
-from ..greybox.cores import ARXCore
-from ..greybox.fitting import RemnantModel
-from ..greybox.model import Model
-from ..greybox.prepared import Prepared, SimulatedCore
 from ..human import ELEMENT
+from ..model.arx_core import fitted_arx
+from ..model.base import SimulatedModelMixin, Simulation
+from ..model.cores import ARXCore
+from ..model.fitting import RemnantModel
+from ..model.model import Model
+from ..model.prepared import Prepared, SimulatedCore
 from ..preprocessing.grid import ModelGrid
-from ..summaries import ModelSummary
+from ..text import ModelSummary
 from .base import BaseARX, check_lengths
 from .model_summary import orders_text
 from .orders import Orders

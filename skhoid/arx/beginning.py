@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..exceptions import MissingDataWarning
-from ..greybox.cores import held_level
-from ..greybox.initial import ESTIMATE, REST, pays
+from ..model.cores import held_level
+from ..model.initial import ESTIMATE, REST, pays
 from ..preprocessing.grid import ModelGrid
 from ..preprocessing.held_inputs import HeldInputs
 

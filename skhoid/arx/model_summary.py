@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..preprocessing.base import as_fitted
-from ..summaries import (
+from ..text import (
     ModelSummary,
     TextTable,
     estimates_table,

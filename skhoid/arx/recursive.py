@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._sklearn import DT, Interval, StrOptions, fit_context
-from ..summaries import ModelSummary
+from ..text import ModelSummary
 from .base import check_row_count
 from .followed_path import FollowedPath
 from .forgetting import Forgetting, read_forgetting

@@ -15,7 +15,7 @@ from .. import _kernels
 from .._sklearn import fit_context
 from ..exceptions import RunCutWarning
 from ..metrics import VAFScorer, scored_rows, vaf_of_rows, vaf_of_sums
-from ..summaries import ModelSummary, TextTable, number, vaf_name
+from ..text import ModelSummary, TextTable, number, vaf_name
 from .base import BOUND
 from .forgetting import Forgetting, kernel_arrays, read_forgetting
 from .recursive import RecursiveARX

@@ -14,20 +14,20 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 
 from ..effects.composition import Effects
-from ..greybox.arx_core import forecast
-from ..greybox.base import Simulation, first_model, simulation_of
-from ..greybox.estimates import arx_parameter_table
-from ..greybox.fitting import Criterion, RemnantModel
-from ..greybox.initial import ESTIMATE, HELD
-from ..greybox.likelihood import likelihood_fit
-from ..greybox.model import Model
-from ..greybox.operator_summary import simulated_summary
-from ..greybox.prepared import Prepared, prepared_for
+from ..model.arx_core import forecast
+from ..model.base import Simulation, first_model, simulation_of
+from ..model.estimates import arx_parameter_table
+from ..model.fitting import Criterion, RemnantModel
+from ..model.initial import ESTIMATE, HELD
+from ..model.likelihood import likelihood_fit
+from ..model.model import Model
+from ..model.operator_summary import simulated_summary
+from ..model.prepared import Prepared, prepared_for
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, segments
 from ..runs import input_columns
 from ..runs.roles import is_external, role_of
-from ..summaries import ModelSummary
+from ..text import ModelSummary
 from .base import BaseARX, check_row_count
 from .beginning import Beginning
 from .excitation import rank_error

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..recordings.findings import Finding
-from ..summaries import counted, gap_text, p_text, vaf_name
+from ..text import counted, gap_text, p_text, vaf_name
 from .element_inverse import band_edge
 from .next_steps import NextSteps
 from .run_signals import Signals

@@ -19,7 +19,7 @@ from ..pipelines import taken_apart
 from ..preprocessing.base import as_fitted
 from ..recordings.channels import check_channels
 from ..recordings.findings import Finding
-from ..summaries import Summary
+from ..text import Summary
 from .advice import advise
 from .ceiling import Ceiling, consistent_ceiling, noise_ceiling
 from .changes import BlockSums, cusum, tests_of_changes
@@ -215,7 +215,7 @@ class Comparison:
         ImportError
             Without anywidget: ``pip install "skhoid[notebook]"``.
         """
-        from ..explore.widget import of_comparison
+        from ..lab.explore.widget import of_comparison
 
         return of_comparison(self)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..summaries import VAF_RULE, Summary, gap_text, rendered, vaf_name
+from ..text import VAF_RULE, Summary, gap_text, rendered, vaf_name
 
 if TYPE_CHECKING:
     from .comparison import Comparison

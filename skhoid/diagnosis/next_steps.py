@@ -8,13 +8,13 @@ import numpy as np
 
 from ..effects.composition import Effects
 from ..effects.registry import title_of
-from ..greybox.operator_regressor import OperatorRegressor
 from ..interpret.channel import is_arx
+from ..model.operator_regressor import OperatorRegressor
 from ..pipelines import taken_apart
 from ..preprocessing import DelayShift
 from ..preprocessing.base import as_fitted
 from ..runs.roles import is_external, role_of
-from ..summaries import counted
+from ..text import counted
 
 
 def is_operator(model: Any) -> bool:

@@ -15,7 +15,7 @@ from scipy.signal.windows import tukey
 from scipy.stats import chi2, norm
 
 from .._sklearn import DT, ROLES, RUN_IN, HasMethods, checked
-from ..summaries import Summary, counted, p_text
+from ..text import Summary, counted, p_text
 from .ceiling import Ceiling, noise_ceiling
 from .repeats import Group
 from .run_signals import Signals, read_signals

@@ -11,7 +11,7 @@ from scipy import fft
 
 from ..runs import RunLayout
 from ..runs.roles import is_external
-from ..summaries import counted
+from ..text import counted
 from .element_inverse import band_edge, estimated_inverse, low_passed
 from .same_target import runs_in_common
 

@@ -25,7 +25,7 @@ from ..recordings.loss_of_control import ControlCheck, control_check
 from ..regression import units_of
 from ..runs import RunLayout, check_alignment, output_name, run_column, run_name
 from ..runs.roles import check_named, columns_by_role, is_external, with_target
-from ..summaries import counted
+from ..text import counted
 from .coherent import TargetResponse
 from .repeats import Group, grouped
 

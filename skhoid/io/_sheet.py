@@ -14,7 +14,7 @@ from typing import Any, TextIO
 
 import pandas as pd
 
-from ..summaries import counted
+from ..text import counted
 from ._header_words import are_units, ungarbled
 from ._plain import EXACT, plain_columns
 from ._table import FileTable, coded

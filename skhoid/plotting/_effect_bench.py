@@ -17,9 +17,9 @@ from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.operator_signals import Command
 from ..effects.record import Record
-from ..greybox.base import labelled_covariance
-from ..greybox.cores import neutral_gains
-from ..greybox.simulator import Simulator
+from ..model.base import labelled_covariance
+from ..model.cores import neutral_gains
+from ..model.simulator import Simulator
 
 LONGEST = 2**15  # samples
 SPARE = 8  # draws for one, since some are out of bounds

@@ -10,8 +10,8 @@ from ..effects.composition import Effects
 from ..effects.operator_signals import Command, Spring
 from ..effects.record import Record
 from ..effects.static_map import StaticMap
-from ..greybox.cores import neutral_gains
-from ..greybox.simulator import Simulator
+from ..model.cores import neutral_gains
+from ..model.simulator import Simulator
 from ._axes import with_unit
 from ._effect_bench import (
     AFTER,

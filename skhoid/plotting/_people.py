@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ..experiment.statistics.mixed import mixed_model
-from ..experiment.statistics.result import MixedModelResult
+from ..lab.experiment.statistics.mixed import mixed_model
+from ..lab.experiment.statistics.result import MixedModelResult
 from ._axes import parameter_symbol, with_unit
 from .operator_parameters import SYMBOLS
 

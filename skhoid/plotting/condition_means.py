@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from ..summaries import p_text
+from ..text import p_text
 from ._axes import corner_note
 from ._display import Display
 from ._layout import page_width
@@ -118,7 +118,7 @@ class ConditionMeansDisplay(Display):
         mean_kw : dict or None, default=None
             Keywords of matplotlib for the mean and its intervals.
         **options : dict
-            Of :func:`skhoid.experiment.mixed_model`, for a table.
+            Of :func:`skhoid.lab.experiment.mixed_model`, for a table.
 
         Returns
         -------

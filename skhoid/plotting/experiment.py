@@ -17,7 +17,7 @@ from ._roles import GREY, ORANGE, PALETTE, foreground, scaled
 from .operator_parameters import SYMBOLS
 
 if TYPE_CHECKING:
-    from ..experiment.result import ExperimentResult
+    from ..lab.experiment.result import ExperimentResult
 
 PARAMETERS = {
     "arx": ("a1", "a2", "b0", "b1"),
@@ -81,7 +81,7 @@ class ExperimentDisplay(Display):
 
     Examples
     --------
-    >>> from skhoid.experiment import analyse_experiment, simulate_experiment
+    >>> from skhoid.lab.experiment import analyse_experiment, simulate_experiment
     >>> from skhoid.plotting.experiment import ExperimentDisplay
     >>> result = analyse_experiment(*simulate_experiment(2, "C4", random_state=0))
     >>> display = ExperimentDisplay.from_result(result, form="Lambda")
@@ -107,7 +107,7 @@ class ExperimentDisplay(Display):
         ax: Any = None,
         **styles: Any,
     ) -> Self:
-        """Draw what :func:`skhoid.experiment.analyse_experiment` found.
+        """Draw what :func:`skhoid.lab.experiment.analyse_experiment` found.
 
         Parameters
         ----------

@@ -13,8 +13,8 @@ from sklearn.utils.validation import check_is_fitted
 
 from ..effects.record import Record
 from ..effects.registry import title_of
-from ..greybox.estimates import parameter_text
 from ..human import LinearElement
+from ..model.estimates import parameter_text
 from ..runs.roles import target_is_sum
 from ._axes import letters, letters_above, letters_across, plain_logarithmic, wrapped
 from ._display import Display

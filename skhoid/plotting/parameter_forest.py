@@ -110,7 +110,7 @@ class ParameterForestDisplay(Display):
         diamond_kw : dict or None, default=None
             Keywords of matplotlib for the diamonds.
         **options : dict
-            Of :func:`skhoid.experiment.mixed_model`, for a table.
+            Of :func:`skhoid.lab.experiment.mixed_model`, for a table.
 
         Returns
         -------

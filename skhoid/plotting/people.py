@@ -18,7 +18,7 @@ from ._roles import BLUE, ROLES, foreground, scaled, sized
 from ._short_names import short_names
 
 if TYPE_CHECKING:
-    from ..experiment.people import PeopleResult
+    from ..lab.experiment.people import PeopleResult
 
 KEY = ["subject", "condition"]
 ALL = "all"

@@ -14,7 +14,7 @@ from ..pipelines import raw_layout, trimmed_rows
 from ..preprocessing.gate import as_output, unmasked
 from ..preprocessing.run_in import run_in_rows
 from ..runs import GAP, RunLayout, check_alignment, run_name
-from ..summaries import vaf_name
+from ..text import vaf_name
 from ._axes import with_unit
 from ._display import Display
 from ._roles import GREY, ROLES, scaled

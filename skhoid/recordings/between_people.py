@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..runs.roles import role_of
-from ..summaries import counted
+from ..text import counted
 from .raw import of_list
 from .run_facts import Recordings, RunFacts
 

@@ -13,7 +13,7 @@ from ..preprocessing.columns import SingleColumn
 from ..preprocessing.gate import as_table
 from ..runs import GAP, JITTER_TOLERANCE, snap
 from ..runs.roles import of_person
-from ..summaries import counted
+from ..text import counted
 from .findings import Finding
 from .rates import check_rates
 from .raw import RawRecording, of_list, read_recording

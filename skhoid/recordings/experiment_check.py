@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import RunIndexError, SlowClockWarning
-from ..summaries import Summary, TextTable, counted, wrapped
+from ..text import Summary, TextTable, counted, wrapped
 from .between_people import BetweenFinding, compare_people
 from .channels import check_channels
 from .run_facts import Recordings, facts_of

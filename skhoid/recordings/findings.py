@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..summaries import Summary
+from ..text import Summary
 
 
 @dataclass(frozen=True, repr=False)

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from ..effects.free_variation import TIME
-from ..greybox.fitting import Criterion, covariance_of
-from ..greybox.model import Model
-from ..greybox.smoothing import CROWDED, change_if_finer, change_if_rougher, posterior_of
+from ..model.fitting import Criterion, covariance_of
+from ..model.model import Model
+from ..model.smoothing import CROWDED, change_if_finer, change_if_rougher, posterior_of
 
 N_POINTS = 101
 N_DRAWS = 4000

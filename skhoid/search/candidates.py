@@ -10,7 +10,7 @@ import numpy as np
 
 from ..diagnosis.leaks import SLOPE, LeakTest
 from ..effects.base import Effect
-from ..greybox.model import AT_BOUND, Model
+from ..model.model import AT_BOUND, Model
 from .in_loop import LEAST_DELTA_BIC as LEAST_DELTA_BIC_IN_LOOP
 from .in_loop import LEAST_GAIN as LEAST_IN_LOOP
 from .in_loop import LEAST_IF_BETTER, InLoop, LoopParent

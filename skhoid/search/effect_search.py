@@ -18,20 +18,20 @@ from ..arx.searches.folds import SplitsRuns, folds_of
 from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
-from ..greybox.estimates import parameter_text
-from ..greybox.operator_summary import delay_notes
-from ..greybox.prepared import Prepared
-from ..greybox.protocol import check_simulated_model
-from ..greybox.some_runs import MOST_ROWS, some_runs
-from ..greybox.two_estimates import difference_notes
 from ..human import ELEMENT
+from ..model.estimates import parameter_text
+from ..model.operator_summary import delay_notes
+from ..model.prepared import Prepared
+from ..model.protocol import check_simulated_model
+from ..model.some_runs import MOST_ROWS, some_runs
+from ..model.two_estimates import difference_notes
 from ..preprocessing.base import as_fitted, keep_parameters
 from ..preprocessing.gate import as_output, as_table
 from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, sentences_of
 from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..runs.roles import role_of
-from ..summaries import ModelSummary, Summary, estimates_table
+from ..text import ModelSummary, Summary, estimates_table
 from .all_runs import AllRuns, Held, held_columns
 from .estimators import Estimators
 from .explanations import (
@@ -90,7 +90,7 @@ class EffectSearchCV(
     ----------
     estimator : OperatorRegressor, ARXRegressor or other SimulatedModel
         The model, unfitted; effects that it already has stay. For what a model of your own needs,
-        see :class:`skhoid.greybox.SimulatedModel`.
+        see :class:`skhoid.model.SimulatedModel`.
     effects : "all", list of ids or effects, Effect or Effects, default="all"
         Effects to try, which may include your own.
     cv : cross-validation generator, iterable of splits, int or None, default=None

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..greybox.fitting import Criterion, RemnantModel
-from ..greybox.likelihood import likelihood_fit
-from ..greybox.model import Model
-from ..greybox.prepared import Prepared
-from ..greybox.protocol import SimulatedModel
+from ..model.fitting import Criterion, RemnantModel
+from ..model.likelihood import likelihood_fit
+from ..model.model import Model
+from ..model.prepared import Prepared
+from ..model.protocol import SimulatedModel
 from .all_runs import on_rows_of
 from .forward import output_error_fit
 

@@ -9,7 +9,7 @@ import pandas as pd
 
 from ..effects.base import Effect
 from ..effects.registry import title_of, titles_of
-from ..summaries import VAF_RULE, counted, gap_text, p_text
+from ..text import VAF_RULE, counted, gap_text, p_text
 from .verdict import Outcome
 
 # What an effect on a compensatory display can only be equivalent to, and why.

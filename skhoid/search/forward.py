@@ -16,12 +16,12 @@ from .._machine import ended_by_signals
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
-from ..greybox.base import vaf_of_output
-from ..greybox.cores import Core
-from ..greybox.extend import beside_each_other, explored_from, extended
-from ..greybox.fitting import Criterion, Fit, minimise, sse_at
-from ..greybox.model import Model, in_order, without
-from ..greybox.simulator import Simulator
+from ..model.base import vaf_of_output
+from ..model.cores import Core
+from ..model.extend import beside_each_other, explored_from, extended
+from ..model.fitting import Criterion, Fit, minimise, sse_at
+from ..model.model import Model, in_order, without
+from ..model.simulator import Simulator
 from .candidates import (
     AS_GOOD,
     LEAST_GAIN,

@@ -8,12 +8,12 @@ import numpy as np
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
-from ..greybox.cores import OperatorCore
-from ..greybox.extend import extended
-from ..greybox.model import Model, without
-from ..greybox.prepared import Prepared
-from ..greybox.protocol import SimulatedModel
-from ..greybox.simulator import Simulator
+from ..model.cores import OperatorCore
+from ..model.extend import extended
+from ..model.model import Model, without
+from ..model.prepared import Prepared
+from ..model.protocol import SimulatedModel
+from ..model.simulator import Simulator
 from .candidates import LEAST_DELTA_BIC, Candidate, SearchStep
 from .forward import (
     CLAIM,

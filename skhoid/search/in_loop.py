@@ -12,12 +12,12 @@ import numpy as np
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
-from ..greybox.base import vaf_of_output
-from ..greybox.cores import Core
-from ..greybox.fitting import Criterion, minimise
-from ..greybox.loop import Loop, LoopSimulator, drawn, loop_of
-from ..greybox.model import Model
-from ..greybox.simulator import Simulator
+from ..model.base import vaf_of_output
+from ..model.cores import Core
+from ..model.fitting import Criterion, minimise
+from ..model.loop import Loop, LoopSimulator, drawn, loop_of
+from ..model.model import Model
+from ..model.simulator import Simulator
 from .held_out import HeldOutRows, refitted_prediction
 from .joint import RATES
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..greybox.fitting import Criterion
-from ..greybox.likelihood import likeliest, usual_starts
-from ..greybox.model import Model
+from ..model.fitting import Criterion
+from ..model.likelihood import likeliest, usual_starts
+from ..model.model import Model
 
 RATES = (12.5, 6.25)  # Hz: faster, errors of sensors and simulation count more than the remnant
 LOST = 10.0  # by which a larger model that has not been fitted well is worse

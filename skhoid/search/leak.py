@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..diagnosis.leaks import LeakTest, leak_of_channels
-from ..greybox.model import Model
+from ..model.model import Model
 
 
 def leak_of(model: Model) -> LeakTest | None:

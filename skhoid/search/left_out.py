@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import ShortRunError, SlowClockWarning
-from ..greybox import OperatorRegressor
-from ..greybox.prepared import Prepared, check_rows
+from ..model import OperatorRegressor
+from ..model.prepared import Prepared, check_rows
 from ..preprocessing.gate import as_output, as_table
 from ..recordings.loss_of_control import KEEP, KEEP_ROWS, ControlCheck, control_in
 from ..runs.roles import OTHER, input_columns, role_of
-from ..summaries import counted
+from ..text import counted
 
 
 def control_of(

@@ -13,10 +13,10 @@ from ..effects.composition import Effects
 from ..effects.free_path import shakes
 from ..effects.operator_signals import Gains
 from ..effects.record import Record, differentiated
-from ..greybox.fitting import Criterion, derivatives
-from ..greybox.loop import LoopSimulator
-from ..greybox.model import Model
-from ..greybox.simulator import Simulator
+from ..model.fitting import Criterion, derivatives
+from ..model.loop import LoopSimulator
+from ..model.model import Model
+from ..model.simulator import Simulator
 from ..runs.roles import OTHER
 from .held_out import HeldOutRows
 from .in_loop import LoopJudge

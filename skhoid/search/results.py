@@ -9,10 +9,10 @@ import pandas as pd
 
 from ..effects.registry import title_of
 from ..effects.static_map import StaticMap
-from ..greybox.base import vaf_of_output
-from ..greybox.estimates import parameter_table, parameter_text
-from ..greybox.prepared import Prepared
-from ..summaries import DASH, p_text
+from ..model.base import vaf_of_output
+from ..model.estimates import parameter_table, parameter_text
+from ..model.prepared import Prepared
+from ..text import DASH, p_text
 from .candidates import LEAST_DELTA_BIC, Candidate
 from .explanations import sentence_of, with_effects
 from .leftover import Leftover

@@ -11,9 +11,9 @@ from ..diagnosis.ceiling import consistent_ceiling, noise_ceiling
 from ..diagnosis.run_signals import RunsRead, sorted_signals
 from ..effects.base import Effect
 from ..effects.traces import Signature
-from ..greybox.base import vaf_of_output
-from ..greybox.prepared import Prepared
-from ..greybox.protocol import SimulatedModel
+from ..model.base import vaf_of_output
+from ..model.prepared import Prepared
+from ..model.protocol import SimulatedModel
 from .all_runs import AllRuns
 from .forward import Path, Search, SearchStep, further_changes
 from .leftover import REPEATS, Leftover, leftovers

@@ -11,15 +11,15 @@ import pandas as pd
 
 from ..effects.free_form import FreeForm
 from ..effects.registry import titles_of
-from ..greybox.base import vaf_of_output
-from ..greybox.estimates import effects_with_values
-from ..greybox.fitting import Criterion, RemnantModel
-from ..greybox.likelihood import TOLERATED, settled
-from ..greybox.model import Model
-from ..greybox.prepared import Prepared
-from ..greybox.protocol import SimulatedModel
-from ..greybox.smoothing import N_FINE, crowded, in_detail
-from ..summaries import Summary, TextTable, number
+from ..model.base import vaf_of_output
+from ..model.estimates import effects_with_values
+from ..model.fitting import Criterion, RemnantModel
+from ..model.likelihood import TOLERATED, settled
+from ..model.model import Model
+from ..model.prepared import Prepared
+from ..model.protocol import SimulatedModel
+from ..model.smoothing import N_FINE, crowded, in_detail
+from ..text import Summary, TextTable, number
 from .all_runs import on_rows_of
 from .band import curve_with_band
 from .candidates import AS_GOOD, LEAST_GAIN, Candidate

@@ -14,10 +14,10 @@ from ..effects.composition import Effects
 from ..effects.free_form import FEWEST, FreeForm
 from ..effects.free_map import one_sided
 from ..effects.record import Record
-from ..greybox.extend import extended
-from ..greybox.fitting import Criterion, derivatives, scaled_inverse
-from ..greybox.model import Model
-from ..greybox.simulator import Simulator
+from ..model.extend import extended
+from ..model.fitting import Criterion, derivatives, scaled_inverse
+from ..model.model import Model
+from ..model.simulator import Simulator
 from .candidates import LEAST_DELTA_BIC, LEAST_GAIN, Candidate, SearchStep
 from .forward import Search, lead, output_error_fit
 from .held_out import HeldOutRows

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..effects.record import Record
-from ..greybox.prepared import Prepared
+from ..model.prepared import Prepared
 from ..recordings.loss_of_control import ControlCheck
 from .all_runs import Held
 from .held_out import HeldOutRows

@@ -22,7 +22,7 @@ from ..preprocessing.base import as_fitted
 from ..recordings.loss_of_control import sentences_of
 from ..regression import units_of
 from ..runs import output_name, read_layout
-from ..summaries import Estimate, counted, p_text
+from ..text import Estimate, counted, p_text
 from .effect_search import EffectSearchCV
 from .explanations import HOW_TO_GO_ON, in_loop_text, stand_ins_sentence, unexplained_by
 from .left_out import control_of, without_output

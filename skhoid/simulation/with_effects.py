@@ -18,10 +18,10 @@ from ..effects.composition import Effects
 from ..effects.operator_signals import Gains
 from ..effects.record import Record
 from ..exceptions import UnstableLoopError
-from ..greybox.cores import OperatorCore
-from ..greybox.simulator import Simulator
 from ..human import HumanOperator, LinearElement
 from ..human.variation import evaluate
+from ..model.cores import OperatorCore
+from ..model.simulator import Simulator
 
 if TYPE_CHECKING:
     from .task import CompensatoryTask

@@ -15,10 +15,10 @@ from ..effects.composition import Effects
 from ..effects.core_kind import CoreKind
 from ..effects.offsets import Bias
 from ..effects.record import Record
-from ..greybox.cores import ARXCore, OperatorCore
-from ..greybox.operator_regressor import OperatorRegressor
-from ..greybox.simulator import Simulator
-from ..summaries import Estimate
+from ..model.cores import ARXCore, OperatorCore
+from ..model.operator_regressor import OperatorRegressor
+from ..model.simulator import Simulator
+from ..text import Estimate
 from .application import shown
 from .descriptions import expect, name_of
 from .records import DELAY, OPERATOR

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.record import Record, differentiated
-from ..greybox.cores import neutral_gains
 from ..human import LinearElement
+from ..model.cores import neutral_gains
 from ..runs.roles import OTHER
 
 DT = 0.02  # s

@@ -30,7 +30,7 @@ from ..arx.streaming import Clock
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
 from ..preprocessing.held_inputs import HeldInputs
-from ..summaries import ModelSummary, number
+from ..text import ModelSummary, number
 from .delay_bank_lanes import LANES, Bank, BankRows
 from .follower import Follower
 

@@ -16,7 +16,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 
 from .. import _kernels
 from ..exceptions import RankDeficiencyError, ShortRunError
-from ..greybox.operator_regressor import OperatorRegressor
+from ..model.operator_regressor import OperatorRegressor
 
 NAMES = ("omega_nm", "zeta_nm", "tau_e", "K_e", "K_edot")  # as in the state of the kernel
 SETTLING = 3.0  # s before residuals count

@@ -25,7 +25,7 @@ from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, columns_of
 from ..runs import input_columns
-from ..summaries import ModelSummary, estimates_table, grid_facts, quantity, signal_facts
+from ..text import ModelSummary, estimates_table, grid_facts, quantity, signal_facts
 from .schedule import TIME, Schedule, grid_times
 
 NORMAL_95 = 1.96

@@ -19,7 +19,7 @@ from ..effects.dimension import S
 from ..human.discretisation import held_filter
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, RunRegressor, segments
-from ..summaries import VAF_RULE, ModelSummary, estimates_table, grid_facts, signal_facts
+from ..text import VAF_RULE, ModelSummary, estimates_table, grid_facts, signal_facts
 
 ESTIMATED = ("K_e", "K_edot", "tau_e", "omega_nm", "zeta_nm")
 SHOWN = ("K_e", "T_L", "K_edot", "tau_e", "omega_nm", "zeta_nm")

@@ -23,7 +23,7 @@ from ..arx.streaming import Clock
 from ..exceptions import ShortRunError
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
-from ..summaries import ModelSummary, estimates_table, grid_facts, number, quantity, signal_facts
+from ..text import ModelSummary, estimates_table, grid_facts, number, quantity, signal_facts
 from .fir_filter import FIRFilter
 from .follower import Follower
 

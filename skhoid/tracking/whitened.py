@@ -24,7 +24,7 @@ from ..arx.rls import Instants, spread_weights, window_rows
 from ..exceptions import ShortRunError
 from ..preprocessing.grid import ModelGrid
 from ..regression import columns_of, segments
-from ..summaries import ModelSummary, estimates_table, grid_facts, signal_facts
+from ..text import ModelSummary, estimates_table, grid_facts, signal_facts
 from .follower import Follower
 from .prediction_error import SETTLE, Start, Window, unit_factors, whole_stretches
 

@@ -10,7 +10,7 @@ from skhoid import (
     compare,
     make_tracking_runs,
 )
-from skhoid.reporting import report
+from skhoid.lab.report import report
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ from support.chromium import NOTEBOOK
 
 from skhoid import OperatorRegressor, RecursiveARX, make_tracking_runs
 from skhoid.effects import Bias, DeadZone
-from skhoid.reporting import report
+from skhoid.lab.report import report
 
 SCRIPT = "<script>alert(1)</script>"
 IMAGE = '"><img src="x" onerror="window.hacked = true">'

@@ -9,8 +9,8 @@ from sklearn.base import clone
 
 from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
 from skhoid.effects import FreeDelay, FreeDynamics, FreeGain, FreeOffset, FreePath
-from skhoid.greybox.extend import extended
-from skhoid.greybox.fitting import Criterion
+from skhoid.model.extend import extended
+from skhoid.model.fitting import Criterion
 from skhoid.search.shape import curve_with_band
 
 FORMS = [FreeGain(), FreeDelay(), FreeOffset(), FreePath(channel="other"), FreeDynamics()]

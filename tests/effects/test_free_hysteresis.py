@@ -6,9 +6,9 @@ import pytest
 from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
 from skhoid._kernels import greybox
 from skhoid.effects import Backlash, FreeHysteresis
-from skhoid.greybox.extend import extended
-from skhoid.greybox.fitting import Criterion
-from skhoid.greybox.smoothing import posterior_of
+from skhoid.model.extend import extended
+from skhoid.model.fitting import Criterion
+from skhoid.model.smoothing import posterior_of
 
 KNOTS = (0.2, 0.5, 1.0)
 

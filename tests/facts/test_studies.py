@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from support.places import REFERENCE
 
-from skhoid.thesis import delay_study, path_study, response_study
-from skhoid.thesis.trade_off import best_horizons, forgetting_study
+from skhoid.lab.studies.thesis import delay_study, path_study, response_study
+from skhoid.lab.studies.thesis.trade_off import best_horizons, forgetting_study
 
 BIASES = [f"bias_{name}_fixed" for name in ("a1", "a2", "b0", "b1")]
 OPERATOR = [f"{name}_fixed" for name in ("K_e", "T_L", "K_edot", "omega_nm", "zeta_nm")]

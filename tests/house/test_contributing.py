@@ -43,7 +43,7 @@ def test_every_room_is_drawn_and_has_its_line():
 
 def test_what_shows_results_is_the_one_exception():
     assert CONTRACT["ignore_imports"]
-    shows = (" -> skhoid.plotting", " -> skhoid.explore")
+    shows = (" -> skhoid.plotting", " -> skhoid.lab.explore")
     assert all(any(one in ignored for one in shows) for ignored in CONTRACT["ignore_imports"])
 
 

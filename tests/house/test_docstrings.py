@@ -16,18 +16,18 @@ PUBLIC_MODULES = [
     "skhoid.diagnosis",
     "skhoid.effects",
     "skhoid.exceptions",
-    "skhoid.experiment",
+    "skhoid.lab.experiment",
     "skhoid.human",
     "skhoid.interpret",
     "skhoid.io",
-    "skhoid.montecarlo",
+    "skhoid.lab.studies.montecarlo",
     "skhoid.plotting",
     "skhoid.recordings",
-    "skhoid.reporting",
+    "skhoid.lab.report",
     "skhoid.search",
     "skhoid.simulation",
     "skhoid.testing",
-    "skhoid.thesis",
+    "skhoid.lab.studies.thesis",
 ]
 
 

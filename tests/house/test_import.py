@@ -30,7 +30,7 @@ def test_the_root_loads_nothing():
 @pytest.mark.slow
 def test_all_names_load_nothing_that_can_wait():
     found = loaded("from skhoid import *")
-    assert "skhoid.reporting" in found
+    assert "skhoid.lab.report" in found
     assert not found & LATER
 
 
@@ -48,8 +48,8 @@ def test_all_names_load_nothing_that_can_wait():
     ids=" ".join,
 )
 def test_the_command_line_answers_before_numpy(words):
-    found = loaded(f"from skhoid.cli import main; main({words})")
-    assert "skhoid.cli" in found
+    found = loaded(f"from skhoid.lab.cli import main; main({words})")
+    assert "skhoid.lab.cli" in found
     assert not found & HEAVY
 
 

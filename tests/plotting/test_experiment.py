@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 from support.plot_checks import covers_nothing
 
-from skhoid.experiment import analyse_experiment, simulate_experiment
+from skhoid.lab.experiment import analyse_experiment, simulate_experiment
 from skhoid.plotting._roles import GREY, ORANGE, foreground
 from skhoid.plotting.experiment import ExperimentDisplay
 

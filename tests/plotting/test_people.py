@@ -12,7 +12,7 @@ from sklearn.exceptions import NotFittedError
 from support.made_up_people import made_up_group, made_up_people
 
 from skhoid import EffectSearchCV, OperatorRegressor
-from skhoid.experiment.group import GroupEffectSearch
+from skhoid.lab.experiment.group import GroupEffectSearch
 from skhoid.plotting._roles import ROLES, VERMILION
 from skhoid.plotting._short_names import short_names
 from skhoid.plotting.group_effects import GroupEffectsDisplay

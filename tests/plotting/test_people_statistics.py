@@ -4,7 +4,7 @@ from matplotlib import pyplot as plt
 from support.parameter_tables import simulated
 from support.plot_checks import covers_nothing
 
-from skhoid.experiment import mixed_model
+from skhoid.lab.experiment import mixed_model
 from skhoid.plotting._people import own_means
 from skhoid.plotting.condition_means import ConditionMeansDisplay
 from skhoid.plotting.parameter_forest import ParameterForestDisplay

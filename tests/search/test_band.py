@@ -7,8 +7,8 @@ from scipy.signal import lfilter
 
 from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
 from skhoid.effects import FreeGain, FreeMap
-from skhoid.greybox.fitting import Criterion
-from skhoid.greybox.smoothing import in_detail
+from skhoid.model.fitting import Criterion
+from skhoid.model.smoothing import in_detail
 from skhoid.search.band import curve_with_band, half_width
 
 N_SEEDS = 6

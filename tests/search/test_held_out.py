@@ -7,11 +7,11 @@ from support.searching import search_of
 
 from skhoid.effects import FreeGain
 from skhoid.effects.composition import Effects
-from skhoid.greybox.base import vaf_of_output
-from skhoid.greybox.fitting import Criterion
-from skhoid.greybox.held_out import refitted
-from skhoid.greybox.model import Model
-from skhoid.greybox.simulator import Simulator
+from skhoid.model.base import vaf_of_output
+from skhoid.model.fitting import Criterion
+from skhoid.model.held_out import refitted
+from skhoid.model.model import Model
+from skhoid.model.simulator import Simulator
 from skhoid.search.held_out import HeldOutRows, held_out, refitted_prediction, within_seen
 
 

@@ -10,9 +10,9 @@ from support.searching import search_of
 
 from skhoid import EffectSearchCV, OperatorRegressor, compare
 from skhoid.effects import CubicGain, DeadZone, Feedforward, Integral, Lapses
-from skhoid.greybox.extend import extended
-from skhoid.greybox.model import Model
-from skhoid.greybox.simulator import Simulator
+from skhoid.model.extend import extended
+from skhoid.model.model import Model
+from skhoid.model.simulator import Simulator
 from skhoid.search.forward import ordered, output_error_fit
 from skhoid.search.in_loop import LEAST_DELTA_BIC, LEAST_RATE, InLoop, LoopJudge
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from skhoid.explore.wire import unpack
-from skhoid.workbench.bench import Workbench
-from skhoid.workbench.security import Keys
+from skhoid.lab.explore.wire import unpack
+from skhoid.lab.workbench.bench import Workbench
+from skhoid.lab.workbench.security import Keys
 
 PORT = 8765
 OWN = f"http://127.0.0.1:{PORT}"

@@ -11,9 +11,9 @@ from digests import digested, learned, parts
 CASES: dict[str, Callable[[], dict[str, Any]]] = {}
 HOMES = (
     "skhoid",
-    "skhoid.thesis",
-    "skhoid.experiment",
-    "skhoid.montecarlo",
+    "skhoid.lab.studies.thesis",
+    "skhoid.lab.experiment",
+    "skhoid.lab.studies.montecarlo",
     "skhoid.interpret",
     "skhoid.plotting",
 )

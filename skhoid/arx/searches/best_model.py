@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..._sklearn import FittedDisplay
 from ...pipelines import final_step, reach_model, taken_apart
 from ...preprocessing.base import keep_parameters
-from ...summaries import Summary, TextTable, wrapped
+from ...text import Summary, TextTable, wrapped
 from .folds import SplitsRuns
 
 

@@ -13,7 +13,7 @@ from ..._sklearn import HasMethods, Interval, StrOptions, fit_context
 from ...exceptions import RankDeficiencyError
 from ...metrics import VAFScorer
 from ...pipelines import raw_layout, reach_model
-from ...summaries import TextTable, number, vaf_name
+from ...text import TextTable, number, vaf_name
 from ..batch import ARXRegressor
 from ..least_squares import Triangle
 from .best_model import BestModel

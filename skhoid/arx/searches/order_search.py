@@ -19,7 +19,7 @@ from ...exceptions import RankDeficiencyError
 from ...metrics import VAFScorer
 from ...pipelines import final_step, raw_layout, reach_model
 from ...preprocessing import Decimator, RunInTrimmer
-from ...summaries import TextTable, vaf_name
+from ...text import TextTable, vaf_name
 from ..batch import ARXRegressor
 from ..model_summary import one_or_all
 from ..orders import whole_number

@@ -12,7 +12,7 @@ import pandas as pd
 
 from ..._sklearn import DT, checked
 from ...runs import TIME
-from ...summaries import counted
+from ...text import counted
 from .._formats import open_table
 from .._guessing import PEEK
 from .._likeness import numbers_of

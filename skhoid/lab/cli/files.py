@@ -1,0 +1,203 @@
+"""Files of the command line: recordings to read, and where results go."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...io._paths import shown
+from ...io._table import split_header
+from ...io.figures import save_figure
+from ...io.guess import ColumnGuess, guess_columns
+from ...io.readers import read_guessed
+from ...preprocessing import resample_runs
+from ...regression import units_of
+from ...runs.selection import runs_of_label
+from .options import pairs, refuse
+from .output import note
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """X and y of files, and which column was taken for what."""
+
+    X: Any
+    y: Any
+    guess: ColumnGuess
+
+
+def read_files(
+    options: argparse.Namespace, roles: dict[str, str], *, signals: bool = True
+) -> Recorded:
+    """Runs of the files that the options name; what is not named is guessed.
+
+    ``roles`` are the channels that are named; without ``signals`` no others are taken.
+    """
+    if options.dt is not None and options.time is None:
+        refuse(options, ["resample"], "needs --time NAME: with --dt the clock is regular.")
+    if options.time is not None and options.dt is not None and not options.resample:
+        raise ValueError("--time and --dt both say where time comes from: give one of them.")
+    guess = guess_columns(
+        options.files,
+        roles=roles,
+        output=options.output,
+        time=options.time,
+        run=options.run,
+        units=pairs(options.unit, "--unit", "NAME=UNIT, such as e=deg"),
+        dt=None if options.resample else options.dt,
+        signals=signals,
+    )
+    X, y = read_guessed(guess, irregular=options.resample)
+    options.columns = guess
+    for level in ("subject", "condition"):
+        label = getattr(options, level)
+        if label is not None:
+            X, y = _of_label(X, y, level, label)
+    if options.resample:
+        X, y = resample_runs(X, y, dt=options.dt)
+        return Recorded(X, y, guess)
+    step = X.index.get_level_values("time")[1:2] - X.index.get_level_values("time")[:1]
+    if options.time is not None and (step == 1.0).all():
+        note(
+            f"{options.time} advances by 1 a row, counted as 1 s; if it holds row numbers, give "
+            "--dt SECONDS in place of --time."
+        )
+    return Recorded(X, y, guess)
+
+
+def _of_label(X: Any, y: Any, level: str, label: str) -> tuple[Any, Any]:
+    """The runs of one subject, or of one condition."""
+    if level not in X.index.names:
+        raise ValueError(
+            f"--{level} selects among several {level}s, and no column of the files tells them "
+            "apart: leave it out."
+        )
+    return runs_of_label(X, y, level, label)
+
+
+def columns_dict(options: argparse.Namespace) -> dict[str, Any] | None:
+    """Which column was taken for what, for JSON; None of bundled recordings."""
+    guess = getattr(options, "columns", None)
+    return None if guess is None else guess.as_dict()
+
+
+def names_of(files: Iterable[str]) -> str:
+    """Files as text that every output takes, also where their names are not UTF-8."""
+    return ", ".join(map(shown, files))
+
+
+def column_of(X: Any, asked: str) -> str:
+    """Column of X that was asked for by its header, with its unit, or as a field of a struct."""
+    name = asked if asked in X else split_header(asked)[0]
+    return name if name in X else name.rpartition(".")[2]
+
+
+def new_file(name: str, overwrite: bool, *, new_folder: bool = False) -> Path:
+    """A file to write, checked before the work begins; its folder may be a new one."""
+    path = Path(name)
+    if path.is_dir():
+        raise ValueError(f"{path} is a folder; name a file in it.")
+    if os.path.lexists(path) and not overwrite:  # a link that leads nowhere, too
+        raise ValueError(f"{path} exists; choose another name, or --overwrite.")
+    if not new_folder and not path.parent.exists():
+        raise ValueError(f"The folder {path.parent} of {path} does not exist.")
+    _check_parents(path)
+    return path
+
+
+def check_plot_file(name: str, overwrite: bool) -> None:
+    """The file of a plot, checked before the work begins."""
+    from matplotlib.figure import Figure
+
+    path = new_file(name, overwrite)
+    formats = Figure().canvas.get_supported_filetypes()
+    if path.suffix[1:].lower() not in formats:
+        raise ValueError(f"{path} is no image file; its name ends in one of {', '.join(formats)}.")
+
+
+def check_folders(*names: str | Path | None) -> None:
+    """Refuse, before the work begins, folders that cannot be made or written into."""
+    for name in names:
+        if name is None:
+            continue
+        if Path(name).exists() and not Path(name).is_dir():
+            raise ValueError(f"{name} is a file; name a folder.")
+        _check_parents(Path(name) / "file")
+
+
+def _check_parents(path: Path) -> None:
+    """The nearest folder that exists must let others be made in it."""
+    folder = next(parent for parent in path.parents if os.path.lexists(parent))
+    if folder.is_symlink() and not folder.exists():
+        raise ValueError(
+            f"{folder} is a link to {os.readlink(folder)}, which does not exist; make that, or "
+            "name another folder."
+        )
+    if not folder.is_dir():
+        raise ValueError(f"{folder} is a file and no folder; choose another place than {path}.")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ValueError(f"The folder {folder} may not be written into; choose another place.")
+
+
+def without_screen() -> None:
+    """Draw into files, so that it works on machines without a display too."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+
+
+def save_figures(
+    figures: dict[str, Any],
+    folder: Path,
+    command: str,
+    *,
+    others: Iterable[str] = (),
+    named: tuple[Any, Any] | None = None,
+    form: str | None = None,
+) -> list[str]:
+    """Save figures by file name, and close them; returns the paths.
+
+    Those of the ``others`` that the same command drew into the folder before are deleted. ``named``
+    is X and y, whose names appear in the figures. ``form`` is "png", "pdf" or "svg", in place of
+    the ends of the names.
+    """
+    if form is not None:
+        figures = {f"{Path(name).stem}.{form}": figure for name, figure in figures.items()}
+        others = [f"{Path(name).stem}.{form}" for name in others]
+    from ...plotting._axes import names_as_they_are
+
+    software = f"skhoid {command}"
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in set(others) - set(figures):
+        if _is_drawn_by(folder / name, software):
+            (folder / name).unlink()
+    shown = [] if named is None else _names(*named)
+    for name, figure in figures.items():
+        names_as_they_are(figure, shown)
+        key = "Software" if Path(name).suffix.lower() == ".png" else "Creator"
+        known = Path(name).suffix.lower() in (".png", ".pdf", ".svg")
+        save_figure(figure, folder / name, metadata={key: software} if known else None)
+    return [str(folder / name) for name in figures]
+
+
+def _is_drawn_by(path: Path, software: str) -> bool:
+    """Whether a picture says so itself: a PNG file before its pixels, others in their text."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        if path.suffix == ".png":
+            return f"Software\0{software}".encode("latin-1") in file.read(200)
+        return software.encode("latin-1") in file.read()
+
+
+def _names(X: Any, y: Any) -> list[str]:
+    """Names in the data that figures may show."""
+    names = [*X.columns, y.name, *units_of(X).values(), *units_of(y).values()]
+    for level in getattr(X.index, "levels", []):
+        if level.name != "time":
+            names += list(level)
+    return list(map(str, names))

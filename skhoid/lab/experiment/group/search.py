@@ -1,0 +1,383 @@
+"""``GroupEffectSearch``: which effects people share, who has them, and in which condition."""
+
+from __future__ import annotations
+
+import os
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import BaseEstimator, clone
+from sklearn.utils.validation import check_is_fitted
+
+from ...._sklearn import Interval, fit_context
+from ....effects.registry import title_of
+from ....search.effect_search import EffectSearchCV
+from ....text import Summary
+from ..people.groups import Group, levels_of, read_groups
+from ..people.identify import identify_people
+from ..read import ALL
+from .contrasts import condition_contrasts
+from .evidence import EvidenceJob, candidates_of, named_by, weighed
+from .members import member_parameters
+from .prevalence import PersonEvidence, Prevalence, prevalences, summed
+from .text import summary_of
+
+SURE = 0.95  # probability of a prevalence above the least, at which an effect is the group's
+LIKELY = 0.5  # probability above which a person is taken to have an effect
+KEY = ["subject", "condition"]
+
+
+class GroupEffectSearch(BaseEstimator):
+    """Find the effects that people share, judged by the evidence of all of them.
+
+    A search is made for each person in each condition. Then every effect that is a candidate is
+    weighed in everybody: what the closed loop, or a noise model estimated along, grants it over the
+    person's model without it, or in place of what was named. The prevalence of each effect, the
+    share of people who have it, is estimated from the evidence of all. An effect is named for the
+    group where more than ``least_prevalence`` of people have it with a probability of 95 %: the
+    evidence of one person, however large, does not suffice, and one person without it takes
+    nothing away. An effect too weak to be named in anybody may be named for the group.
+
+    Parameters
+    ----------
+    search : EffectSearchCV
+        The search for one person, unfitted.
+    by : str, sequence of str or None, default=None
+        Index levels that tell people and conditions apart. None means those of ``subject`` and
+        ``condition`` that X has.
+    least_prevalence : float, default=0.25
+        Share of people, more than which must have an effect of the group.
+    confidence : float, default=0.95
+        Of the intervals of prevalence.
+    folder : path or None, default=None
+        Folder for what is finished. A call that was stopped goes on where it was. Needs ``pip
+        install "skhoid[io]"``.
+    n_jobs : int or None, default=None
+        Number of people to search at a time, as in joblib.
+    progress : bool or None, default=None
+        Show progress bars; None means only in a terminal.
+
+    Attributes
+    ----------
+    group_effects_ : list of str
+        Ids of the effects named for the group, in all conditions or in some; most prevalent first.
+    prevalence_ : DataFrame
+        One row per effect and condition (``"all"``: evidence of all conditions together, as if a
+        person had an effect in all of them or in none): effect, title, condition, n_people (whose
+        data can tell), n_with, share, low, high (prevalence and its credible interval), p_group
+        (probability that it exceeds ``least_prevalence``), group (whether it is named), with_it,
+        without (lists of subjects).
+    members_ : DataFrame
+        One row per person, condition and effect: subject, condition, effect, probability, named
+        (by the search of these runs alone), has (probability above one half).
+    parameters_ : DataFrame
+        Tidy table of the parameters of each effect where it is taken to be: as
+        ``PeopleResult.table``, with ``run`` ``"all"``.
+    contrasts_ : DataFrame
+        Conditions compared by who has an effect: effect, condition, other, n_people, n_with,
+        n_other, only_here, only_there, p (exact McNemar test), p_adjusted (Holm). Empty with one
+        condition.
+    people_ : DataFrame
+        One row per person and condition: subject, condition, effects (named, with those that the
+        group adds), verdict, vaf (held out, baseline), vaf_with, ceiling, failure.
+    evidence_ : DataFrame
+        What was weighed: subject, condition, instead_of, effect, evidence (ΔBIC), vaf_gain,
+        delta_bic, joint, in_loop, reason.
+    searches_ : dict
+        The fitted search of each (subject, condition).
+    identified_ : PeopleResult
+        Parameters of the best models, failures, and who looks wrong.
+
+    See Also
+    --------
+    skhoid.EffectSearchCV : The search for one person.
+    skhoid.identify_people : Parameters of everybody.
+
+    Notes
+    -----
+    The Bayes factor of a person for an effect is exp((ΔBIC - 12) / 2), at most exp(6); 12 is what
+    remnant and models that are not exactly right give effects that are not there. An effect that
+    gains less than 0.1 points of VAF on held-out rows has none above 1. With the prevalence r, the
+    likelihood is the product over people of r B + 1 - r, and the prior of r is uniform. Sets of
+    effects (what was named, with one more, without one, with one replaced) are weighed against each
+    other, with the prevalences of all effects as their prior odds, until nothing changes. So a
+    person whose data cannot tell two effects apart counts for the one that others have.
+
+    References
+    ----------
+    Kass and Raftery, Bayes factors, J. Am. Stat. Assoc. 90, 1995. Stephan et al., Bayesian model
+    selection for group studies, NeuroImage 46, 2009.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+    >>> from skhoid import GroupEffectSearch
+    >>> people = {}
+    >>> for number in range(3):
+    ...     X, y = make_tracking_runs("C1", n_runs=2, duration=20.48, random_state=number)
+    ...     people[f"S{number + 1}"] = X, y + 0.05  # a push to one side
+    >>> X = pd.concat({name: X for name, (X, _) in people.items()}, names=["subject"])
+    >>> y = pd.concat({name: y for name, (_, y) in people.items()}, names=["subject"])
+    >>> search = EffectSearchCV(OperatorRegressor(), effects=["bias"])
+    >>> group = GroupEffectSearch(search).fit(X, y)
+    >>> print(group.summary())
+    The group has bias.
+    3 people.
+      bias: 3 of 3 people, prevalence 80 % (40 to 99 %).
+    """
+
+    _parameter_constraints: dict = {
+        "search": "no_validation",  # see fit
+        "by": [str, list, tuple, None],
+        "least_prevalence": [Interval(Real, 0.0, 1.0, closed="neither")],
+        "confidence": [Interval(Real, 0.0, 1.0, closed="neither")],
+        "folder": [str, os.PathLike, None],
+        "n_jobs": [Integral, None],
+        "progress": [bool, None],
+    }
+
+    def __init__(
+        self,
+        search: Any,
+        *,
+        by: Any = None,
+        least_prevalence: float = 0.25,
+        confidence: float = 0.95,
+        folder: Any = None,
+        n_jobs: int | None = None,
+        progress: bool | None = None,
+    ):
+        self.search = search
+        self.by = by
+        self.least_prevalence = least_prevalence
+        self.confidence = confidence
+        self.folder = folder
+        self.n_jobs = n_jobs
+        self.progress = progress
+
+    @fit_context(prefer_skip_nested_validation=False)
+    def fit(self, X: pd.DataFrame, y: Any) -> GroupEffectSearch:
+        """Search in everybody, and ask what they share.
+
+        Parameters
+        ----------
+        X : DataFrame of shape (n_rows, n_channels)
+            Channels with the row index levels ``run`` and ``time`` (s), ``subject``, and
+            ``condition`` if there is more than one.
+        y : Series or array of shape (n_rows,)
+            Control output.
+
+        Returns
+        -------
+        self : GroupEffectSearch
+
+        Raises
+        ------
+        TypeError
+            If ``search`` is no EffectSearchCV.
+        ValueError
+            If there are fewer than two people, or no search succeeded.
+        """
+        if not isinstance(self.search, EffectSearchCV):
+            raise TypeError(
+                "GroupEffectSearch needs an EffectSearchCV, such as "
+                f"EffectSearchCV(OperatorRegressor()); got {self.search!r}."
+            )
+        groups = read_groups(X, y, levels_of(X, self.by))
+        subjects = list(dict.fromkeys(group.subject for group in groups))
+        if len(subjects) < 2:
+            raise ValueError(
+                "A group needs at least two people, told apart by the index level 'subject'; there "
+                f"is one ({subjects[0]}). For one person use EffectSearchCV itself."
+            )
+        identified = identify_people(
+            clone(self.search),
+            X,
+            y,
+            by=self.by,
+            each_run=False,
+            folder=self._folder("searches"),
+            n_jobs=self.n_jobs,
+            progress=self.progress,
+        )
+        models = identified.models or {}
+        found = {key: one for key, one in models.items() if one is not None}
+        if not found:
+            reasons = "; ".join(dict.fromkeys(identified.failures["failure"]))
+            raise ValueError(f"No search succeeded: {reasons}")
+        searched = [group for group in groups if (group.subject, group.condition) in found]
+        self.identified_, self.searches_ = identified, found
+        self._weigh(searched)
+        self._count(searched)
+        self.parameters_ = member_parameters(self.search, searched, found, self.members_)
+        self.contrasts_ = condition_contrasts(self.members_)
+        self.people_ = self._people(groups)
+        return self
+
+    def _folder(self, name: str) -> Path | None:
+        return None if self.folder is None else Path(self.folder) / name
+
+    def _weigh(self, groups: list[Group]) -> None:
+        """The evidence of everybody for and against all candidates."""
+        searches = [self.searches_[group.subject, group.condition] for group in groups]
+        effects = candidates_of(searches)
+        self._effects = [effect.name for effect in effects]
+        jobs = [
+            EvidenceJob(clone(self.search), named_by(search), effects, group)
+            for search, group in zip(searches, groups, strict=True)
+        ]
+        tables = weighed(jobs, self._folder("evidence"), self.n_jobs, self.progress)
+        for table, group in zip(tables, groups, strict=True):
+            table.insert(0, "condition", [group.condition] * len(table))
+            table.insert(0, "subject", [group.subject] * len(table))
+        self.evidence_ = pd.concat(tables, ignore_index=True)
+        self._known = {
+            (group.subject, group.condition): PersonEvidence(
+                tuple(effect.name for _, effect in named_by(search)), table
+            )
+            for group, search, table in zip(groups, searches, tables, strict=True)
+        }
+
+    def _count(self, groups: list[Group]) -> None:
+        """Prevalence and members in each condition, and over all of them."""
+        conditions = list(dict.fromkeys(group.condition for group in groups))
+        found: list[tuple[Any, list[Any], list[Prevalence]]] = []
+        for condition in conditions:
+            people = [group.subject for group in groups if group.condition == condition]
+            known = [self._known[subject, condition] for subject in people]
+            found.append((condition, people, self._prevalences(known)))
+        members = _members(found, self._known)
+        if len(conditions) > 1:
+            people = list(dict.fromkeys(group.subject for group in groups))
+            cells = [
+                [known for (subject, _), known in self._known.items() if subject == person]
+                for person in people
+            ]
+            found.append((ALL, people, self._prevalences(summed(cells, self._effects))))
+        rows = [
+            self._row(condition, people, one)
+            for condition, people, all_of in found
+            for one in all_of
+            if one.n_people
+        ]
+        table = pd.DataFrame(rows, columns=list(_ROW)).astype({"group": bool})
+        order = {name: -table.loc[table["effect"] == name, "share"].max() for name in self._effects}
+        table = table.sort_values("effect", key=lambda c: c.map(order), kind="stable")
+        self.prevalence_ = table.reset_index(drop=True)
+        self.members_ = members
+        self.group_effects_ = list(dict.fromkeys(table.loc[table["group"], "effect"]))
+
+    def _prevalences(self, people: list[PersonEvidence]) -> list[Prevalence]:
+        return prevalences(people, self._effects, float(self.confidence))
+
+    def _row(self, condition: Any, people: list[Any], one: Prevalence) -> dict[str, Any]:
+        more = one.more_than(float(self.least_prevalence))
+        several = one.n_with > 1
+        told = [(who, has) for who, has in zip(people, one.has, strict=True) if np.isfinite(has)]
+        return {
+            "effect": one.effect,
+            "title": title_of(one.effect),
+            "condition": condition,
+            "n_people": one.n_people,
+            "n_with": one.n_with,
+            "share": one.share,
+            "low": one.low,
+            "high": one.high,
+            "p_group": more,
+            "group": bool(more >= SURE and several),
+            "with_it": [who for who, has in told if has > LIKELY],
+            "without": [who for who, has in told if not has > LIKELY],
+        }
+
+    def _people(self, groups: list[Group]) -> pd.DataFrame:
+        failed = self.identified_.failures.set_index(KEY)["failure"].to_dict()
+        ceilings = self.identified_.groups.drop_duplicates(KEY).set_index(KEY)["ceiling"]
+        members = self.members_[self.members_["has"]]
+        rows = []
+        for group in groups:
+            key = group.subject, group.condition
+            search = self.searches_.get(key)
+            has = members[(members["subject"] == key[0]) & (members["condition"] == key[1])]
+            path = None if search is None else search.error_path_["vaf"]
+            rows.append(
+                {
+                    "subject": key[0],
+                    "condition": key[1],
+                    "effects": ", ".join(has["effect"]),
+                    "verdict": "" if search is None else search.verdict_,
+                    "vaf": np.nan if path is None else float(path.iloc[0]),
+                    "vaf_with": np.nan if path is None else float(path.iloc[-1]),
+                    "ceiling": float(ceilings.get(key, np.nan)),
+                    "failure": failed.get(key, ""),
+                }
+            )
+        return pd.DataFrame(rows)
+
+    def summary(self) -> Summary:
+        """What the group shares, who is different, and what differs between conditions.
+
+        Returns
+        -------
+        text : Summary
+            A string that notebooks show line by line.
+        """
+        check_is_fitted(self, "prevalence_")
+        return Summary("\n".join(summary_of(self)))
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw who has which effect, and the prevalences.
+
+        Parameters
+        ----------
+        ax : sequence of Axes or None, default=None
+            Two Axes; None makes a figure.
+
+        Returns
+        -------
+        display : GroupEffectsDisplay
+        """
+        from ....plotting import GroupEffectsDisplay
+
+        return GroupEffectsDisplay.from_search(self, ax=ax)
+
+
+_ROW = (
+    "effect",
+    "title",
+    "condition",
+    "n_people",
+    "n_with",
+    "share",
+    "low",
+    "high",
+    "p_group",
+    "group",
+    "with_it",
+    "without",
+)
+
+
+def _members(
+    found: list[tuple[Any, list[Any], list[Prevalence]]],
+    known: dict[tuple[Any, Any], PersonEvidence],
+) -> pd.DataFrame:
+    rows = [
+        {
+            "subject": who,
+            "condition": condition,
+            "effect": one.effect,
+            "probability": float(has),
+            "named": one.effect in known[who, condition].named,
+            "has": bool(has > LIKELY),
+        }
+        for condition, people, all_of in found
+        for one in all_of
+        for who, has in zip(people, one.has, strict=True)
+        if np.isfinite(has)
+    ]
+    columns = ["subject", "condition", "effect", "probability", "named", "has"]
+    return pd.DataFrame(rows, columns=columns).astype({"named": bool, "has": bool})

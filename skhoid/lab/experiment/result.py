@@ -1,0 +1,373 @@
+"""What the analysis of an experiment found, as tables and as text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from ...runs import RUN
+from ...text import Summary, counted
+from .read import ALL, CONDITION, SUBJECT
+
+SIGNIFICANT = 0.005  # of each of two gains, so that a cell is wrong in 1 % of cases
+ENOUGH = 4  # runs, below which only large changes can be significant
+UNCHANGED = 0.01  # p of the batch a1 and a2, above which they are taken as the same
+STILL = 0.6  # variation of a1 and a2, relative to that of b0 and b1, below which they hold still
+WORSE = 0.5  # VAF points that Lambda may lose on other runs
+SEPARATOR = ";\n    "
+SCORES = ("rms_e", "tracking_score", "control_activity")
+
+
+@dataclass(frozen=True, repr=False)
+class ExperimentResult:
+    """What :func:`analyse_experiment` found.
+
+    All tables begin with the columns ``subject`` and ``condition`` (``"all"`` where the data have
+    no such level).
+
+    Parameters
+    ----------
+    paths : DataFrame
+        Recursive estimates over time: ``run`` (or ``"mean"``), ``form`` (``"lambda"`` or
+        ``"Lambda"``), ``time`` (s), a1, a2, b0, b1, K_e, T_L (s), K_edot (s), omega_nm (rad/s),
+        zeta_nm; NaN where the poles are not a complex pair. The mean is that of the ARX parameters;
+        its operator parameters are converted from it.
+    batch : DataFrame
+        Batch models of the first (``form`` ``"ini"``) and the last region (``"fin"``): ``run``,
+        ``start`` and ``stop`` (s), the same parameters, and ``sd_...``: for a run that of its fit,
+        for the mean that over the runs.
+    scores : DataFrame
+        Result of :func:`performance_scores` for each run and window.
+    validation : DataFrame
+        ``run``, ``form`` (also ``"constant"``, a batch model of the whole run), ``window``
+        (``"T_m"`` or ``"tran"``), ``vaf_estimation``, and ``vaf_validation``, the mean over the
+        other runs of the free run along the path of this one; in percent, 0 at least for each run.
+    changes : DataFrame
+        Each ``parameter`` in the last compared with the first region: means ``ini`` and ``fin`` of
+        the batch estimates, ``change``, ``t`` and ``p`` of a paired t test over ``n_runs``; and
+        ``variation``: the standard deviation over time of the mean path of ``"lambda"``, divided by
+        that which the scatter of the runs explains (about 1 where nothing changes).
+    delays : DataFrame
+        ``nk``, ``delay`` (s), and whether it was ``searched``.
+    verdicts : DataFrame
+        ``adapts`` (None with a single run), ``gains`` (which of K_e and K_edot change),
+        ``variation_a``, ``variation_b``, ``gain_lambda`` and ``gain_Lambda`` (VAF points on other
+        runs in the transition: λ over constant parameters, Λ over λ), and ``Lambda``:
+        ``"justified"``, ``"not justified"``, ``"no need"`` where nobody adapts, or
+        ``"unknown"``; ``reason`` says why not.
+    notes : list of str
+        What is missing, and how that was handled.
+    dt : float
+        Sampling time (s).
+    memory_horizon : float
+        N0 in samples.
+    region : float
+        Length of the first and the last region (s).
+    transition_times : dict
+        Time at which the controlled element changes, by condition (s), where known.
+
+    See Also
+    --------
+    skhoid.plotting.experiment.ExperimentDisplay : The figure that :meth:`plot` makes.
+
+    Notes
+    -----
+    A subject adapts if K_e or K_edot changes with p < 0.005 (b0 or b1 where the poles are real),
+    which happens by chance in 1 % of cases. This needs enough runs: with five the mean change must
+    be 5.6 times its standard error, with three 14 times. Remnant biases estimates, perhaps
+    differently before and after; a change of omega_nm or zeta_nm alone does not count as
+    adaptation.
+
+    Λ, which forgets b0 and b1 only, is justified if the subject adapts, the batch a1 and a2 are the
+    same at both ends (p > 0.01), their mean paths vary less than 0.6 times as much as those of b0
+    and b1 (each relative to the scatter of runs), and Λ simulates other runs as well as λ (within
+    0.5 VAF points).
+
+    Examples
+    --------
+    >>> from skhoid.lab.experiment import analyse_experiment, simulate_experiment
+    >>> result = analyse_experiment(*simulate_experiment(2, "C4", random_state=0))
+    >>> result.verdicts[["subject", "condition", "adapts", "Lambda"]]
+      subject condition  adapts     Lambda
+    0      S1        C4   False    no need
+    1      S2        C4    True  justified
+    """
+
+    paths: pd.DataFrame
+    batch: pd.DataFrame
+    scores: pd.DataFrame
+    validation: pd.DataFrame
+    changes: pd.DataFrame
+    delays: pd.DataFrame
+    verdicts: pd.DataFrame
+    notes: list[str]
+    dt: float
+    memory_horizon: float
+    region: float
+    transition_times: dict[Any, float]
+
+    def __repr__(self) -> str:
+        n_subjects, n_conditions = self.delays[SUBJECT].nunique(), self.delays[CONDITION].nunique()
+        return f"ExperimentResult({n_subjects} subjects, {n_conditions} conditions)"
+
+    @property
+    def subjects(self) -> list[Any]:
+        """Subjects in the order of the data."""
+        return list(dict.fromkeys(self.delays[SUBJECT]))
+
+    @property
+    def conditions(self) -> list[Any]:
+        """Conditions in the order of the data, sorted where their names can be."""
+        found = list(dict.fromkeys(self.delays[CONDITION]))
+        return sorted(found) if all(isinstance(name, str) for name in found) else found
+
+    def score_table(self, condition: Any = None) -> pd.DataFrame:
+        """Mean scores over the runs, as in Table VI.
+
+        Parameters
+        ----------
+        condition : label or None, default=None
+            Condition; None averages over all of them.
+
+        Returns
+        -------
+        table : DataFrame
+            One row per subject; columns are pairs of score (``rms_e``, ``tracking_score``,
+            ``control_activity``) and window.
+        """
+        table = self.scores
+        if condition is not None:
+            self._check(condition)
+            table = table[table[CONDITION] == condition]
+        mean = table.pivot_table(
+            index=SUBJECT, columns="window", values=list(SCORES), sort=False, dropna=False
+        )
+        windows = list(dict.fromkeys(table["window"]))
+        subjects = [subject for subject in self.subjects if subject in mean.index]
+        return mean.loc[subjects, [(s, w) for s in SCORES for w in windows]]
+
+    def summary(self) -> Summary:
+        """The result as text.
+
+        Returns
+        -------
+        text : Summary
+            A string that notebooks show line by line.
+        """
+        return Summary("\n".join(_summary(self)))
+
+    def plot(
+        self,
+        condition: Any = None,
+        form: str = "lambda",
+        parameters: str = "arx",
+        *,
+        subjects: Any = None,
+        ax: Any = None,
+    ) -> Any:
+        """Draw the parameters over time, one column per subject (Figs. 16, 17, M.1-M.6).
+
+        Parameters
+        ----------
+        condition : label or None, default=None
+            Condition; None means the only one.
+        form : {"lambda", "Lambda"}, default="lambda"
+            Which parameters are forgotten: all (λ), or b0 and b1 only (Λ).
+        parameters : {"arx", "operator"}, default="arx"
+            a1, a2, b0, b1, or K_e, T_L, K_edot, omega_nm, zeta_nm.
+        subjects : sequence of labels or None, default=None
+            None means all with runs in this condition.
+        ax : sequence of Axes or None, default=None
+            One for each parameter and subject, row by row. None makes a figure.
+
+        Returns
+        -------
+        display : ExperimentDisplay
+        """
+        from ...plotting.experiment import ExperimentDisplay
+
+        return ExperimentDisplay.from_result(
+            self, condition, form=form, parameters=parameters, subjects=subjects, ax=ax
+        )
+
+    def _check(self, condition: Any) -> None:
+        if condition not in self.conditions:
+            raise ValueError(
+                f"There is no condition {condition!r}; there are "
+                f"{', '.join(map(str, self.conditions))}."
+            )
+
+
+def verdicts(changes: pd.DataFrame, validation: pd.DataFrame) -> pd.DataFrame:
+    """Who adapts, and where Lambda is justified."""
+    window = "tran" if (validation["window"] == "tran").any() else "T_m"
+    vaf = validation[validation["window"] == window].pivot_table(
+        index=[SUBJECT, CONDITION],
+        columns="form",
+        values="vaf_validation",
+        sort=False,
+        dropna=False,
+    )
+    rows = []
+    for key, table in changes.groupby([SUBJECT, CONDITION], sort=False):
+        of = table.set_index("parameter")
+        gains = ["K_e", "K_edot"] if of.loc["K_edot", "n_runs"] > 1 else ["b0", "b1"]
+        known = bool((of.loc[gains, "n_runs"] > 1).all())
+        changed = [name for name in gains if of.loc[name, "p"] < SIGNIFICANT]
+        a, b = (of.loc[names, "variation"].max() for names in (["a1", "a2"], ["b0", "b1"]))
+        gain = vaf.loc[key, "Lambda"] - vaf.loc[key, "lambda"]
+        p = of.loc[["a1", "a2"], "p"].min()
+        against = []
+        if p < UNCHANGED:
+            against.append(f"a1 or a2 differs in the last region, p = {p:.2g}")
+        if not a < STILL * b:
+            against.append("a1 and a2 are not constant")
+        if gain < -WORSE:
+            against.append("other runs are simulated worse")
+        if not known:
+            verdict = "unknown"
+        elif not changed:
+            verdict = "no need"
+        else:
+            verdict = "not justified" if against else "justified"
+        rows.append(
+            {
+                SUBJECT: key[0],
+                CONDITION: key[1],
+                "adapts": bool(changed) if known else None,
+                "gains": ", ".join(changed),
+                "variation_a": a,
+                "variation_b": b,
+                "gain_lambda": vaf.loc[key, "lambda"] - vaf.loc[key, "constant"],
+                "gain_Lambda": gain,
+                "Lambda": verdict,
+                "reason": "; ".join(against) if verdict == "not justified" else "",
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _summary(r: ExperimentResult) -> list[str]:
+    runs = r.scores.groupby([SUBJECT, CONDITION])[RUN].nunique()
+    few, many = int(runs.min()), int(runs.max())
+    how_many = f"{few}" if few == many else f"{few} to {many}"
+    window = r.scores[r.scores["window"] == "T_m"]
+    lines = [
+        f"{counted(len(r.subjects), 'subject')}, {counted(len(r.conditions), 'condition')}; "
+        f"{how_many} run{'s' * (many > 1)} of each, from {window['start'].min():g} to "
+        f"{window['stop'].max():g} s at {1 / r.dt:g} Hz.",
+        f"Delay {_range_text(r.delays['delay'])} s; memory horizon {r.memory_horizon:g} samples, "
+        f"{r.memory_horizon * r.dt:g} s.",
+        "",
+        f"Tracking scores (means over runs{' and conditions' * (len(r.conditions) > 1)})",
+    ]
+    lines += _scores_text(r)
+    lines += [
+        "",
+        "Who adapts (gains in the last compared with the first "
+        f"{r.region:g} s, paired over runs; by chance in 1 % of cases)",
+    ]
+    for condition in r.conditions:
+        lines.append(_who_adapts(r, condition))
+    several = r.changes["n_runs"][r.changes["n_runs"] > 1]
+    if several.min() < ENOUGH:  # NaN where all have a single run
+        n = int(several.min())
+        factor = stats.t.isf(SIGNIFICANT / 2, n - 1)
+        lines.append(
+            f"Few runs tell little: with {n}, a mean change counts only above {factor:.0f} times "
+            "its standard error."
+        )
+    lines += ["", "Is Λ justified, which forgets b0 and b1 only?"]
+    for condition in r.conditions:
+        lines.append(_who_needs(r, condition))
+    lines += [f"Note: {note}." for note in r.notes]
+    return lines
+
+
+def _scores_text(r: ExperimentResult) -> list[str]:
+    table = r.score_table().xs("T_m", axis=1, level=1).dropna(axis=1, how="all")
+    shown = table.round(3)
+    lines = shown.to_string(index_names=False).splitlines()
+    if len(table) < 2:
+        return lines
+    said = []
+    for score, what in (("rms_e", "error"), ("control_activity", "control activity")):
+        if score in table:
+            said.append(f"highest {what} {table[score].idxmax()}, lowest {table[score].idxmin()}")
+    if said:
+        sentence = "; ".join(said)
+        lines.append(sentence[0].upper() + sentence[1:] + ".")
+    return lines
+
+
+def _who_adapts(r: ExperimentResult, condition: Any) -> str:
+    here = r.verdicts[r.verdicts[CONDITION] == condition].to_dict("records")
+    parts = []
+    for row in here:
+        if row["adapts"]:
+            found = [_change(r, row, name) for name in row["gains"].split(", ")]
+            parts.append(f"{_person(row)} adapts ({', '.join(found)})")
+    for adapts, one, several in (
+        (False, "shows no change beyond the scatter of runs", "show"),
+        (None, "has a single run, which is not enough to tell", "have"),
+    ):
+        names = [_person(row) for row in here if row["adapts"] is adapts]
+        if names:
+            rest = one.split(" ", 1)
+            verb = several if len(names) > 1 else rest[0]
+            parts.append(f"{_listed(names)} {verb} {rest[1]}")
+    return _said(condition, parts)
+
+
+def _person(row: dict[str, Any]) -> str:
+    return "the operator" if row[SUBJECT] == ALL else str(row[SUBJECT])
+
+
+def _said(condition: Any, parts: list[str]) -> str:
+    """The text on a condition, a line for each part."""
+    text = SEPARATOR.join(parts) + "."
+    return text[0].upper() + text[1:] if condition == ALL else f"{condition}: {text}"
+
+
+def _change(r: ExperimentResult, row: dict[str, Any], name: str) -> str:
+    c = r.changes
+    found = c[
+        (c[SUBJECT] == row[SUBJECT]) & (c[CONDITION] == row[CONDITION]) & (c["parameter"] == name)
+    ].iloc[0]
+    unit = " s" if name == "K_edot" else ""
+    return (
+        f"{name} {found['ini']:.3f} to {found['fin']:.3f}{unit}, "
+        f"{100 * found['change'] / abs(found['ini']):+.0f} %"
+    )
+
+
+def _who_needs(r: ExperimentResult, condition: Any) -> str:
+    here = r.verdicts[r.verdicts[CONDITION] == condition].to_dict("records")
+    parts = []
+    for row in here:
+        if row["Lambda"] == "justified":
+            parts.append(
+                f"yes for {_person(row)} (mean paths of a vary {row['variation_a']:.1f}, of b "
+                f"{row['variation_b']:.1f} times as much as scatter explains; "
+                f"{row['gain_Lambda']:+.1f} VAF points on other runs)"
+            )
+        elif row["Lambda"] == "not justified":
+            parts.append(f"no for {_person(row)} ({row['reason']})")
+    for verdict, what in (("no need", "no need for"), ("unknown", "unknown for")):
+        names = [_person(row) for row in here if row["Lambda"] == verdict]
+        if names:
+            parts.append(f"{what} {_listed(names)}")
+    return _said(condition, parts)
+
+
+def _listed(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _range_text(values: pd.Series) -> str:
+    low, high = values.min(), values.max()
+    return f"{low:g}" if np.isclose(low, high) else f"{low:g} to {high:g}"

@@ -1,0 +1,231 @@
+"""simulate_experiment: recordings of several people with known truth, as in Section VI."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+
+from ..._machine import check_memory
+from ...runs import RUN, TIME
+from ...simulation.conditions import known_name
+from ...simulation.engine import entropy_of
+from .subjects import STANDARD, RecordingSetup, draw_participant, physics_of
+
+
+def simulate_experiment(
+    subjects: int = 3,
+    conditions: str | Sequence[str] = "C1-C6",
+    runs: int = 7,
+    *,
+    remnant_intensity: float | None = None,
+    sampling_rate: float = 100.0,
+    duration: float = 81.92,
+    run_in: float = 8.08,
+    transition_time: float | None = None,
+    random_state: Any = None,
+    return_truth: bool = False,
+    n_jobs: int | None = None,
+) -> Any:
+    """Simulate an experiment: several people, each with several runs in several conditions.
+
+    A stand-in for recordings like those of Section VI. People differ in gains, lead, delay,
+    neuromuscular mode and remnant, drawn around Table II; they learn over the first runs, vary a
+    little from run to run, and follow a change of the controlled element 0.2 to 1 s later. S1, S4,
+    S7, ... hardly adapt to it.
+
+    Parameters
+    ----------
+    subjects : int, default=3
+        Number of people.
+    conditions : str or sequence of str, default="C1-C6"
+        Conditions of the thesis: a name, a range of them, or a list.
+    runs : int, default=7
+        Number of runs of each person in each condition.
+    remnant_intensity : float or None, default=None
+        P_n = var(n) / var(u) of practised runs, for all people; 0 means none. None draws it for
+        each person (median 0.12). It holds in C1 and C2; in C3 to C6 the gain K_n goes from one to
+        the other.
+    sampling_rate : float, default=100.0
+        Sampling rate in Hz.
+    duration : float, default=81.92
+        Measurement window in s.
+    run_in : float, default=8.08
+        Time recorded before it, in s, from rest. Its times are negative: the window begins at 0.
+    transition_time : float or None, default=None
+        When the controlled element changes in C3 to C6, in s from the beginning of the window. None
+        means the same fraction of the recording as in the thesis: 50.00 s of 90.00, or 41.92 s into
+        the window.
+    random_state : int, RandomState, Generator or None, default=None
+        Source of all randomness. A run is the same whatever other subjects, conditions and runs
+        there are.
+    return_truth : bool, default=False
+        Also return the parameters of the people.
+    n_jobs : int or None, default=None
+        Number of threads, one per person, as in joblib.
+
+    Returns
+    -------
+    X : DataFrame of shape (n_rows, 3)
+        Error ``e``, output of the controlled element ``x``, target ``f_t`` (deg), with the row
+        index levels ``subject`` ("S1", ...), ``condition``, ``run`` (from 1), ``time`` (s).
+    y : Series of shape (n_rows,)
+        Control output ``u`` (deg).
+    truth : DataFrame
+        Only with ``return_truth``: one row per subject and condition, with K_e, T_L (s), K_edot (s)
+        and K_n at both ends (``K_e_initial``, ``K_e_final``, ...), tau_e (s), omega_nm (rad/s),
+        zeta_nm, remnant_order, remnant_intensity, adaptation (the share of the change of Table II
+        that the person makes), adaptation_lag (s) and transition_time (s; NaN in C1 and C2). These
+        are for practised runs.
+
+    Raises
+    ------
+    UnstableLoopError
+        If no draw of a person keeps control.
+    RemnantIntensityError
+        If the recording does not determine the gain of the remnant.
+    ValueError
+        If a number or name is not valid.
+
+    See Also
+    --------
+    analyse_experiment : Analyse such recordings.
+    skhoid.make_tracking_runs : Simulate runs of one operator with parameters that you choose.
+
+    Notes
+    -----
+    Standard deviations of logarithms between people: K_e 0.25, T_L 0.15, tau_e 0.10 (to whole
+    samples), omega_nm 0.12, zeta_nm 0.20, P_n 0.40 (0.04 to 0.25); the remnant is of order 2 or 3.
+    People make 0.7 to 1.1 of the change between the states of Table II, those who hardly adapt 0 to
+    0.15, also in C2. In the first run a person has 0.85 times the gain and 1.5 times the remnant
+    power of a practised one; the differences fall by a factor e in two runs. Gains scatter by 5 %
+    from run to run.
+
+    A person with less than 15 deg of phase margin in C1 or C2, or with an error larger than the
+    target in any condition, is redrawn, and so is a run that becomes unstable.
+
+    References
+    ----------
+    Van Grootheest, thesis, Section VI-A and App. M. The 42.93 s given there for the change are not
+    consistent with 90.00 s.
+
+    Examples
+    --------
+    >>> from skhoid.lab.experiment import simulate_experiment
+    >>> X, y, truth = simulate_experiment(2, "C3-C4", runs=2, return_truth=True, random_state=0)
+    >>> X.shape, X.index.names
+    ((72000, 3), FrozenList(['subject', 'condition', 'run', 'time']))
+    >>> truth[["K_e_initial", "T_L_initial", "T_L_final", "tau_e"]].xs("C4", level=1).round(2)
+             K_e_initial  T_L_initial  T_L_final  tau_e
+    subject
+    S1              0.09         0.49       0.52   0.26
+    S2              0.09         0.46       1.41   0.26
+    """
+    recording = _recording(sampling_rate, duration, run_in, transition_time)
+    names = _conditions(conditions)
+    _check_numbers(subjects, runs, remnant_intensity)
+    _check_memory(recording, names, subjects, runs)
+    entropy = entropy_of(random_state)
+    sessions = Parallel(n_jobs=n_jobs, prefer="threads")(
+        delayed(_session)(number, names, runs, recording, entropy, remnant_intensity)
+        for number in range(1, subjects + 1)
+    )
+    X, y = _frames([signals for signals, _ in sessions], names, runs, recording)
+    return (X, y, _truth_of_all([truth for _, truth in sessions])) if return_truth else (X, y)
+
+
+def _check_numbers(subjects: Any, runs: Any, remnant_intensity: float | None) -> None:
+    for what, number in (("subjects", subjects), ("runs", runs)):
+        if isinstance(number, bool) or not isinstance(number, Integral) or number < 1:
+            raise ValueError(f"{what} must be a whole number, at least 1; got {number!r}.")
+    if remnant_intensity is not None and not 0 <= remnant_intensity < 1:
+        raise ValueError(
+            "remnant_intensity must be a fraction var(n) / var(u), at least 0 and below 1; got "
+            f"{remnant_intensity!r}."
+        )
+
+
+def _check_memory(recording: RecordingSetup, names: list[str], subjects: int, runs: int) -> None:
+    n_samples = (recording.run_in + recording.duration) * recording.sampling_rate
+    check_memory(
+        5 * n_samples * runs * subjects * len(names),  # four signals and the time
+        f"The signals of {subjects} subjects with {runs} runs in each condition",
+    )
+
+
+def _session(
+    number: int,
+    names: list[str],
+    runs: int,
+    recording: RecordingSetup,
+    entropy: int,
+    intensity: float | None,
+) -> tuple[np.ndarray, list[dict[str, Any]]]:
+    """All runs of one subject, with columns e, x, f_t and u, and a row of truth per condition."""
+    participant = draw_participant(number, recording, entropy, intensity=intensity)
+    records = [participant.run(name, run) for name in names for run in range(1, runs + 1)]
+    signals = [np.stack([r.e[0], r.x[0], r.f_t[0], r.u[0]], axis=1) for r in records]
+    truth = [
+        {"subject": f"S{number}", "condition": name} | physics_of(participant, name)
+        for name in names
+    ]
+    return np.concatenate(signals), truth
+
+
+def _frames(
+    signals: list[np.ndarray], names: list[str], runs: int, recording: RecordingSetup
+) -> tuple[pd.DataFrame, pd.Series]:
+    """X and y of the sessions of all subjects."""
+    rate = recording.sampling_rate
+    n_run_in = round(recording.run_in * rate)
+    n_rows = len(signals[0]) // (len(names) * runs)
+    index = pd.MultiIndex.from_product(
+        [
+            [f"S{number}" for number in range(1, len(signals) + 1)],
+            names,
+            range(1, runs + 1),
+            np.arange(-n_run_in, n_rows - n_run_in) / rate,
+        ],
+        names=["subject", "condition", RUN, TIME],
+    )
+    table = np.concatenate(signals)
+    X = pd.DataFrame(table[:, :3], index=index, columns=["e", "x", "f_t"])
+    y = pd.Series(table[:, 3].copy(), index=index, name="u")
+    X.attrs["units"] = dict.fromkeys(X.columns, "deg")
+    y.attrs["units"] = {"u": "deg"}
+    return X, y
+
+
+def _truth_of_all(of_subjects: list[list[dict[str, Any]]]) -> pd.DataFrame:
+    rows = [row for of_subject in of_subjects for row in of_subject]
+    return pd.DataFrame(rows).set_index(["subject", "condition"])
+
+
+def _recording(rate: float, duration: float, run_in: float, time: float | None) -> RecordingSetup:
+    if time is None:  # at the same fraction of the recording as in the thesis
+        part = (STANDARD.run_in + STANDARD.transition_time) / (STANDARD.run_in + STANDARD.duration)
+        time = round(part * (run_in + duration) - run_in, 6)
+    return RecordingSetup(float(rate), float(duration), float(run_in), float(time))
+
+
+def _conditions(conditions: Any) -> list[str]:
+    """Names of conditions, of a list of them or of a range such as C1-C6."""
+    if isinstance(conditions, str):
+        ends = re.fullmatch(r"\s*(C\d+)\s*[-–]\s*(C\d+)\s*", conditions, re.IGNORECASE)
+        if ends is None:
+            return [known_name(conditions.strip())]
+        first, last = (int(known_name(end)[1:]) for end in ends.groups())
+        if last < first:
+            raise ValueError(f"The range {conditions!r} ends before it begins.")
+        return [f"C{number}" for number in range(first, last + 1)]
+    names = [known_name(name) for name in conditions]
+    if not 0 < len(set(names)) == len(names):
+        raise ValueError(
+            f"conditions must name at least one condition, each once; got {conditions!r}."
+        )
+    return names

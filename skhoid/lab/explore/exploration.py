@@ -1,0 +1,458 @@
+"""``Exploration``: a model of recorded runs that is changed step by step, and what each step gives.
+
+Every number is the library's own: models are fitted by ``fit``, moved by ``with_parameters``,
+predict by ``predict``, and are scored as ``VAFScorer`` does. Open it to change what a step does.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+
+from ...effects.composition import Effects
+from ...exceptions import did_you_mean
+from ...model.base import SimulatedModelMixin
+from ...model.protocol import check_simulated_model
+from ...runs.roles import of_person
+from ...search.effect_search import EffectSearchCV
+from .cards import FOUND, HELPS, Found
+from .figures import Figures
+from .models import Models
+from .parts import curve_of, effects_of, others_of
+from .position import OUT, TRAIN, History, Position
+from .runs_kept import Runs
+from .script import script_of
+from .steps import STEPS, moved, with_moved
+
+MOST_NAMED = 3  # runs
+WARMED = 4  # cards whose models are fitted ahead
+
+
+class Exploration:
+    """A model of recorded runs that is changed step by step.
+
+    Parameters
+    ----------
+    estimator : OperatorRegressor, ARXRegressor or other SimulatedModel
+        The model, unfitted; its effects are where it starts.
+    X : DataFrame or array of shape (n_rows, n_columns)
+        Channels, one row per sample.
+    y : Series or array of shape (n_rows,)
+        Measured output.
+    search : EffectSearchCV or None, default=None
+        A search that was fitted to X and y: its candidates are the cards.
+    options : dict or None, default=None
+        Parameters of searches from here, such as ``display`` and ``domain``; None takes those of
+        the search.
+    title : str or None, default=None
+        Title; None names the model and the output.
+    source : list of str or None, default=None
+        Lines of Python that make X and y, for the script.
+    memory : dict or None, default=None
+        What :meth:`memory` returned: go on from there.
+    fitted : sequence of estimators, default=()
+        Models that are fitted to all runs already, known by their effects.
+
+    Attributes
+    ----------
+    model : estimator
+        The present model, fitted, with what was moved by hand.
+    here : Position
+        What it is made of.
+    revision : int
+        Grows with each change.
+
+    Raises
+    ------
+    TypeError
+        If the estimator is not a model that simulates effects.
+    ValueError
+        If the baseline cannot be fitted, with the reason.
+
+    See Also
+    --------
+    EffectSearchCV.explore : The same to touch, in a notebook.
+
+    Examples
+    --------
+    >>> from skhoid import OperatorRegressor, make_tracking_runs
+    >>> from skhoid.effects import Bias
+    >>> from skhoid.lab.explore import Exploration
+    >>> X, y = make_tracking_runs(
+    ...     "C1",
+    ...     2,
+    ...     sampling_rate=50,
+    ...     remnant_intensity=0.05,
+    ...     effects=Bias(level=0.1),
+    ...     random_state=0,
+    ... )
+    >>> by_hand = Exploration(OperatorRegressor(), X, y)
+    >>> reply = by_hand.act("add", {"effect": "bias"})
+    >>> [step["title"] for step in reply["state"]["stair"]]
+    ['baseline', 'bias']
+    >>> reply = by_hand.act("release", {"name": "bias__level", "value": 0.05})
+    >>> print(by_hand.script())  # doctest: +ELLIPSIS
+    from skhoid import OperatorRegressor, VAFScorer
+    from skhoid.effects import Bias
+    ...
+    model = OperatorRegressor(effects=Bias())
+    model.fit(X, y)
+    model = model.with_parameters({'bias__level': 0.05})  # moved by hand
+    ...
+    """
+
+    def __init__(
+        self,
+        estimator: Any,
+        X: Any,
+        y: Any,
+        *,
+        search: EffectSearchCV | None = None,
+        options: Mapping[str, Any] | None = None,
+        title: str | None = None,
+        source: Sequence[str] | None = None,
+        memory: Mapping[str, Any] | None = None,
+        fitted: Sequence[Any] = (),
+    ):
+        check_simulated_model(estimator, "Exploration")
+        if not isinstance(estimator, SimulatedModelMixin):
+            raise TypeError(
+                f"An exploration moves parameters, by with_parameters, which "
+                f"{type(estimator).__name__} lacks: derive it from skhoid.model.GreyBox."
+            )
+        self.estimator = clone(estimator)
+        self.options = dict(options or {})
+        if search is not None and options is None:
+            given = search.get_params(deep=False)
+            self.options = {k: v for k, v in given.items() if k not in ("estimator", "n_jobs")}
+        element = self.options.pop("controlled_element", None)
+        if element is not None:
+            self.estimator.set_params(controlled_element=element)
+        domain, lost = self.options.get("domain"), self.options.get("lost_control", "leave_out")
+        self.runs = Runs.of(self.estimator, X, y, domain, lost)
+        self.domain = domain or ("human" if self._of_person() else "machine")
+        self.models = Models(self.estimator, self.runs, fitted)
+        self.source = None if source is None else list(source)
+        self.title = title or f"{type(estimator).__name__} against measured {self.runs.output}"
+        self.lock = threading.RLock()
+        self.revision = 0
+        self.found = Found()
+        self.own = {e.name: e for e in self._candidates()}
+        self._progress: dict[str, Any] | None = None
+        self.figures = Figures(self.models, self.domain)
+        uses = self._first_uses() if search is None else (TRAIN,) * self.runs.n
+        first = Position(uses, Effects.of(self.estimator.effects), {}, "Begin")
+        self.history = History(first)
+        if memory is not None:
+            self.history = History.of_dict(memory["history"])
+            self.found = Found.of_dict(memory["found"])
+            self.figures.remember(memory["judged"])
+        if search is not None:
+            self.found = Found.of(search, range(self.runs.n))
+        self.models.fitted(self.here.effects, self.here.train)
+
+    @classmethod
+    def of_search(cls, search: EffectSearchCV, X: Any, y: Any, **options: Any) -> Exploration:
+        """What begins from the baseline of a search that was fitted to X and y."""
+        return cls(search.estimator, X, y, search=search, **options)
+
+    @property
+    def here(self) -> Position:
+        return self.history.here
+
+    @property
+    def model(self) -> Any:
+        """The present model, fitted."""
+        here = self.here
+        return self.models.moved(here.effects, here.train, here.moved)
+
+    def act(self, name: str, args: Mapping[str, Any]) -> dict[str, Any]:
+        """Do what was asked in the component; returns what it is told.
+
+        Parameters
+        ----------
+        name : str
+            trace, add, remove, preview, drag, release, refit, free, undo, redo, use, state or
+            script.
+        args : dict
+            Arguments by name; ``run`` is the number of the run that is shown.
+
+        Returns
+        -------
+        reply : dict
+            ``state``, ``simulated`` or what else the action gives.
+
+        Raises
+        ------
+        ValueError
+            If it is not possible; nothing has changed then.
+        """
+        actions: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
+            "trace": self._trace,
+            "preview": self._preview,
+            "drag": self._drag,
+            "state": self._shown,
+            "script": lambda _: {"text": self.script()},
+            "undo": lambda args: self._walk(-1, args),
+            "redo": lambda args: self._walk(1, args),
+        }
+        if name not in actions and name not in STEPS:
+            known = [*actions, *STEPS]
+            raise ValueError(f"There is no action {name!r}.{did_you_mean(name, known)}")
+        with self.lock:
+            if name in STEPS:
+                return self._go(STEPS[name](self, args), args)
+            return actions[name](args)
+
+    def script(self) -> str:
+        """The present model as Python: a script that gives the same numbers."""
+        with self.lock:
+            vaf = self.figures.vaf(self.figures.prediction(self.here), self.here)
+            figures = {"fitted": vaf["train"], "held out": vaf["hold"]}
+            return script_of(self.estimator, self.runs, self.here, self.source, figures)
+
+    def search_for(self) -> tuple[EffectSearchCV, Any, Any]:
+        """A search, unfitted, from the present model, and the runs to fit it to."""
+        with self.lock:
+            effects = with_moved(self)
+            model = clone(self.estimator).set_params(effects=effects if len(effects) else None)
+            return EffectSearchCV(model, **self.options), *self.runs.part(self.here.train)
+
+    def take_search(self, search: EffectSearchCV, train: Sequence[int] | None = None) -> None:
+        """Take what a search found: cards, verdict and noise ceiling."""
+        with self.lock:
+            self.found = Found.of(search, self.here.train if train is None else train)
+            self._progress = None
+            self._changed()
+
+    def with_found(self) -> Effects:
+        """The present effects, and behind them those that the search found beside."""
+        effects = self.here.effects
+        for kind in self.found.named:
+            if kind in self.own and kind not in {e.name for _, e in effects}:
+                effects = effects + self.found.effect(kind, self.own)
+        return effects
+
+    def searching(self, progress: Mapping[str, Any] | None) -> None:
+        """Say how far a search is: share (0 to 1) and words; None where none is running."""
+        with self.lock:
+            self._progress = None if progress is None else dict(progress)
+
+    def warm(self) -> None:
+        """Fit the models that are likely asked for next, so that they are there at once."""
+        with self.lock:
+            here, (cards, _) = self.here, self._cards(self.here)
+            wanted = [c["id"] for c in cards if c["status"] in (FOUND, HELPS)][:WARMED]
+            named = [self.effect(name) for name in self.found.named if name in wanted]
+            tried = [here.effects + self.effect(name) for name in wanted]
+            for i in range(2, len(named) + 1):
+                tried.append(Effects.of([here.effects, *named[:i]]))
+        for effects in tried:
+            try:
+                self.models.prediction(effects, here.train, {})
+                curve_of(self.models.fitted(effects, here.train), effects.names[-1])
+            except ValueError:
+                continue  # said when it is asked for
+
+    def judge(self) -> None:
+        """Find the noise ceiling and the findings of the present model."""
+        with self.lock:
+            here = self.here
+        if self.figures.judge(here):
+            with self.lock:
+                self._changed()
+
+    def memory(self) -> dict[str, Any]:
+        """All that is needed to come back to this state, for JSON."""
+        with self.lock:
+            return {
+                "history": self.history.as_dict(),
+                "found": self.found.as_dict(),
+                "judged": self.figures.memory(),
+            }
+
+    def view(self) -> dict[str, Any]:
+        """What the component is told once."""
+        runs = self.runs
+        people = runs.people()
+        person = {run: name for name, of_person in people for run in of_person}
+        can = dict.fromkeys(
+            ("change", "any", "drag", "split", "search", "script", "report", "session"), True
+        )
+        return {
+            "title": self.title,
+            "output": {"name": runs.output, "unit": runs.units.get(runs.output)},
+            "dt": runs.layout.dt,
+            "settling": float(getattr(self.estimator, "settling", 0.0)),
+            "can": can,
+            "channels": [
+                {"name": name, "role": role, "unit": runs.units.get(name)}
+                for name, role in runs.roles.items()
+            ],
+            "people": [{"name": name, "runs": numbers} for name, numbers in people],
+            "runs": [
+                {
+                    "label": label,
+                    "n": runs.rows(i).stop - runs.rows(i).start,
+                    "person": person.get(i),
+                }
+                for i, label in enumerate(runs.labels)
+            ],
+            "shown": 0,
+            "note": self._note(),
+            "state": self.state(),
+        }
+
+    def state(self) -> dict[str, Any]:
+        """What the component is told after each step."""
+        with self.lock:
+            return self.state_at(self.history)
+
+    def state_at(self, history: History) -> dict[str, Any]:
+        """The same at the present position of another history."""
+        here = history.here
+        model = self.models.moved(here.effects, here.train, here.moved)
+        fitted = self.models.fitted(here.effects, here.train)
+        prediction = self.figures.prediction(here)
+        cards, cards_of = self._cards(here)
+        return {
+            "revision": self.revision,
+            "uses": list(here.uses),
+            "effects": effects_of(model, here.moved, fitted, self.domain),
+            "model": others_of(model),
+            "stair": self.figures.stair(here),
+            **self.figures.ceiling(here, self.found),
+            "vaf": self.figures.vaf(prediction, here),
+            "run_vaf": self.runs.vaf_by_run(prediction),
+            "settled": not here.moved,
+            "impossible": self.figures.runs_away(prediction, here),
+            "undo": history.undo,
+            "redo": history.redo,
+            "cards": [{**card, "ready": True} for card in cards],
+            "cards_of": cards_of,
+            **self._verdict(here),
+            "findings": self.figures.findings(here, self.found),
+            "search": self._progress,
+        }
+
+    def _verdict(self, here: Position) -> dict[str, str]:
+        """What the search said, as long as it was of these runs."""
+        found = self.found
+        if found.is_of(here.train):
+            return {"verdict": found.verdict, "verdict_kind": found.kind}
+        names = [self.runs.labels[run] for run in found.runs]
+        of = ", ".join(names[:MOST_NAMED]) + (", ..." if len(names) > MOST_NAMED else "")
+        said = f"The search was on other runs ({of}). There: {found.verdict}"
+        return {"verdict": said, "verdict_kind": ""}
+
+    def _first_uses(self) -> tuple[str, ...]:
+        """All runs are fitted, but of several people only those of the first: each is another."""
+        people = self.runs.people()
+        if len(people) < 2:
+            return (TRAIN,) * self.runs.n
+        return tuple(TRAIN if run in people[0][1] else OUT for run in range(self.runs.n))
+
+    def _of_person(self) -> bool:
+        roles = {*self.runs.roles.values()}
+        return type(self.estimator).__name__ == "OperatorRegressor" or of_person(roles)
+
+    def _candidates(self) -> list[Any]:
+        effects = self.options.get("effects", "all")
+        return EffectSearchCV(self.estimator, effects=effects)._candidates()
+
+    def effect(self, kind: str) -> Any:
+        """The effect of an id, with the choices that a search made."""
+        known = self.own.keys()
+        if kind not in known:
+            raise ValueError(f"No effect is called {kind!r}.{did_you_mean(kind, list(known))}")
+        return self.found.effect(kind, self.own)
+
+    def _cards(self, here: Position) -> tuple[list[dict[str, Any]], str]:
+        fitting = [e for e in self.own.values() if self.domain in e.domains]
+        return self.found.cards(here, fitting, self.domain)
+
+    def _note(self) -> str | None:
+        notes = []
+        if self.runs.lost:
+            seconds = sum(end - begin for _, begin, end in self.runs.lost)
+            notes.append(f"{seconds:.3g} s in which control was lost are left out.")
+        people = self.runs.people()
+        if len(people) > 1:
+            notes.append(
+                f"Only the runs of {people[0][0]} are fitted at first: each person is another. "
+                "Runs of several that are ticked together are fitted as those of one."
+            )
+        return " ".join(notes) or None
+
+    def _of_run(self, prediction: np.ndarray, args: Mapping[str, Any]) -> np.ndarray:
+        return prediction[self.runs.rows(self.run_of(args))]
+
+    def run_of(self, args: Mapping[str, Any]) -> int:
+        """The number of the run that arguments name."""
+        run = args.get("run", 0)
+        if not isinstance(run, int) or not 0 <= run < self.runs.n:
+            raise ValueError(f"There is no run number {run!r}; there are {self.runs.n} runs.")
+        return run
+
+    def _trace(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        rows = self.runs.rows(self.run_of(args))
+        prediction = self.figures.prediction(self.here)[rows]
+        frame = self.runs.frame
+        return {
+            "t": self.runs.layout.time[rows],
+            "measured": self.runs.measured[rows],
+            "scored": self.runs.scored[rows],
+            "simulated": prediction,
+            "channels": {
+                str(name): frame.iloc[rows, i].to_numpy(dtype=float)
+                for i, name in enumerate(frame.columns)
+            },
+        }
+
+    def _preview(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        here = self.here
+        effects = here.effects + self.effect(str(args["effect"]))
+        prediction = self.models.prediction(effects, here.train, here.moved)
+        return {
+            "simulated": self._of_run(prediction, args),
+            "vaf": self.runs.vaf(prediction, here.train),
+        }
+
+    def _drag(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        to = moved(self, args)
+        model = self.models.moved(to.effects, to.train, to.moved)  # refuses what is not possible
+        prediction = self.figures.prediction(to)
+        return {
+            "simulated": self._of_run(prediction, args),
+            "vaf": self.figures.vaf(prediction, to),
+            "run_vaf": self.runs.vaf_by_run(prediction),
+            "stair": self.figures.stair(to),
+            "impossible": self.figures.runs_away(prediction, to),
+            "curve": curve_of(model, str(args["name"]).split("__")[0]),
+            "settled": False,
+        }
+
+    def _go(self, position: Position, args: Mapping[str, Any]) -> dict[str, Any]:
+        """Take a step, if its model can be fitted."""
+        self.figures.prediction(position)
+        self.history.go(position)
+        return self._shown(args, changed=True)
+
+    def _shown(self, args: Mapping[str, Any], *, changed: bool = False) -> dict[str, Any]:
+        if changed:
+            self._changed()
+        return {
+            "state": self.state(),
+            "simulated": self._of_run(self.figures.prediction(self.here), args),
+        }
+
+    def _changed(self) -> None:
+        self.revision += 1
+
+    def _walk(self, by: int, args: Mapping[str, Any]) -> dict[str, Any]:
+        self.history.step(by)
+        return self._shown(args, changed=True)

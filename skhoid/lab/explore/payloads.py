@@ -1,0 +1,207 @@
+"""What a page needs that cannot compute: all subsets of the effects found, or one comparison.
+
+Rows are thinned, and runs left out, only where the page would become too large; it says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import chain, combinations
+from typing import Any
+
+import numpy as np
+
+from ...diagnosis.comparison import Comparison
+from ...effects.composition import Effects
+from ...model.base import SimulatedModelMixin
+from ...runs import RunLayout, read_layout, run_name
+from ...search.effect_search import EffectSearchCV
+from .exploration import Exploration
+from .models import own_values
+from .position import TRAIN, History, Position
+from .script import plain
+
+MOST_SUBSETS_OF = 4  # effects; of more only those that a search went through
+MOST_VALUES = 600_000  # in a page
+LEAST_RATE = 25.0  # Hz, to which rows are thinned at most
+SHOWN_CHANNELS = 4
+NOTHING = {
+    "change": False,
+    "any": False,
+    "drag": False,
+    "split": False,
+    "search": False,
+    "script": False,
+    "report": False,
+    "session": False,
+}
+
+
+def payload_of(
+    search: EffectSearchCV | None, comparison: Comparison | None, X: Any, y: Any
+) -> dict[str, Any] | None:
+    """What a page shows of a search on X and y, or else of a comparison; None where neither can."""
+    if search is not None and isinstance(search.best_estimator_, SimulatedModelMixin):
+        return payload_of_search(search, X, y)
+    return None if comparison is None else payload_of_comparison(comparison)
+
+
+def payload_of_search(search: EffectSearchCV, X: Any, y: Any) -> dict[str, Any]:
+    """Traces and figures of every subset of the effects that a fitted search found on X and y."""
+    fitted = [search.baseline_, search.best_estimator_]
+    exploration = Exploration.of_search(search, X, y, fitted=fitted)
+    uses = (TRAIN,) * exploration.runs.n
+    best = Position(uses, Effects.of(search.best_estimator_.effects))
+    exploration.history = History(best)
+    begun = Effects.of(search.baseline_.effects).names
+    payload = payload_of_exploration(exploration, kept=begun)
+    for state in payload["states"].values():  # the page around it says these
+        state |= {"verdict": "", "verdict_kind": ""}
+    payload["view"]["title"] = ""
+    return payload
+
+
+def payload_of_exploration(exploration: Exploration, kept: Sequence[str] = ()) -> dict[str, Any]:
+    """The same of what an exploration has now, and of what its search found beside.
+
+    Effects that are ``kept`` are in every subset.
+    """
+    here, runs = exploration.here, exploration.runs
+    offered = exploration.with_found()
+    names = [name for name in offered.names if name not in kept]
+    states: dict[str, Any] = {}
+    predictions: dict[str, np.ndarray] = {}
+    for chosen in _subsets(names):
+        effects = Effects([(n, e) for n, e in offered if n in kept or n in chosen])
+        moved = own_values(here.moved, effects)
+        position = Position(here.uses, effects, moved)
+        state = exploration.state_at(History(position))
+        ready = {e.name for n, e in offered if n not in effects.names}
+        state["cards"] = [card for card in state["cards"] if card["id"] in ready]
+        state |= {"ceiling_pending": False, "findings": [], "search": None}
+        key = ",".join(sorted(chosen))
+        states[key] = state
+        predictions[key] = exploration.models.prediction(effects, here.train, moved)
+    view = exploration.view()
+    start = ",".join(sorted(n for n in here.effects.names if n not in kept))
+    view |= {"can": {**NOTHING, "change": len(names) > 0}, "state": states[start]}
+    channels = {str(n): runs.frame.iloc[:, i].to_numpy(float) for i, n in enumerate(runs.frame)}
+    traces = _Traces(runs.layout, runs.measured, runs.scored, channels, predictions)
+    return traces.payload(view, start, states)
+
+
+def payload_of_comparison(found: Comparison) -> dict[str, Any]:
+    """The traces of a comparison, with its figures."""
+    table = found.traces
+    layout = read_layout(table, fallback_dt=found.dt)
+    known = ("measured", "predicted", "residual", "one_step", "scored")
+    channels = {str(n): table[n].to_numpy(float) for n in table if n not in known}
+    vaf = [None if np.isnan(v) else float(v) for v in found.by_run["vaf"]]
+    note = found.ceiling_note
+    state = {
+        "revision": 0,
+        "uses": [""] * len(layout.labels),  # which rows were fitted is not known
+        "effects": [],
+        "model": [],
+        "stair": [{"title": found.model_name, "vaf": found.vaf, "rmse": found.rmse, "held": None}],
+        "ceiling": _ceiling(found) if np.isfinite(found.noise_ceiling) else None,
+        "ceiling_pending": False,
+        "vaf": {"train": found.vaf, "hold": None},
+        "run_vaf": vaf,
+        "settled": True,
+        "impossible": None,
+        "undo": None,
+        "redo": None,
+        "cards": [],
+        "cards_of": "",
+        "verdict": "",
+        "verdict_kind": "",
+        "findings": [{"what": f.title, "why": f.meaning} for f in found.findings],
+        "search": None,
+    }
+    view = {
+        "title": f"{found.model_name} against measured {found.output}",
+        "output": {"name": found.output, "unit": found.unit},
+        "dt": found.dt,
+        "settling": 0.0,
+        "can": dict(NOTHING),
+        "channels": [{"name": name, "role": name, "unit": None} for name in channels],
+        "people": [],
+        "runs": [
+            {"label": run_name(plain(label)), "n": int(n), "person": None}
+            for label, n in zip(layout.labels, np.diff(layout.run_starts), strict=True)
+        ],
+        "shown": 0,
+        "note": None if np.isfinite(found.noise_ceiling) else note,
+        "state": state,
+    }
+    measured, scored = table["measured"].to_numpy(float), table["scored"].to_numpy(bool)
+    predictions = {"": table["predicted"].to_numpy(float)}
+    return _Traces(layout, measured, scored, channels, predictions).payload(view, "", {"": state})
+
+
+def _ceiling(found: Comparison) -> dict[str, Any]:
+    low, high = found.noise_ceiling_interval
+    return {"vaf": found.noise_ceiling, "low": low, "high": high, "note": found.ceiling_note}
+
+
+def _subsets(names: list[str]) -> list[tuple[str, ...]]:
+    if len(names) > MOST_SUBSETS_OF:
+        return [tuple(names[:n]) for n in range(len(names) + 1)]
+    sizes = range(len(names) + 1)
+    return list(chain.from_iterable(combinations(names, n) for n in sizes))
+
+
+class _Traces:
+    """Signals of runs, as many of them as a page may hold."""
+
+    def __init__(
+        self,
+        layout: RunLayout,
+        measured: np.ndarray,
+        scored: np.ndarray,
+        channels: Mapping[str, np.ndarray],
+        predictions: Mapping[str, np.ndarray],
+    ):
+        self.layout, self.measured, self.scored = layout, measured, scored
+        self.channels = dict(list(channels.items())[:SHOWN_CHANNELS])
+        self.predictions = predictions
+        per_row = 1 + len(self.channels) + len(predictions)
+        slowest = max(1, int(1 / (LEAST_RATE * layout.dt) + 1e-6))
+        asked = -(-layout.n_rows * per_row // MOST_VALUES)
+        self.every = min(asked, slowest)
+        n_runs = len(layout.labels)
+        rows = layout.n_rows // self.every
+        fit = max(1, int(n_runs * MOST_VALUES / max(rows * per_row, 1)))
+        kept = np.unique(np.linspace(0, n_runs - 1, min(fit, n_runs)).astype(int))
+        self.kept = {int(run) for run in kept}
+
+    @property
+    def note(self) -> str | None:
+        n_runs = len(self.layout.labels)
+        if self.every == 1 and len(self.kept) == n_runs:
+            return None
+        which = "all runs" if len(self.kept) == n_runs else f"{len(self.kept)} of {n_runs} runs"
+        rows = "Every row" if self.every == 1 else f"One row in {self.every}"
+        return f"{rows} of {which} is in this page; figures of whole runs are of all rows."
+
+    def payload(self, view: dict[str, Any], start: str, states: Any) -> dict[str, Any]:
+        notes = [note for note in (view["note"], self.note) if note]
+        view = {**view, "note": " ".join(notes) or None, "shown": min(self.kept)}
+        view["dt"] = self.layout.dt * self.every
+        traces = [self._of_run(run) for run in range(len(self.layout.labels))]
+        return {"view": view, "start": start, "states": states, "traces": traces}
+
+    def _of_run(self, run: int) -> dict[str, Any]:
+        a, b = self.layout.run_starts[run : run + 2].tolist()
+        rows = slice(a, b, self.every)
+        about = {"t0": float(self.layout.time[a]), "dt": self.layout.dt * self.every}
+        if run not in self.kept:
+            return {**about, "measured": None, "scored": None, "channels": None, "simulated": None}
+        return {
+            **about,
+            "measured": self.measured[rows],
+            "scored": self.scored[rows],
+            "channels": {name: values[rows] for name, values in self.channels.items()},
+            "simulated": {key: values[rows] for key, values in self.predictions.items()},
+        }

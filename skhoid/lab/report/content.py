@@ -1,0 +1,544 @@
+"""What a report says: tables and sentences from results, ready for the template."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...diagnosis.comparison import Comparison
+from ...diagnosis.comparison_text import figures
+from ...effects.catalogue import BY_NAME
+from ...effects.registry import titles_of
+from ...model.estimates import parameter_text
+from ...pipelines import raw_layout, taken_apart
+from ...preprocessing.base import as_fitted
+from ...preprocessing.gate import as_output
+from ...recordings.channels import check_channels
+from ...regression import units_of
+from ...runs import RunLayout, run_name
+from ...runs.fingerprint import as_frame
+from ...runs.roles import output_name, roles_of
+from ...search.candidates import LEAST_DELTA_BIC, LEAST_GAIN
+from ...search.effect_search import EffectSearchCV
+from ...search.explanations import (
+    HOW_TO_GO_ON,
+    headline_of,
+    in_loop_text,
+    stand_ins_sentence,
+    unexplained_by,
+    with_effects,
+)
+from ...search.shape import BY_HAND, LEAD, NO_FORM, Shape
+from ...text import DASH, VAF_RULE, Estimate, as_sentence, counted, gap_text, number, p_text
+from .plots import Gallery, Plot
+from .provenance import provenance
+
+UNKNOWN = "unknown"
+MANY = 40  # runs in a table
+DRAWN = 8  # channels
+ABSENT = "not available"
+# Findings of a comparison that are settled by a search of the whole catalogue.
+ANSWERED = (
+    "asymmetry",
+    "bias",
+    "cross-correlation",
+    "delay",
+    "distortion",
+    "gain",
+    "gain change",
+    "lag",
+    "mean change",
+    "nonlinearity",
+    "unknown",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """What a report is made of: models, the search for effects, comparisons (or why none).
+
+    ``final`` and ``after`` are the model and the comparison with the effects found.
+    """
+
+    baseline: Any
+    final: Any = None
+    search: EffectSearchCV | None = None
+    no_search: str = ""
+    fitted_here: bool = False
+    comparison: Comparison | None = None
+    no_comparison: str = ""
+    after: Comparison | None = None
+
+
+def content_of(
+    X: Any,
+    y: Any,
+    results: Results,
+    *,
+    source: str | None,
+    made_with: dict[str, str] | None,
+) -> dict[str, Any]:
+    """Everything the template shows."""
+    baseline, final, search = results.baseline, results.final, results.search
+    comparison, after = results.comparison, results.after
+    rows = "the rows it was fitted to" if results.fitted_here else "the rows given"
+    frame = as_frame(X)
+    output = pd.Series(as_output(y), name=output_name(y))
+    units = {**units_of(X), **units_of(y)}
+    layout = raw_layout(baseline, X)
+    names = [*frame.columns, output.name, *units.values(), repr(baseline), *layout.labels]
+    gallery = Gallery(map(str, names))
+    added = "" if search is None else with_effects(search.error_path_["effect"].iloc[1:])
+    compared = [
+        {
+            "title": title,
+            "key": key,
+            "rows": rows,
+            "figures": [(name, text) for name, text in figures(found) if ABSENT not in text],
+            "findings": list(_findings(found, None if key == "after" else after, added)),
+            "remark": _two_fits(search, found) if key == "before" else "",
+            "notes": [as_sentence(note) for note in found.notes],
+            "false_alarm": f"{100 * found.false_alarm:g}",
+            "pictures": gallery.comparison(found),
+        }
+        for title, key, found in (
+            (as_sentence(added).rstrip("."), "after", after),
+            ("Before the search", "before", comparison),
+        )
+        if found is not None
+    ]
+    return {
+        "in_short": _in_short(search, comparison),
+        "vaf_rule": f"{VAF_RULE} ± is one standard error; intervals are 95 %.",
+        "verdict": _verdict(search, comparison),
+        "facts": list(_facts(search, comparison, rows)),
+        "source": source,
+        "data": _data(X, y, frame, output, units, baseline, layout, comparison, after, gallery),
+        "model": _model(baseline),
+        "compared": compared,
+        "no_comparison": results.no_comparison,
+        "steps": [] if search is None else _steps(search, gallery),
+        "shape": None if search is None else _shape(search.shape_, gallery),
+        "unit": units.get(str(output.name), ""),
+        "rankings": [] if search is None else list(_rankings(search)),
+        "no_search": results.no_search,
+        "criteria": {"delta_bic": f"{LEAST_DELTA_BIC:g}", "gain": f"{LEAST_GAIN:g}"},
+        "parameters": _parameters(baseline, final),
+        "with_before": final is not None,
+        "effects": [] if final is None else gallery.effects(final, X, y),
+        "paths": _paths(baseline, gallery),
+        "next_steps": list(_next_steps(results)),
+        "made": provenance(search if search is not None else baseline, X, y, made_with),
+    }
+
+
+def _fixed(value: Any, form: str) -> str:
+    return format(float(value), form) if np.isfinite(value) else DASH
+
+
+def _in_short(search: EffectSearchCV | None, comparison: Comparison | None) -> str:
+    if search is None:
+        return "not compared" if comparison is None else f"VAF {comparison.vaf:.1f} %"
+    vaf = search.error_path_["vaf"]
+    text = f"{search.verdict_}, held-out VAF {vaf.iloc[0]:.1f}"
+    return text + (f" -> {vaf.iloc[-1]:.1f} %" if len(vaf) > 1 else " %")
+
+
+def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> dict[str, str]:
+    """Kind, headline and sentence at the top of the page."""
+    if search is None:
+        if comparison is None:
+            return {"kind": "none", "headline": "The data", "sentence": ""}
+        first = comparison.findings[0].title if comparison.findings else "No findings"
+        top = comparison.noise_ceiling
+        ceiling = f", noise ceiling {top:.1f} %" if np.isfinite(top) else ""
+        headline = f"VAF {comparison.vaf:.1f} %{ceiling}. {first}."
+        return {"kind": "none", "headline": headline, "sentence": ""}
+    path = search.error_path_
+    kind = "found"
+    if search.verdict_.startswith("nothing"):
+        kind = "nothing"
+    elif search.best_effects_[-1:] == [UNKNOWN]:
+        kind = "unknown"
+    headline = headline_of(
+        path, search.best_effects_, search.stand_ins_, search.verdict_, _unexplained_by(search)
+    )
+    unit = search.predictions_.attrs.get("units", {}).get("measured", "")
+    errors = [number(rmse) for rmse in path["rmse"].iloc[[0, -1]]]
+    sentence = "On rows held out of the fit, the root mean square error " + (
+        f"falls from {errors[0]} to {errors[1]}" if len(path) > 1 else f"is {errors[0]}"
+    )
+    sentence = f"{sentence} {unit}".rstrip()
+    in_loop = path["vaf_loop"].iloc[[0, -1] if len(path) > 1 else [0]]
+    if np.isfinite(in_loop).all():
+        figures_in_loop = " and ".join(f"{vaf:.1f} %" for vaf in in_loop)
+        sentence += f"; in the closed loop, where the model moves x and e, VAF {figures_in_loop}"
+    sentence += "."
+    if search.stand_ins_:
+        sentence += f" {stand_ins_sentence(search.stand_ins_)}."
+    if kind == "unknown" and len(search.unexplained_):
+        sentence += f" Left: {_unexplained(search)}."
+    if kind == "unknown":
+        shape = search.shape_
+        sentence += f" {NO_FORM}." if shape is None else f" {shape.sentences()[0]}"
+    return {"kind": kind, "headline": headline, "sentence": sentence}
+
+
+def _findings(found: Comparison, after: Comparison | None, added: str) -> Iterator[dict[str, str]]:
+    """Findings of a comparison, and which of them are gone with the effects found."""
+    left = None if after is None else {finding.name for finding in after.findings}
+    for finding in found.findings:
+        gone = left is not None and finding.name not in left
+        yield {
+            "title": finding.title,
+            "evidence": finding.evidence,
+            "meaning": finding.meaning,
+            "next_step": "" if gone else finding.next_step,
+            "explained": f"Explained {added.replace('with', 'by', 1)}." if gone else "",
+        }
+
+
+def _two_fits(search: EffectSearchCV | None, found: Comparison) -> str:
+    """Why the baseline has another VAF here than in the steps, where it has."""
+    if search is None:
+        return ""
+    first = float(search.error_path_["vaf"].iloc[0])
+    if abs(first - found.vaf) < 1.0:
+        return ""
+    return (
+        f"The baseline has two figures: its likeliest parameters, which are compared here, have a "
+        f"VAF of {found.vaf:.1f} % on the rows they were fitted to; those of least simulation "
+        f"error, with which the steps begin, {first:.1f} % on rows held out. The two fits disagree "
+        "where a model is wrong."
+    )
+
+
+def _unexplained_by(search: EffectSearchCV) -> str:
+    return unexplained_by(search.verdict_, search.ranking_, as_fitted(search).max_effects)
+
+
+def _unexplained(search: EffectSearchCV) -> str:
+    return "; ".join(
+        f"{row['description']} ({row['where']}, {row['points']:.1f} points)"
+        for _, row in search.unexplained_.iterrows()
+    )
+
+
+def _facts(
+    search: EffectSearchCV | None, comparison: Comparison | None, rows: str
+) -> Iterator[tuple[str, str, str]]:
+    """Figures at the top: value, what it is, and a remark."""
+    if search is not None:
+        path = search.error_path_
+        first, last = path.iloc[0], path.iloc[-1]
+        yield f"{first['vaf']:.1f} %", "VAF of the baseline", "held-out rows"
+        if len(path) > 1:
+            yield f"{last['vaf']:.1f} %", "VAF with the effects found", "held-out rows"
+        if np.isfinite(last["vaf_loop"]):
+            which = "the last model" if len(path) > 1 else "the baseline"
+            yield f"{last['vaf_loop']:.1f} %", "VAF in the closed loop", f"held-out rows, {which}"
+        if np.isfinite(last["ceiling"]):
+            top = "what any model could reach on held-out rows, judged after the last step"
+            yield f"{last['ceiling']:.1f} %", "noise ceiling", top
+            left = gap_text(float(last["explainable_gap"])).replace(" VAF", "")
+            yield left, "left to explain", "the rest is remnant"
+        else:
+            yield "not known", "noise ceiling", search.ceiling_note_ or "of held-out rows"
+    elif comparison is not None:
+        yield f"{comparison.vaf:.1f} %", "VAF", f"free run, on {rows}"
+        if np.isfinite(comparison.noise_ceiling):
+            top = "what any model could reach, judged by what this one leaves"
+            yield f"{comparison.noise_ceiling:.1f} %", "noise ceiling", top
+
+
+def _data(
+    X: Any,
+    y: Any,
+    frame: pd.DataFrame,
+    output: pd.Series,
+    units: dict[str, str],
+    baseline: Any,
+    layout: RunLayout,
+    comparison: Comparison | None,
+    after: Comparison | None,
+    gallery: Gallery,
+) -> dict[str, Any]:
+    model = taken_apart(baseline)[1]
+    told = as_fitted(model)
+    roles = roles_of(list(frame.columns), getattr(told, "roles", None))
+    inputs = {str(name) for name in getattr(model, "inputs_", [])}
+    channels = []
+    for name, column in [*frame.items(), (output.name, output)]:
+        values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float)
+        known = values[np.isfinite(values)]
+        use = "output" if column is output else "input" if str(name) in inputs else ""
+        channels.append(
+            {
+                "name": str(name),
+                "use": use,
+                "role": "" if column is output else roles[name],
+                "unit": units.get(str(name), ""),
+                "mean": number(_mean(known)) if known.size else DASH,
+                "rms": number(float(np.sqrt(np.mean(known**2)))) if known.size else DASH,
+                "range": f"{known.min():.4g} to {known.max():.4g}" if known.size else DASH,
+                "missing": str(values.size - known.size),
+            }
+        )
+    edges = layout.run_starts
+    runs = [
+        {
+            "run": run_name(label),
+            "rows": str(edges[i + 1] - edges[i]),
+            "seconds": f"{(edges[i + 1] - edges[i]) * layout.dt:.4g}",
+            "before": _vaf_of_run(comparison, i),
+            "after": _vaf_of_run(after, i),
+        }
+        for i, label in enumerate(layout.labels[:MANY])
+    ]
+    n_runs = len(layout.labels)
+    return {
+        "sentence": f"{counted(n_runs, 'run')}, {layout.n_rows} rows at "
+        f"{1 / layout.dt:.6g} Hz, {layout.n_rows * layout.dt:.4g} s in all",
+        "channels": channels,
+        "runs": runs,
+        "more_runs": counted(n_runs - MANY, "more run") if n_runs > MANY else "",
+        "with_after": after is not None,
+        "findings": check_channels(
+            X, y, dt=getattr(told, "dt", None), run=getattr(told, "run", None)
+        ),
+        "pictures": _traces(X, y, gallery, int(edges[1])),
+    }
+
+
+def _mean(values: np.ndarray) -> float:
+    """The mean, or zero where it is but rounding."""
+    mean = float(values.mean())
+    return mean if abs(mean) > 1e-12 * np.abs(values).max() else 0.0
+
+
+def _vaf_of_run(found: Comparison | None, position: int) -> str:
+    if found is None:
+        return DASH
+    table = found.by_run[found.by_run["data"] == "validation"]
+    return _fixed(table["vaf"].iloc[position], ".1f") if position < len(table) else DASH
+
+
+def _traces(X: Any, y: Any, gallery: Gallery, n_first: int) -> list[Plot]:
+    """The channels of the first run."""
+    if not (isinstance(X, pd.DataFrame) and isinstance(y, pd.Series)):
+        return []
+    if not isinstance(X.index, pd.MultiIndex):
+        return []
+    return gallery.channels(X.iloc[:n_first, :DRAWN], y.iloc[:n_first])
+
+
+def _model(baseline: Any) -> dict[str, str]:
+    steps, model = taken_apart(baseline)
+    lines = (inspect.getdoc(type(model)) or "").splitlines()
+    return {
+        "name": type(model).__name__,
+        "what": lines[0] if lines else "",
+        "steps": ", ".join(type(step).__name__ for step in steps),
+        "text": repr(baseline),
+    }
+
+
+def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
+    """The baseline, and one step for each effect added."""
+    path = search.error_path_
+    plots = gallery.steps(search)
+    worst = float(path["rmse"].max())
+    last = path.iloc[-1]
+    floor = np.nan  # error that the noise ceiling leaves
+    if np.isfinite(last["ceiling"]) and last["vaf"] < 100:
+        floor = last["rmse"] * np.sqrt(max(100 - last["ceiling"], 0.0) / (100 - last["vaf"]))
+    added = search.ranking_[search.ranking_["status"] == "added"]
+    final = parameter_frame(search.best_estimator_)
+    steps = []
+    for step, (_, row) in enumerate(path.iterrows()):
+        name = str(row["effect"])
+        # The second of a kind is called dead_zone-2.
+        kind, _, which = name.partition("-")
+        entries = added[(added["effect"] == kind) & (added["delta_bic"].notna())]
+        entry = None if entries.empty else entries.iloc[min(int(which or 1), len(entries)) - 1]
+        before = path.iloc[max(step - 1, 0)]
+        steps.append(
+            {
+                "name": with_effects(path["effect"].iloc[1 : step + 1]),
+                "vaf": f"{row['vaf']:.1f}",
+                "rmse": number(row["rmse"]),
+                "height": f"{100 * row['rmse'] / worst:.1f}" if worst > 0 else "0",
+                "floor": f"{100 * floor / worst:.1f}" if np.isfinite(floor) and worst > 0 else "",
+                "in_loop": in_loop_text(*[before, row][step == 0 :]).replace("->", "→"),
+                "from_vaf": f"{before['vaf']:.1f}",
+                "from_rmse": number(before["rmse"]),
+                "words": "" if entry is None else as_sentence(entry["words"]),
+                "id": name,
+                "parameters": parameter_text(final, name),
+                "confused": "" if entry is None else _titles(entry["confused_with"]),
+                "picture": plots[step] if step < len(plots) else None,
+            }
+        )
+    return steps
+
+
+def _shape(shape: Shape | None, gallery: Gallery) -> dict[str, Any] | None:
+    """What is known of an effect without a name: sentences, its curve, the nearest names."""
+    if shape is None:
+        return None
+    nearest = shape.nearest_table()
+    return {
+        "first": as_sentence(shape.sentences()[0].removeprefix(LEAD)),
+        "others": shape.recordings,
+        "picture": gallery.shape(shape),
+        "nearest": nearest.rows,
+        "curve": shape.curve_table(),
+    }
+
+
+def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
+    for step, table in search.ranking_.groupby("step"):
+        rows = [
+            {
+                "rank": str(row["rank"]),
+                "effect": row["title"] + (f" ({row['form']})" if row["form"] else ""),
+                "status": row["status"],
+                "vaf": _fixed(row["vaf_after"], ".2f"),
+                "gain": _fixed(row["vaf_gain"], "+.2f"),
+                "in_loop": _fixed(row["gain_loop"], "+.2f"),
+                "delta_bic": _fixed(row["delta_bic"], "+.0f"),
+                "p": DASH
+                if row["status"] == "does not apply"
+                else p_text(row["p_value"]).removeprefix("p ").removeprefix("= "),
+                "parameters": row["parameters"],
+                "words": as_sentence(row["words"]),
+                "why": _why(row),
+            }
+            for _, row in table.iterrows()
+        ]
+        tried = [row for row in rows if row["status"] != "does not apply"]
+        yield {
+            "step": str(step),
+            "parent": _parent(search, int(step)),
+            "asked_loop": bool(np.isfinite(table["gain_loop"]).any()),
+            "first": tried[:5],
+            "others": tried[5:],
+            "refused": [row for row in rows if row["status"] == "does not apply"],
+        }
+
+
+def _titles(names: list[str]) -> str:
+    return titles_of(names) if names else ""
+
+
+def _parent(search: EffectSearchCV, step: int) -> str:
+    """What the candidates of a step are added to."""
+    added = search.error_path_["effect"].iloc[1:step]
+    return f"the model {with_effects(added)}" if len(added) else "the baseline"
+
+
+def _why(row: pd.Series) -> str:
+    """Why a candidate is ranked where it is."""
+    if row["status"] == "does not apply":
+        return str(row["reason"])
+    if row["status"] != "added":
+        return as_sentence(row["reason"])
+    text = "Added: likelihood and held-out VAF agree"
+    if np.isfinite(row["gain_loop"]):
+        text += f", and it gains {row['gain_loop']:.2g} points in the closed loop"
+    others = _titles(row["confused_with"])
+    return f"{text}." + (f" As good on these runs: {others}." if others else "")
+
+
+def _parameters(baseline: Any, final: Any) -> list[dict[str, str]]:
+    """Parameters of the last model, with those of the baseline beside them."""
+    table = parameter_frame(baseline if final is None else final)
+    before = None if final is None else parameter_frame(baseline)
+    rows = []
+    for name, row in table.iterrows():
+        found = Estimate.of(row)
+        was = before is not None and name in before.index
+        rows.append(
+            {
+                "name": str(name),
+                "value": found.value,
+                "sd": found.sd,
+                "interval": DASH if found.low == DASH else f"{found.low} to {found.high}",
+                "unit": found.unit,
+                "meaning": row["meaning"],
+                "before": _before(before.loc[name]) if was else DASH,  # type: ignore[union-attr]
+            }
+        )
+    return rows
+
+
+def _before(row: pd.Series) -> str:
+    found = Estimate.of(row)
+    return found.value + found.remark
+
+
+def parameter_frame(model: Any) -> pd.DataFrame:
+    """Value, sd, low, high, unit and meaning of each parameter; empty where a model has none."""
+    nothing = pd.DataFrame(columns=["value", "sd", "low", "high", "unit", "meaning"])
+    return getattr(taken_apart(model)[1], "parameters_", nothing)
+
+
+def _paths(baseline: Any, gallery: Gallery) -> list[Plot]:
+    model = taken_apart(baseline)[1]
+    return gallery.paths(model) if hasattr(model, "coef_path_") else []
+
+
+def _next_steps(results: Results) -> Iterator[dict[str, str]]:
+    """What to do next, the most important first: what, why, and code where there is some."""
+    search = results.search
+    if search is None:
+        what = "Which effects are missing has not been asked"
+        yield {"what": what, "why": results.no_search, "code": ""}
+    else:
+        added = [str(name) for name in search.error_path_["effect"].iloc[1:]]
+        if added and not search.stand_ins_:
+            ids = [name.split("-")[0] for name in added]
+            known = BY_NAME.keys() >= set(ids)  # no effects of the user's own
+            calls = "".join(f'\n    .with_effect("{name}")' for name in ids)
+            code = (
+                f"model = (\n    {type(results.baseline).__name__}(...){calls}\n    .fit(X, y)\n)"
+            )
+            yield {
+                "what": f"Go on with the model {with_effects(added)}",
+                "why": f"It is search.best_estimator_{', or by hand:' if known else '.'}",
+                "code": code if known else "",
+            }
+        shape = search.shape_
+        recordings = [] if shape is None else shape.recordings
+        for sentence in (*search.experiments_, *recordings):
+            yield {"what": "Record what tells effects apart", "why": sentence, "code": ""}
+        if shape is not None and search.verdict_ not in HOW_TO_GO_ON:  # which may name it
+            yield {
+                "what": "Make the shape an effect of your own",
+                "why": "A file with its curve, and with a short formula where one fits:",
+                "code": BY_HAND,
+            }
+        if search.best_effects_[-1:] == [UNKNOWN]:
+            own = (
+                "Record the channel that carries it, or write an effect of your own and add it to "
+                "effects=[...]."
+            )
+            yield {
+                "what": f"Look at what {_unexplained_by(search)}",
+                "why": f"{as_sentence(_unexplained(search))} "
+                f"{HOW_TO_GO_ON.get(search.verdict_, own)}",
+                "code": "",
+            }
+        for sentence in search.notes_:
+            yield {"what": "Note", "why": sentence, "code": ""}
+    found = results.comparison if results.after is None else results.after
+    everything = search is not None and search._tries_all()
+    for finding in found.findings if found is not None else []:
+        if everything and finding.name in ANSWERED:
+            continue
+        yield {"what": finding.next_step, "why": f"{finding.title}. {finding.evidence}", "code": ""}

@@ -1,0 +1,284 @@
+"""``report`` and ``Report``: makes the page, shows it in a notebook or browser, saves it."""
+
+from __future__ import annotations
+
+from typing import Any, overload
+
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from sklearn.utils.validation import check_is_fitted
+
+from ...diagnosis.comparison import Comparison, compare
+from ...diagnosis.repeats import repeat_labels
+from ...pipelines import raw_layout, taken_apart
+from ...runs import output_name
+from ...search.effect_search import EffectSearchCV
+from ...search.explores import check_data_of_fit
+from ...search.left_out import without_output
+from ..experiment.group import GroupEffectSearch
+from ..experiment.people import PeopleResult
+from ..explore.payloads import payload_of
+from ..explore.wire import pack_text
+from .content import Results, content_of
+from .experiment_document import ExperimentReport, report_experiment
+from .page import Page
+
+
+class Report(Page):
+    """A report on a model: data, comparison, missing effects, parameters, what to do next.
+
+    Make it with :func:`report`. In a notebook it shows itself.
+
+    Parameters
+    ----------
+    title : str
+        Title of the page.
+    content : dict
+        What its template shows.
+    search : EffectSearchCV or None
+        The search for missing effects, fitted; None where there was none.
+    comparison : Comparison or None
+        The model without new effects against the data; None where that is not possible.
+    final_comparison : Comparison or None
+        The same of the model with the effects found; None where none was added.
+
+    Attributes
+    ----------
+    html : str
+        The whole page: one file with its plots inside, which needs no network.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, make_tracking_runs, report
+    >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    >>> page = report(ARXRegressor(nk=15), X, y, effects=None, title="First look")
+    >>> page
+    <Report 'First look': VAF ... %>
+    >>> page.html[:15]
+    '<!DOCTYPE html>'
+    """
+
+    def __init__(
+        self,
+        title: str,
+        content: dict[str, Any],
+        search: EffectSearchCV | None,
+        comparison: Comparison | None,
+        final_comparison: Comparison | None,
+    ):
+        super().__init__(title, content)
+        self.search = search
+        self.comparison = comparison
+        self.final_comparison = final_comparison
+
+    def _embed(self, payload: dict[str, Any]) -> Report:
+        """Put another payload into the page: what is there to touch; returns the report."""
+        self._content |= embedded(payload)
+        vars(self).pop("html", None)
+        return self
+
+
+@overload
+def report(
+    model: GroupEffectSearch | PeopleResult,
+    X: Any = ...,
+    y: Any = ...,
+    *,
+    effects: Any = ...,
+    repeats: Any = ...,
+    title: str | None = ...,
+    source: str | None = ...,
+    made_with: dict[str, str] | None = ...,
+    n_jobs: int | None = ...,
+) -> ExperimentReport: ...
+
+
+@overload
+def report(
+    model: Any,
+    X: Any,
+    y: Any,
+    *,
+    effects: Any = ...,
+    repeats: Any = ...,
+    title: str | None = ...,
+    source: str | None = ...,
+    made_with: dict[str, str] | None = ...,
+    n_jobs: int | None = ...,
+) -> Report: ...
+
+
+def report(
+    model: Any,
+    X: Any = None,
+    y: Any = None,
+    *,
+    effects: Any = "all",
+    repeats: Any = None,
+    title: str | None = None,
+    source: str | None = None,
+    made_with: dict[str, str] | None = None,
+    n_jobs: int | None = None,
+) -> Report | ExperimentReport:
+    """Report on a model: one HTML page from the data to what is missing, and what to do next.
+
+    The page holds the data and their checks, the model, where it fails in time, frequency,
+    amplitude and run, the ranking of all effects tried with the reason for each, the error
+    staircase (one step for each effect added, to click or to walk with the arrow keys),
+    parameters with units and confidence, what to do next, and how the page was made. It is one
+    file, with its plots inside, and needs no network.
+
+    Parameters
+    ----------
+    model : EffectSearchCV, OperatorRegressor, ARXRegressor, or any regressor with ``predict``
+        What to report on. What is not fitted is fitted to ``X`` and ``y``. A search that is
+        fitted must be so on these data; where one is made here, it fits the model anew. What was
+        found in an experiment with people, a :class:`GroupEffectSearch` or a
+        :class:`PeopleResult`, makes the page of :func:`skhoid.lab.report.report_experiment`, which
+        has more options.
+    X : DataFrame or array of shape (n_rows, n_columns)
+        Channels, one row per sample. An experiment does not need it.
+    y : Series or array of shape (n_rows,)
+        Measured output. An experiment does not need it.
+    effects : "all", list of ids or effects, or None, default="all"
+        Effects to try on a model that can take them, by an :class:`EffectSearchCV` with its
+        other settings at their defaults; None does not search. A search as ``model`` has its own.
+    repeats : None, bool, dict or sequence, default=None
+        Which runs share the target, see :func:`compare`.
+    title : str or None, default=None
+        Title of the page; None names the model and the output.
+    source : str or None, default=None
+        Where the data are from, in a sentence.
+    made_with : dict of str or None, default=None
+        More lines for the section "How this was made": the command, a seed.
+    n_jobs : int or None, default=None
+        Processes of the search, where one is made.
+
+    Returns
+    -------
+    report : Report or ExperimentReport
+        ``save(path)`` writes the file, ``open_in_browser()`` shows it; notebooks show it too.
+
+    Raises
+    ------
+    ValueError
+        If there are no data, a fitted search was fitted to other data than ``X`` and ``y``, or
+        ``effects`` or ``repeats`` name what does not exist.
+
+    See Also
+    --------
+    EffectSearchCV : The search for missing effects.
+    compare : A model against measured runs.
+
+    Notes
+    -----
+    All text from the data is escaped, and the page's policy lets no script run but its own.
+
+    Examples
+    --------
+    >>> from skhoid import OperatorRegressor, make_tracking_runs, report
+    >>> from skhoid.effects import Bias
+    >>> X, y = make_tracking_runs(
+    ...     n_runs=2,
+    ...     remnant_intensity=0.05,
+    ...     sampling_rate=50,
+    ...     effects=Bias(level=0.1),
+    ...     random_state=0,
+    ... )
+    >>> page = report(OperatorRegressor(), X, y, effects=["bias", "dead_zone"])
+    >>> page.search.best_effects_
+    ['bias']
+    >>> page.save("report.html")  # doctest: +SKIP
+    """
+    if isinstance(model, GroupEffectSearch | PeopleResult):
+        if effects != "all" or repeats is not None:
+            raise ValueError(
+                "effects and repeats are for a model of one person: an experiment has been "
+                "searched, or has not."
+            )
+        return report_experiment(model, X, y, title=title, source=source, made_with=made_with)
+    if X is None or y is None:
+        raise ValueError(
+            f"report needs the data: report(model, X, y). Only what was found in an experiment "
+            f"with people goes without; got {type(model).__name__}."
+        )
+    if repeats is not None:
+        inner = model.estimator if isinstance(model, EffectSearchCV) else model
+        repeat_labels(raw_layout(inner, X), repeats)  # for its checks, before the work begins
+    search, no_search = _search(model, X, y, effects, n_jobs)
+    baseline = _fitted(model, X, y) if search is None else search.baseline_
+    final = None if search is None or len(search.error_path_) == 1 else search.best_estimator_
+    kept = y if search is None else without_output(y, search._control)
+    comparison, no_comparison = _comparison(baseline, X, kept, repeats)
+    after, _ = (None, "") if final is None else _comparison(final, X, kept, repeats)
+    results = Results(
+        baseline=baseline,
+        final=final,
+        search=search,
+        no_search=no_search,
+        fitted_here=search is not None or baseline is not model,
+        comparison=comparison,
+        no_comparison=no_comparison,
+        after=after,
+    )
+    content = content_of(X, y, results, source=source, made_with=made_with)
+    content |= embedded(payload_of(search, comparison, X, y))
+    if title is None:
+        title = f"{type(taken_apart(baseline)[1]).__name__} against measured {output_name(y)}"
+    return Report(title, content, search, comparison, after)
+
+
+def embedded(payload: dict[str, Any] | None) -> dict[str, Any]:
+    """What the template needs of a payload: its text, and whether effects can be changed."""
+    if payload is None:
+        return {"payload": "", "touched": False, "settling": ""}
+    view = payload["view"]
+    settling = f"{view['settling']:g}" if view["settling"] else ""
+    return {"payload": pack_text(payload), "touched": view["can"]["change"], "settling": settling}
+
+
+def _search(
+    model: Any, X: Any, y: Any, effects: Any, n_jobs: int | None
+) -> tuple[EffectSearchCV | None, str]:
+    """The fitted search for missing effects, or why there is none."""
+    if isinstance(model, EffectSearchCV):
+        if not _is_fitted(model):
+            return clone(model).fit(X, y), ""
+        check_data_of_fit(model, X, y)
+        return model, ""
+    if not hasattr(model, "with_effect"):
+        kind = type(model).__name__
+        return None, (
+            f"{kind} takes no effects. Models that do: OperatorRegressor and ARXRegressor, by "
+            "report(OperatorRegressor(), X, y)."
+        )
+    if effects is None:
+        return None, 'Not asked for (effects=None). effects="all" tries the whole catalogue.'
+    search = EffectSearchCV(clone(model), effects=effects, n_jobs=n_jobs)
+    search._candidates()  # a name that is none is no matter of this model
+    try:
+        return search.fit(X, y), ""
+    except ValueError as error:
+        # A model that takes no effects, such as one of several inputs, can still be reported on.
+        if not _is_fitted(model):
+            raise
+        return None, f"Not possible: {error}"
+
+
+def _comparison(model: Any, X: Any, y: Any, repeats: Any) -> tuple[Comparison | None, str]:
+    try:
+        return compare(model, X, y, repeats=repeats), ""
+    except ValueError as error:
+        return None, str(error)
+
+
+def _fitted(model: Any, X: Any, y: Any) -> Any:
+    return model if _is_fitted(model) else clone(model).fit(X, y)
+
+
+def _is_fitted(model: Any) -> bool:
+    try:
+        check_is_fitted(model)
+    except NotFittedError:
+        return False
+    return True

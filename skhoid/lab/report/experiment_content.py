@@ -1,0 +1,432 @@
+"""What the page of an experiment says: recordings, effects of the group, who differs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...effects.registry import title_of, titles_of
+from ...recordings.experiment_check import ExperimentCheck
+from ...text import VAF_RULE, counted, p_text
+from ..experiment.group import GroupEffectSearch
+from ..experiment.group.text import contrast_lines, group_lines, headline, notes, single_lines
+from ..experiment.people import PeopleResult
+from ..experiment.people.groups import Group, levels_of, read_groups
+from ..experiment.read import ALL
+from .experiment_parameters import parameters_section, people_text
+from .experiment_people import people_section, sure_text
+from .experiment_plots import ExperimentGallery
+from .provenance import provenance
+
+KEY = ["subject", "condition"]
+MOST = 60  # lines in a list
+FEW = 6  # people, below which a group tells little
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What a page is made of; ``each_run`` says whether parameters of runs were asked for."""
+
+    group: GroupEffectSearch | None
+    people: PeopleResult
+    own_people: bool
+
+    @cached_property
+    def subjects(self) -> list[Any]:
+        return list(dict.fromkeys(self.people.runs["subject"]))
+
+    @cached_property
+    def conditions(self) -> list[Any]:
+        return list(dict.fromkeys(self.people.runs["condition"]))
+
+    @cached_property
+    def outlying(self) -> pd.DataFrame:
+        """What looks wrong, by the identification and by the search, each once."""
+        tables = [self.people.outlying]
+        if self.group is not None and self.own_people:
+            tables.append(self.group.identified_.outlying)
+        return pd.concat(tables, ignore_index=True).drop_duplicates([*KEY, "run", "kind"])
+
+    @cached_property
+    def failures(self) -> pd.DataFrame:
+        tables = [self.people.failures]
+        if self.group is not None and self.own_people:
+            tables.append(self.group.identified_.failures)
+        return pd.concat(tables, ignore_index=True).drop_duplicates([*KEY, "run", "failure"])
+
+
+def experiment_content(
+    given: Experiment,
+    X: pd.DataFrame | None,
+    y: Any,
+    *,
+    check: ExperimentCheck | None,
+    reference: Any,
+    source: str | None,
+    made_with: dict[str, str] | None,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Everything the template shows, and the mixed models by parameter."""
+    groups = _groups(given, X, y)
+    names = [*given.subjects, *given.conditions, *given.people.runs["run"].unique()]
+    gallery = ExperimentGallery(map(str, names))
+    anchors = {who: f"person-{number}" for number, who in enumerate(given.subjects, 1)}
+    parameters, statistics = parameters_section(given, reference, gallery)
+    content = {
+        "in_short": _in_short(given),
+        "vaf_rule": f"{VAF_RULE} ± is one standard error; intervals are 95 %.",
+        "verdict": _verdict(given),
+        "facts": list(_facts(given)),
+        "source": source,
+        "data": _data(given, groups, check, anchors),
+        "effects": None if given.group is None else _effects(given.group, gallery),
+        "parameters": parameters,
+        "people": people_section(given, groups, anchors, gallery),
+        "differs": _differs(given, anchors),
+        "next_steps": list(_next_steps(given, check)),
+        "made": _made(given, X, y, made_with),
+    }
+    return content, statistics
+
+
+def _groups(given: Experiment, X: pd.DataFrame | None, y: Any) -> dict[tuple[Any, Any], Group]:
+    """The recordings of each person and condition, checked against the result."""
+    if X is None:
+        return {}
+    known = set(zip(*(given.people.runs[name] for name in KEY), strict=True))
+    levels = [
+        name
+        for place, name in enumerate(KEY)
+        if any(key[place] != ALL for key in known) and name in X.index.names
+    ]
+    groups = {
+        (group.subject, group.condition): group for group in read_groups(X, y, levels_of(X, levels))
+    }
+    missing = known - groups.keys()
+    if missing:
+        who = _where(*sorted(missing, key=str)[0])
+        raise ValueError(
+            f"X has no runs of {who}, whom the result has: give the X and y that it was found in."
+        )
+    return groups
+
+
+def _where(subject: Any, condition: Any) -> str:
+    """A person and, where there are several, the condition."""
+    where = "" if condition == ALL else f" in {condition}"
+    return f"{'everybody' if subject == ALL else subject}{where}"
+
+
+def _in_short(given: Experiment) -> str:
+    if given.group is not None:
+        return headline(given.group).rstrip(".")
+    vaf = given.people.groups["vaf"].dropna()
+    spread = f", VAF {vaf.min():.0f} to {vaf.max():.0f} %" if len(vaf) else ""
+    return f"{people_text(len(given.subjects))}{spread}"
+
+
+def _counts(given: Experiment) -> str:
+    conditions = [c for c in given.conditions if c != ALL]
+    several = f" in {counted(len(conditions), 'condition')}" if conditions else ""
+    return f"{people_text(len(given.subjects))}{several}"
+
+
+def _verdict(given: Experiment) -> dict[str, Any]:
+    group = given.group
+    people = given.people.groups.drop_duplicates(KEY)
+    vaf = people["vaf"].dropna()
+    if group is None:
+        text = f"{_counts(given)}, identified by {_class_of(given.people.estimator)}"
+        if len(vaf):
+            text += f": VAF {vaf.min():.0f} to {vaf.max():.0f} %, median {vaf.median():.0f} %"
+        sentences = ["Which effects the models miss has not been asked."]
+        return {"kind": "none", "headline": f"{text}.", "sentences": [*sentences, *_odd(given)]}
+    sentences = []
+    sentences += [_upper(line) for line in group_lines(group)]
+    single = list(single_lines(group))
+    sentences += [_upper(line) for line in single[:3]]
+    if len(single) > 3:
+        sentences.append(f"And {len(single) - 3} more effects of single people.")
+    unknown = int(group.people_["verdict"].str.startswith("something").sum())
+    if unknown:
+        sentences.append(
+            f"Something without a name is still missing in {unknown} of {len(group.people_)} "
+            "searches."
+        )
+    kind = "found" if group.group_effects_ else "none" if single else "nothing"
+    return {
+        "kind": kind,
+        "headline": headline(group),
+        "sentences": [*sentences, *_odd(given)],
+    }
+
+
+def _upper(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _class_of(estimator: str) -> str:
+    return estimator.partition("(")[0]
+
+
+def _odd(given: Experiment) -> Iterator[str]:
+    """Whether anybody looks wrong, or could not be fitted."""
+    who = list(dict.fromkeys(given.outlying["subject"]))
+    if who:
+        verb = "looks" if len(who) == 1 else "look"
+        yield f"{_some(who)} {verb} wrong, or a run does; nothing was left out."
+    failed = list(dict.fromkeys(given.failures["subject"]))
+    if failed:
+        yield f"Not all could be fitted: {_some(failed)}."
+
+
+def _some(names: list[Any]) -> str:
+    shown = ", ".join(map(str, names[:6]))
+    return shown + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+
+
+def _facts(given: Experiment) -> Iterator[tuple[str, str, str]]:
+    """Figures at the top: value, what it is, and a remark."""
+    conditions = [c for c in given.conditions if c != ALL]
+    runs = given.people.runs
+    each = runs.groupby(KEY, sort=False).size()
+    yield str(len(given.subjects)), "people", counted(max(len(conditions), 1), "condition")
+    few, many = int(each.min()), int(each.max())
+    spread = f"{few}" if few == many else f"{few} to {many}"
+    each_of = "of each, in each condition" if len(conditions) > 1 else "of each"
+    yield str(len(runs)), "runs", f"{spread} {each_of}"
+    people = given.people.groups.drop_duplicates(KEY)
+    vaf, top = people["vaf"].dropna(), people["ceiling"].dropna()
+    if len(vaf):
+        remark = f"of the free run; {vaf.min():.0f} to {vaf.max():.0f} %, on the rows of the fit"
+        yield f"{vaf.median():.0f} %", "median VAF", remark
+    if len(top):
+        known = "" if len(top) == len(people) else f", known of {len(top)} of {len(people)} fits"
+        yield f"{top.median():.0f} %", "median noise ceiling", f"what any model could reach{known}"
+    group = given.group
+    for name in [] if group is None else group.group_effects_[:3]:
+        rows = group.prevalence_[group.prevalence_["effect"] == name]  # type: ignore[union-attr]
+        own = rows[(rows["condition"] != ALL) & rows["group"]]
+        row = (own if len(own) else rows).sort_values("p_group").iloc[-1]
+        remark = f"{100 * row['low']:.0f} to {100 * row['high']:.0f} %"
+        if row["condition"] != ALL:
+            remark += f", in {row['condition']}"
+        yield f"{100 * row['share']:.0f} %", f"of people have {title_of(name)}", remark
+    odd = given.outlying["subject"].nunique()
+    yield str(odd), "look wrong" if odd != 1 else "looks wrong", "people, or runs of theirs"
+
+
+def _data(
+    given: Experiment,
+    groups: dict[tuple[Any, Any], Group],
+    check: ExperimentCheck | None,
+    anchors: dict[Any, str],
+) -> dict[str, Any]:
+    """People by conditions: how many runs and rows, and what looks wrong."""
+    runs = given.people.runs
+    sizes = runs.groupby(KEY, sort=False)["n_rows"].agg(["size", "sum"])
+    rows = []
+    for who in given.subjects:
+        cells = []
+        for condition in given.conditions:
+            if (who, condition) not in sizes.index:
+                cells.append("no runs")
+                continue
+            n, n_rows = (int(value) for value in sizes.loc[(who, condition)])
+            cells.append(f"{counted(n, 'run')}, {n_rows:,} rows")
+        odd = given.outlying[given.outlying["subject"] == who]
+        failed = given.failures[given.failures["subject"] == who]
+        wrong = [f"{_of(row)}{row['reason']}" for row in odd.to_dict("records")]
+        wrong += [f"{_of(row)}no fit: {row['failure']}" for row in failed.to_dict("records")]
+        rows.append({"name": str(who), "anchor": anchors[who], "cells": cells, "wrong": wrong})
+    sentence = f"{_counts(given)}, {counted(len(runs), 'run')}, {int(runs['n_rows'].sum()):,} rows"
+    first = next(iter(groups.values()), None)
+    if first is not None:
+        time = np.asarray(first.X.index.get_level_values("time"), dtype=float)
+        step = float(np.median(np.diff(time))) if time.size > 1 else np.nan
+        if step > 0:
+            sentence += f" at {1 / step:.5g} Hz"
+    findings = [] if check is None else check.findings.to_dict("records")
+    return {
+        "sentence": sentence,
+        "conditions": ["runs" if c == ALL else str(c) for c in given.conditions],
+        "rows": rows,
+        "checked": check is not None,
+        "findings": [
+            {
+                "title": f"{_who(row)}: {row['title']}.",
+                "evidence": row["evidence"],
+                "meaning": "",
+                "explained": "",
+                "next_step": row["next_step"],
+            }
+            for row in findings[:MOST]
+        ],
+        "notes": [*given.people.notes][:MOST],
+    }
+
+
+def _who(row: dict[str, Any]) -> str:
+    runs = "" if str(row["runs"]) == ALL else f", runs {row['runs']}"
+    return _where(row["subject"], row["condition"]) + runs
+
+
+def _of(row: dict[str, Any]) -> str:
+    """Condition and run of something that looks wrong."""
+    parts = [str(row["condition"])] * (row["condition"] != ALL)
+    parts += [f"run {row['run']}"] * (row["run"] != ALL)
+    return f"{', '.join(parts)}: " if parts else ""
+
+
+def _effects(group: GroupEffectSearch, gallery: ExperimentGallery) -> dict[str, Any]:
+    whole = group.prevalence_
+    had = set(whole.loc[whole["group"] | (whole["n_with"] > 0), "effect"])
+    table = whole[whole["effect"].isin(had)]
+    rows = [
+        {
+            "effect": _upper(title_of(row["effect"])),
+            "condition": "all conditions" if row["condition"] == ALL else str(row["condition"]),
+            "people": f"{row['n_with']} of {row['n_people']}",
+            "share": f"{100 * row['share']:.0f}",
+            "interval": f"{100 * row['low']:.0f} to {100 * row['high']:.0f}",
+            "p": f"{100 * row['p_group']:.1f}",
+            "group": bool(row["group"]),
+            "with_it": _told(row["with_it"], row["without"]),
+            "without": _told(row["without"], row["with_it"]),
+        }
+        for row in table.to_dict("records")
+    ]
+    nobodys = [name for name in dict.fromkeys(whole["effect"]) if name not in had]
+    contrasts = [
+        {
+            "effect": _upper(title_of(row["effect"])),
+            "pair": f"{row['condition']} and {row['other']}",
+            "counts": f"{row['n_with']} and {row['n_other']} of {row['n_people']}",
+            "only": f"{row['only_here']} and {row['only_there']}",
+            "p": p_text(row["p"]).removeprefix("p ").removeprefix("= "),
+            "adjusted": p_text(row["p_adjusted"]).removeprefix("p ").removeprefix("= "),
+        }
+        for row in group.contrasts_.to_dict("records")
+        if row["effect"] in had
+    ]
+    tried = group.search.effects
+    return {
+        "tried": "the whole catalogue" if tried == "all" else titles_of(_ids(tried)),
+        "least": f"{100 * float(group.least_prevalence):g}",
+        "picture": gallery.group_effects(group, table) if len(table) else None,
+        "nobodys": titles_of(nobodys) if nobodys else "",
+        "rows": rows,
+        "several": len(set(table["condition"])) > 1,
+        "contrasts": contrasts,
+        "differ": list(contrast_lines(group)),
+    }
+
+
+def _told(names: list[Any], others: list[Any]) -> str:
+    """Names in a table, short where they are most of the people."""
+    if not names or not others:
+        return "everybody" if names else "nobody"
+    return ", ".join(map(str, names)) if len(names) <= max(len(others), FEW) else "all others"
+
+
+def _ids(effects: Any) -> list[str]:
+    return [one if isinstance(one, str) else one.name for one in effects]
+
+
+def _differs(given: Experiment, anchors: dict[Any, str]) -> list[dict[str, Any]]:
+    """Who differs from the others, with the reasons."""
+    found: dict[Any, list[str]] = {who: [] for who in given.subjects}
+    for row in given.outlying.to_dict("records"):
+        found[row["subject"]].append(f"{_of(row)}{row['reason']}".rstrip(".") + ".")
+    for row in given.failures.to_dict("records"):
+        found[row["subject"]].append(f"{_of(row)}no fit: {row['failure']}".rstrip(".") + ".")
+    if given.group is not None:
+        for who, sentence in _unlike_the_group(given.group):
+            found[who].append(sentence)
+    return [
+        {"name": str(who), "anchor": anchors[who], "reasons": reasons}
+        for who, reasons in found.items()
+        if reasons
+    ]
+
+
+def _unlike_the_group(group: GroupEffectSearch) -> Iterator[tuple[Any, str]]:
+    """Who lacks an effect of the group, or has one that the group has not."""
+    members, table = group.members_, group.prevalence_
+    where_of = {name: set(t["condition"]) for name, t in table[table["group"]].groupby("effect")}
+    for (who, effect), rows in members.groupby(["subject", "effect"], sort=False):
+        title = title_of(str(effect))
+        of_group = effect in group.group_effects_
+        its = where_of.get(effect, set()) - {ALL}
+        if of_group and its:  # elsewhere nobody is expected to have it
+            rows = rows[rows["condition"].isin(its)]
+        unlike = rows[~rows["has"]] if of_group else rows[rows["has"]]
+        if unlike.empty:
+            continue
+        where = "" if len(unlike) == len(rows) else f" in {_some(list(unlike['condition']))}"
+        ends = dict.fromkeys(sure_text(edge) for edge in np.quantile(unlike["probability"], [0, 1]))
+        sure = " to ".join(ends)
+        verb = "Has not" if of_group else "Has"
+        rest = ", which the group has" if of_group else ", which is not the group's"
+        yield who, f"{verb} {title}{where}{rest} (probability of having it: {sure})."
+
+
+def _next_steps(given: Experiment, check: ExperimentCheck | None) -> Iterator[tuple[str, str]]:
+    """What to do next: what, and why."""
+    if check is None:
+        yield (
+            "Check the recordings",
+            "skhoid.check_experiment(X, y) compares channels, units, clocks and runs of people.",
+        )
+    n = len(given.subjects)
+    if n < FEW:
+        yield (
+            f"Do not take {people_text(n)} for people in general",
+            "Means, intervals and prevalences of so few are wide, and their assumptions cannot be "
+            "checked. Single people can be told about; the group hardly.",
+        )
+    if len(given.outlying):
+        yield (
+            "Look at who and what looks wrong, before believing the means",
+            "Nothing was left out. Look at the person's part of this page and at the recording; "
+            'outlying="leave_out" in skhoid.lab.experiment.mixed_model shows what depends on it.',
+        )
+    if given.group is None:
+        yield (
+            "Ask what the models miss",
+            "skhoid.GroupEffectSearch(EffectSearchCV(OperatorRegressor())).fit(X, y) searches in "
+            "everybody, and says what the group shares.",
+        )
+    else:
+        for line in notes(given.group):
+            if "looks wrong" not in line:
+                yield "Note", f"{_upper(line)}."
+    yield (
+        "Go on in other programs",
+        "skhoid.lab.experiment.write_long(table, file) writes the rows, and an R script for lme4, "
+        "for them; write_wide a table for SPSS or JASP.",
+    )
+    yield (
+        "Look at one person in full",
+        "skhoid.report(search, X_of_person, y_of_person) makes a page of one person's model, with "
+        "comparison, ranking and error path.",
+    )
+
+
+def _made(
+    given: Experiment, X: pd.DataFrame | None, y: Any, made_with: dict[str, str] | None
+) -> dict[str, str]:
+    stated = dict(made_with or {})
+    if given.group is None or given.own_people:
+        stated |= {"Identified by": given.people.estimator}
+    data = (X, y) if X is not None else (pd.DataFrame(), pd.DataFrame())
+    made = provenance(given.group, *data, stated)
+    if X is None:
+        del made["Data (SHA-256 of X, y)"]
+    if given.group is None:
+        del made["Settings of NoneType"]
+    return made

@@ -1,0 +1,104 @@
+"""What all reports share: a page that shows itself, and is saved as one file."""
+
+from __future__ import annotations
+
+import webbrowser
+from functools import cached_property
+from html import escape
+from importlib.resources import files
+from os import PathLike
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import Any
+
+from ...io.whole import written_whole
+from ...text import rendered
+from ..explore import component
+
+HEIGHT = 900  # px, in a notebook
+
+
+class Page:
+    """One HTML file with its plots inside, which needs no network.
+
+    Parameters
+    ----------
+    title : str
+        Title of the page.
+    content : dict
+        What its template shows.
+
+    Attributes
+    ----------
+    html : str
+        The whole page.
+    """
+
+    template = "report"  # the names of the template, its styles and its script
+
+    def __init__(self, title: str, content: dict[str, Any]):
+        self.title = title
+        self._content = content
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.title!r}: {self._content['in_short']}>"
+
+    @cached_property
+    def html(self) -> str:
+        script, style = _text(f"{self.template}.js"), _text("report.css")
+        if self._content.get("payload"):
+            script, style = component.script() + script, f"{style}\n{component.style()}"
+        return rendered(
+            __name__,
+            f"{self.template}.html.j2",
+            title=self.title,
+            style=style,
+            script=script,
+            script_hash=component.hash_of(script),  # whatever a name in the data holds
+            **self._content,
+        )
+
+    def save(self, path: str | PathLike[str]) -> Path:
+        """Write the page to a file; one that exists is replaced at once, when all is written.
+
+        Parameters
+        ----------
+        path : str or path
+            Name of the file, such as ``report.html``. Folders are made.
+
+        Returns
+        -------
+        path : Path
+        """
+        path = Path(path)
+        if path.is_dir():
+            raise IsADirectoryError(f"{path} is a folder; name a file in it: {path}/report.html.")
+        html = self.html
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with written_whole(path) as aside:
+            aside.write_text(html, encoding="utf-8")
+        return path
+
+    def open_in_browser(self) -> Path:
+        """Write the page to a temporary file and show it in the browser.
+
+        Returns
+        -------
+        path : Path
+            The file.
+        """
+        path = self.save(Path(mkdtemp(prefix="skhoid-")) / "report.html")
+        webbrowser.open(path.as_uri())
+        return path
+
+    def _repr_html_(self) -> str:
+        # A frame of its own keeps the styles of page and notebook apart.
+        return (
+            f'<iframe srcdoc="{escape(self.html)}" title="{escape(self.title)}" '
+            f'sandbox="allow-scripts" loading="lazy" '
+            f'style="width: 100%; height: {HEIGHT}px; border: 1px solid #ccc"></iframe>'
+        )
+
+
+def _text(name: str) -> str:
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")

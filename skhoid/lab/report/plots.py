@@ -1,0 +1,318 @@
+"""Plots of a report, as SVG embedded in its HTML."""
+
+from __future__ import annotations
+
+import io
+import re
+import textwrap
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from html import escape
+from itertools import count
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...effects.registry import title_of
+from ...search.explanations import with_effects
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ...diagnosis.comparison import Comparison
+
+TILE = (4.2, 3.1)  # inches; a phone shows it at nearly full size, so that its letters stay readable
+BAR = (4.2, 1.9)
+WIDE = (10.5, 4.2)
+TALL = (4.2, 5.0)
+LINE = 52  # letters across a tile
+NAMED = re.compile(r'\bid="|url\(#|xlink:href="#')
+SYMBOL = re.compile(r"\$(\w)_\{?(\w+)\}?\$")
+STYLE: dict[str, Any] = {
+    "font.size": 9.5,
+    "svg.fonttype": "none",  # text stays text: it can be searched, and read aloud
+    "svg.hashsalt": "skhoid",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "figure.dpi": 100,
+    "savefig.dpi": 150,
+    "savefig.facecolor": "white",
+}
+
+
+@dataclass(frozen=True)
+class Plot:
+    """An SVG element with what it shows; ``narrow`` is the same for a small screen."""
+
+    svg: str
+    caption: str
+    narrow: str = ""
+    wide: bool = False
+
+
+class Gallery:
+    """Makes the plots of one page, whose ids must differ.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Names from the data that plots may show.
+    """
+
+    def __init__(self, names: Iterable[str] = ()) -> None:
+        self._numbers = count(1)
+        self._names = list(names)
+
+    def svg(self, figure: Figure, label: str) -> str:
+        """The figure as an SVG element that scales with the page."""
+        from ...plotting._axes import names_as_they_are
+
+        names_as_they_are(figure, self._names)
+        text = io.StringIO()
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+        svg = text.getvalue()
+        svg = svg[svg.index("<svg") :]
+        svg = re.sub(r"<metadata>.*?</metadata>", "", svg, count=1, flags=re.S)
+        # Matplotlib's style applies to *, which inside HTML would be the whole page.
+        svg = re.sub(r"<style.*?</style>", "", svg, flags=re.S)
+        prefix = f"p{next(self._numbers)}-"
+        svg = re.sub(r"<[^<>]+>", lambda tag: NAMED.sub(rf"\g<0>{prefix}", tag[0]), svg)
+        head, rest = svg.split(">", 1)
+        head = re.sub(r'\s(width|height|version|xmlns(:xlink)?)="[^"]*"', "", head)
+        return f'{head} role="img" aria-label="{escape(label)}">{rest}'
+
+    def comparison(self, found: Comparison) -> list[Plot]:
+        """Where a model fails: one plot for each view."""
+        from ...plotting import ComparisonDisplay, ResidualMapDisplay, RunComparisonDisplay
+
+        with self._drawing() as new:
+            panels = [new(size) for size in (WIDE, TILE, TILE, TILE, BAR)]
+            display = ComparisonDisplay.from_comparison(found, ax=[p.axes[0] for p in panels])
+            for panel in panels:
+                panel.axes[0].set_title("")
+                _legend_below(panel)
+            small = new(TALL)
+            ComparisonDisplay.from_comparison(
+                found, ax=[small.axes[0], *(new(TILE).axes[0] for _ in range(4))]
+            )
+            small.axes[0].set_title("")
+            _legend_below(small)
+            traces, time, frequency, amplitude, bar = panels
+            channel = _plain(amplitude.axes[0].get_xlabel()) or "the signals"
+            runs = new(TILE)
+            RunComparisonDisplay.from_comparison(found, ax=runs.axes[0])
+            runs.axes[0].set_title("")
+            _without_validation(runs.axes[0])
+            _slanted_if_long(runs.axes[0])
+            _legend_below(runs)
+            plots = [
+                self._plot(
+                    bar, "How much is explained, how much a better model could explain, and remnant"
+                ),
+                self._plot(runs, "Run by run"),
+                self._plot(
+                    traces,
+                    f"Measured and simulated output in run {display.run_}, the worst",
+                    small,
+                ),
+                self._plot(time, "Where in time: points of VAF lost"),
+                self._plot(frequency, "Where in frequency: spectra"),
+                self._plot(amplitude, f"Where in amplitude: mean residual over {channel}"),
+            ]
+            panel = new(TILE)
+            ResidualMapDisplay.from_comparison(found, ax=panel.axes[0])
+            _rasterised(panel)
+            _legend_below(panel)
+            plots.append(self._plot(panel, "Where in time and frequency: residual power"))
+        return plots
+
+    def steps(self, search: Any) -> list[Plot]:
+        """Measured against held-out simulation at each step, all in the same window."""
+        from ...plotting import EffectStepsDisplay
+
+        with self._drawing() as new:
+            place = EffectStepsDisplay.from_estimator(search, ax=new((4, 4), 2).axes)
+            added = search.error_path_["effect"].iloc[1:]
+            if not place.lines_:  # nothing could be simulated
+                return []
+            limits = [panel.get_ylim() for panel in place.axes_]
+            plots = []
+            for step in range(len(added) + 1):
+                shown = [0] if step == 0 else [0, step]
+                drawn = []
+                for size in (WIDE, TALL):
+                    figure = new(size, 2, sharex=True, height_ratios=[1.6, 1.0])
+                    panels = figure.axes
+                    display = EffectStepsDisplay.from_estimator(
+                        search, run=place.run_, window=place.window_, steps=shown, ax=panels
+                    )
+                    for panel, limit in zip(panels, limits, strict=True):
+                        panel.set_ylim(limit)
+                    if step:
+                        _pale(display.lines_["baseline"], display.residuals_["baseline"])
+                    panels[0].set_title("")
+                    _legend_below(figure)
+                    drawn.append(figure)
+                caption = (
+                    f"Run {place.run_}, {place.window_[0]:.4g} to {place.window_[1]:.4g} s: "
+                    f"measured and simulated ({with_effects(added[:step])}), by a model that was "
+                    "not fitted to these rows"
+                )
+                plots.append(self._plot(drawn[0], caption, drawn[1]))
+        return plots
+
+    def shape(self, shape: Any) -> Plot:
+        """The curve of what has no name."""
+        from ...plotting import ShapeDisplay
+
+        with self._drawing() as new:
+            drawn = []
+            for size in (WIDE, TILE):
+                figure = new(size)
+                ShapeDisplay.from_shape(shape, ax=figure.axes[0])
+                figure.axes[0].set(title="", ylabel="")
+                _legend_below(figure)
+                drawn.append(figure)
+            what = shape.y_label[:1].upper() + shape.y_label[1:]
+            return self._plot(drawn[0], f"{what}, over {shape.x_label}", drawn[1])
+
+    def effects(self, model: Any, X: Any, y: Any) -> list[Plot]:
+        """Each identified effect itself."""
+        from ...plotting import IdentifiedEffectDisplay
+
+        plots = []
+        with self._drawing() as new:
+            for name in model.effects_.names:
+                panel = new(TILE)
+                display = IdentifiedEffectDisplay.from_estimator(
+                    model, name, X, y, ax=panel.axes[0]
+                )
+                panel.axes[0].set_title("")
+                _legend_below(panel)
+                caption = f"{title_of(name)}: {display.physics}".rstrip(".")
+                caption = caption[:1].upper() + caption[1:]
+                plots.append(self._plot(panel, caption))
+        return plots
+
+    def channels(self, X: Any, y: Any) -> list[Plot]:
+        """The recorded signals over time."""
+        from ...plotting import TrackingDisplay
+
+        return self._stacked(
+            X.shape[1] + 1,
+            lambda axes: TrackingDisplay.from_runs(X, y, ax=axes),
+            "Recorded channels over the time in a run",
+        )
+
+    def paths(self, model: Any) -> list[Plot]:
+        """Parameters over time, of a model that follows the data."""
+        from ...plotting import ParameterPathDisplay
+
+        return self._stacked(
+            len(model.parameter_names_),
+            lambda axes: ParameterPathDisplay.from_estimator(model, ax=axes),
+            "Parameters over the time in a run",
+        )
+
+    def _stacked(self, n: int, draw: Callable[[Any], Any], caption: str) -> list[Plot]:
+        """Panels one below the other, over one time."""
+        with self._drawing() as new:
+            drawn = []
+            for width in (WIDE[0], TILE[0]):
+                figure = new((width, 0.8 + 1.3 * n), n, sharex=True)
+                draw(figure.axes)
+                for panel in figure.axes[:-1]:
+                    panel.set_xlabel("")
+                for panel in figure.axes:
+                    _name_above(panel, int(LINE * width / TILE[0]))
+                _legend_below(figure)
+                drawn.append(figure)
+            return [self._plot(drawn[0], caption, drawn[1])]
+
+    @contextmanager
+    def _drawing(self) -> Iterator[Any]:
+        """A maker of figures that no window and no notebook shows."""
+        import matplotlib as mpl
+        from matplotlib.figure import Figure
+
+        def new(size: tuple[float, float], rows: int = 1, **options: Any) -> Figure:
+            ratios = options.pop("height_ratios", None)
+            figure = Figure(figsize=size, layout="constrained")
+            figure.subplots(rows, gridspec_kw={"height_ratios": ratios}, **options)
+            return figure
+
+        style: Any = STYLE
+        with mpl.rc_context(style):
+            yield new
+
+    def _plot(self, figure: Figure, caption: str, narrow: Figure | None = None) -> Plot:
+        small = "" if narrow is None else self.svg(narrow, caption)
+        return Plot(self.svg(figure, caption), caption, small)
+
+
+def _plain(label: str) -> str:
+    """The same without mathematics."""
+    return SYMBOL.sub(r"\1_\2", label)
+
+
+def _name_above(panel: Axes, letters: int) -> None:
+    """What it shows as a title: beside a low panel there is no room for long names."""
+    name = panel.get_ylabel()
+    panel.set_ylabel("")
+    panel.set_title(textwrap.fill(name, letters), loc="left", fontsize="medium", pad=3)
+
+
+def _legend_below(figure: Figure) -> None:
+    """One legend below the panels, where no data can be."""
+    from ...plotting._axes import legend_entries
+
+    entries = legend_entries(figure.axes)
+    for panel in figure.axes:
+        legend = panel.get_legend()
+        if legend is not None:
+            legend.remove()
+    if not entries:
+        return
+    letters = LINE * figure.get_figwidth() / TILE[0]
+    longest = max(len(label) for label in entries) + 6
+    figure.legend(
+        entries.values(),
+        entries.keys(),
+        loc="outside lower center",
+        ncols=int(np.clip(letters // longest, 1, len(entries))),
+        frameon=False,
+        fontsize="medium",
+    )
+
+
+def _without_validation(panel: Axes) -> None:
+    """Shorten labels that only say which runs these are, as the page says it."""
+    artists: list[Any] = [*panel.get_children(), *panel.containers]
+    for drawn in artists:
+        label = str(drawn.get_label())
+        if "validation" in label:
+            label = label.replace("validation runs", "all runs")
+            drawn.set_label(label.replace("validation", "run"))
+
+
+def _slanted_if_long(panel: Axes) -> None:
+    """Names below the axis that would run into each other."""
+    letters = sum(len(label.get_text()) + 2 for label in panel.get_xticklabels())
+    if letters > LINE:
+        for label in panel.get_xticklabels():
+            label.set(rotation=30, ha="right", rotation_mode="anchor")
+
+
+def _rasterised(figure: Figure) -> None:
+    """A map as an image: as shapes it would be most of the page."""
+    for panel in figure.axes:
+        for drawn in panel.collections:
+            if drawn.get_array() is not None:
+                drawn.set_rasterized(True)
+
+
+def _pale(*lines: Any) -> None:
+    for line in lines:
+        line.set(color="0.6", lw=1.0, zorder=1)

@@ -1,0 +1,195 @@
+"""The folder of a session: files that were uploaded, ``session.json``, reports, and a lock."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from ..._version import __version__
+from ...io._paths import shown
+from ...io.whole import written_whole
+from .names import free_name
+
+__all__ = [
+    "BrokenSession",
+    "NotSaved",
+    "SessionFolder",
+    "SessionInUse",
+    "changed",
+    "digest_of",
+    "gone",
+]
+
+VERSION = 1
+FILE = "session.json"
+BLOCK = 1 << 20  # bytes
+
+
+class SessionInUse(ValueError):
+    """Another server works on this session."""
+
+
+class BrokenSession(ValueError):
+    """``session.json`` is not what was written."""
+
+
+class NotSaved(ValueError):
+    """Something could not be written, and nothing half-written is left."""
+
+
+class SessionFolder:
+    """The folder of a session, held by one server at a time.
+
+    Parameters
+    ----------
+    path : str or path
+        The folder; it is made when there is something to keep, or at once to lock it.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]):
+        self.path = Path(path).absolute()
+        self._lock: Any = None
+        self.kept = False  # whether there is a session in it that is not to be overwritten
+
+    @property
+    def uploads(self) -> Path:
+        """Where files that were uploaded lie."""
+        return self.path / "files"
+
+    def take(self) -> None:
+        """Lock the folder; a lock whose server is gone is taken over."""
+        if self.path.exists() and not self.path.is_dir():
+            raise ValueError(f"{self.path} is a file; name a folder by --session.")
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            file = open(self.path / "lock", "a+", encoding="utf-8")  # noqa: SIM115
+        except OSError as error:
+            raise OSError(
+                error.errno,
+                f"the session cannot be kept there ({error.strerror}); name another folder by "
+                "--session",
+                str(self.path),
+            ) from error
+        if not _locked(file):
+            file.seek(0)
+            owner = file.read().strip() or "unknown"
+            file.close()
+            raise SessionInUse(
+                f"The session {self.path} is open in another workbench (process {owner}): use "
+                "that one, end it, or name another folder by --session."
+            )
+        file.seek(0)
+        file.truncate()
+        file.write(f"{os.getpid()}\n")
+        file.flush()
+        self._lock = file
+
+    def give_back(self) -> None:
+        """Unlock the folder."""
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+    def load(self) -> dict[str, Any] | None:
+        """What was kept; None where there is no session yet."""
+        path = self.path / FILE
+        try:
+            text = path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            return None
+        except (OSError, UnicodeDecodeError) as error:
+            raise self._broken(str(error)) from error
+        try:
+            found = json.loads(text)
+        except ValueError as error:
+            raise self._broken(str(error)) from error
+        if not isinstance(found, dict) or not isinstance(found.get("version"), int):
+            raise self._broken("it holds no version")
+        if found["version"] > VERSION:
+            raise self._broken(
+                f"it is of version {found['version']}, of a newer skhoid than {__version__}"
+            )
+        self.kept = True
+        return found
+
+    def _broken(self, why: str) -> BrokenSession:
+        path = self.path / FILE
+        return BrokenSession(
+            f"{path} cannot be read: {why}. It is left as it is. Name another folder by --session, "
+            f"or move the file away to begin anew with the files in {self.uploads}."
+        )
+
+    def save(self, content: dict[str, Any]) -> None:
+        """Keep the session: the file is the old one or the new one, never half of it."""
+        text = json.dumps({"version": VERSION, "skhoid": __version__, **content}, indent=1)
+        self.path.mkdir(parents=True, exist_ok=True)
+        with written_whole(self.path / FILE) as aside:
+            aside.write_text(text, encoding="utf-8")
+        self.kept = True
+
+    def free(self, name: str, folder: Path | None = None) -> Path:
+        """A path in the folder under a name that is not taken: report.html, report-2.html."""
+        folder = self.path if folder is None else folder
+        taken = set(os.listdir(folder)) if folder.is_dir() else set()
+        return folder / free_name(name, taken)
+
+    def report(self, name: str) -> Path | None:
+        """A report of this session by its name; None if there is none."""
+        is_ours = name.startswith("report") and name.endswith(".html")
+        if not is_ours or not self.path.is_dir() or name not in os.listdir(self.path):
+            return None
+        path = self.path / name
+        return path if path.is_file() and not path.is_symlink() else None
+
+
+def digest_of(path: Path) -> dict[str, Any]:
+    """Size and SHA-256 of a file, by which it is known again."""
+    digest = hashlib.sha256()
+    size = 0
+    with path.open("rb") as file:
+        while block := file.read(BLOCK):
+            digest.update(block)
+            size += len(block)
+    return {"size": size, "sha256": digest.hexdigest()}
+
+
+def gone(path: Path) -> str:
+    """What to say of a file of a session that is not there any more."""
+    return (
+        f"{shown(path)} is not there any more, and this session is about it: put it back and start "
+        "the workbench again, or choose files anew, which begins from the start."
+    )
+
+
+def changed(path: Path) -> str:
+    """What to say of a file of a session that is another one now."""
+    return (
+        f"{shown(path)} has changed since this session was kept, so its numbers would not be the "
+        "same. Put the old file back and start the workbench again, or fit anew, which begins from "
+        "the start with what is there now."
+    )
+
+
+def _locked(file: Any) -> bool:
+    """Lock a file, which the system unlocks when the process ends, however it ends."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        import msvcrt
+
+        try:
+            file.seek(1 << 30)  # a byte that is not read
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        except OSError:
+            return False
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return True
+    return True

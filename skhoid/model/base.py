@@ -1,0 +1,486 @@
+"""The base of models with effects: estimation by simulation, attributes and predictions.
+
+Look here to change how such a model is fitted, or to build one on a core of your own (``GreyBox``).
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from numbers import Real
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+from sklearn.utils.validation import check_is_fitted
+
+from .._sklearn import DT, Interval, StrOptions, fit_context
+from ..effects.base import Effect
+from ..effects.composition import Effects
+from ..effects.core_kind import CoreKind
+from ..effects.record import Record
+from ..exceptions import did_you_mean
+from ..human import ELEMENT, LinearElement
+from ..preprocessing.base import keep_parameters
+from ..preprocessing.grid import ModelGrid
+from ..regression import RunRegressor
+from ..text import ModelSummary
+from .cores import Core
+from .estimates import covariance_frame, effects_with_values, parameter_table
+from .extend import beside_each_other, extended
+from .fitting import Criterion, RemnantModel, covariance_of, minimise
+from .initial import ESTIMATE, HELD, REST, begun_where_it_pays, error_of, pays
+from .likelihood import criterion_of, likelihood_fit, prior_of
+from .model import Model
+from .moved import moved
+from .operator_summary import simulated_summary
+from .prepared import Prepared, SimulatedCore, prepared_for
+from .profile import profile_intervals
+from .side_by_side import SegmentColumns, build_record, measured
+from .simulator import Simulator
+from .some_runs import on_all_runs, record_of_some
+from .two_estimates import of_least_error
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Estimates of a core with effects, and what free runs and texts also need.
+
+    ``effects`` have their choices made, with None for what was estimated, as ``theta`` has it;
+    ``spread`` are standard deviations of the channels and of the output "u" in the fit,
+    ``duration`` is that of its longest run in seconds, ``bounds`` what is physically possible for
+    each parameter of the core and of the effects.
+    """
+
+    spec: SimulatedCore
+    effects: Effects
+    theta: np.ndarray
+    covariance: pd.DataFrame
+    channels: list[int]
+    roles: dict[str, str]
+    settling: float
+    n_residuals: int
+    rmse: float
+    duration: float
+    spread: dict[str, float]
+    initial: str | None
+    begins: str
+    levels: tuple[float, float]
+    bounds: dict[str, tuple[float, float]]
+
+    def record_of(
+        self, estimator: Any, grid: ModelGrid, values: np.ndarray
+    ) -> tuple[Record, SegmentColumns]:
+        """Data to predict as a record."""
+        names = estimator._channel_names(self.channels)
+        held = estimator._hold(grid, grid.thin_inputs(values), self.channels, names)
+        element = estimator.controlled_element_
+        return build_record(
+            grid,
+            names,
+            held,
+            self.roles,
+            estimator.inputs_,
+            controlled_element=None if element is None else LinearElement.of(element),
+        )
+
+    def free_run(self, estimator: Any, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        """Free run on the grid."""
+        record, columns = self.record_of(estimator, grid, values)
+        return columns.rows(self._run(self.spec.core.on(record), self.begins))
+
+    def _run(self, record: Record, initial: str) -> np.ndarray:
+        begun = replace(record, initial=initial, levels=self.levels)
+        return Simulator(self.spec.core, self.effects, begun).run(self.theta)
+
+    def from_rest(self, estimator: Any, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        """Free run on the grid from rest."""
+        record, columns = self.record_of(estimator, grid, values)
+        return columns.rows(self._run(self.spec.core.on(record), REST))
+
+    def run_from(
+        self,
+        estimator: Any,
+        grid: ModelGrid,
+        values: np.ndarray,
+        output: np.ndarray,
+        initial: str | None,
+    ) -> np.ndarray:
+        """Free run from initial states that fit the output; None: only in runs that show them."""
+        record, columns = self.record_of(estimator, grid, values)
+        record = self.spec.core.on(record)
+        free = self._run(record, self.begins)
+        if initial == REST:
+            return columns.rows(free)
+        known, y = measured(grid, columns, output), columns.beside(np.nan_to_num(output))
+        record = replace(record, y=y, known=known, _derived={})
+        fitted = self._run(record, ESTIMATE)
+        return columns.rows(
+            begun_where_it_pays(record, free, fitted) if initial is None else fitted
+        )
+
+
+class SimulatedModelMixin:
+    """What a search needs from a model with a core: see :class:`~.protocol.SimulatedModel`.
+
+    An estimator names its core in ``_simulated_core``, and sets its attributes from an estimate
+    in ``_take_over``.
+    """
+
+    effects: Any
+    _takes_first = False  # channel, where none has the role e
+    _fixed_core = False  # whether parameters of the core stay as fitted
+
+    def _simulated_core(self) -> SimulatedCore:
+        raise NotImplementedError
+
+    def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
+        """Set the attributes of a fit."""
+        raise NotImplementedError
+
+    def with_effect(self, effect: Any) -> Any:
+        """A new, unfitted model with one more effect: fit it to add the effect.
+
+        Parameters
+        ----------
+        effect : Effect, Effects or str
+            An effect, several as ``a + b``, or an id of the catalogue.
+
+        Returns
+        -------
+        model : estimator
+            A clone whose ``effects`` is a composition with fixed names: the second effect
+            of a kind is called ``dead_zone-2``.
+        """
+        return clone(self).set_params(effects=Effects.of(self.effects) + effect)
+
+    def with_parameters(self, values: Mapping[str, float]) -> Any:
+        """This fitted model with other values of some of its parameters; nothing is refitted.
+
+        Parameters
+        ----------
+        values : dict of str to float
+            Values by the names of ``parameters_``, such as ``{"dead_zone__width": 0.3}``: those
+            that were estimated or, of effects, given. Of an ARXRegressor only those of effects.
+
+        Returns
+        -------
+        model : estimator
+            A fitted copy. What was moved has no standard error, and what was found at the
+            estimates (``vaf_``, ``loglik_``, ``bic_``) is gone.
+
+        Raises
+        ------
+        ValueError
+            If a name is no such parameter, or a value is not physically possible.
+
+        Examples
+        --------
+        >>> from skhoid import OperatorRegressor, make_tracking_runs
+        >>> X, y = make_tracking_runs("C1", 2, remnant_intensity=0.05, random_state=1)
+        >>> model = OperatorRegressor(effects=["bias"]).fit(X, y)
+        >>> moved = model.with_parameters({"bias__level": 0.02})
+        >>> float(moved.parameters_.loc["bias__level", "value"])
+        0.02
+        >>> bool(moved.score(X, y) < model.score(X, y))
+        True
+        """
+        check_is_fitted(self)
+        if self._fixed_core and not len(self.effects_):  # type: ignore[attr-defined]
+            raise ValueError(
+                f"This {type(self).__name__} has no effects, and only parameters of effects can be "
+                "moved: add one by with_effect(...), and fit."
+            )
+        taken, simulation = moved(self, values, self._fixed_core)
+        taken._move(simulation)
+        return taken
+
+    def _move(self, simulation: Simulation) -> None:
+        """Simulate with other parameters from now on."""
+        raise NotImplementedError
+
+    def prepare(self, X: Any, y: Any) -> Prepared:
+        """Read data for :meth:`first_fit`; searches call it.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Measured output.
+
+        Returns
+        -------
+        prepared : Prepared
+            The runs side by side as a record, and the core to simulate on them.
+        """
+        return prepared_for(self, self._read_data(X, y, "all", in_parts=True))  # type: ignore[attr-defined]
+
+    def first_fit(self, prepared: Prepared) -> Model:
+        """Fit the core with the model's effects, by the simulation error alone.
+
+        Parameters
+        ----------
+        prepared : Prepared
+            What :meth:`prepare` returned.
+
+        Returns
+        -------
+        fitted : Model
+            The model from which searches and the maximum-likelihood fit start.
+        """
+        return first_model(prepared, Effects.of(self.effects))
+
+    def with_fit(self, prepared: Prepared, fitted: Model, noise: RemnantModel) -> Any:
+        """A new estimator with the same settings, fitted: it takes the given estimates.
+
+        Parameters
+        ----------
+        prepared : Prepared
+            What the last call of :meth:`prepare` on this estimator returned.
+        fitted : Model
+            Estimates of the core and of any effects.
+        noise : RemnantModel
+            Model of the remnant under which they were found.
+
+        Returns
+        -------
+        model : estimator
+            Remembers the columns of X as this one does, and shares no parameter with it.
+        """
+        taken = copy.copy(self).set_params(**clone(self).get_params(deep=False))  # type: ignore[attr-defined]
+        keep_parameters(taken)
+        taken._take_over(prepared, fitted, noise)
+        return taken
+
+    def free_run(self, prepared: Prepared) -> np.ndarray:
+        """Predict from data that have been read already.
+
+        Parameters
+        ----------
+        prepared : Prepared
+            What :meth:`prepare` returned for X and y.
+
+        Returns
+        -------
+        y_pred : ndarray of shape (n_rows,)
+            The same as ``predict(X)``.
+        """
+        found = self._free_run(prepared.grid, prepared.table)  # type: ignore[attr-defined]
+        return prepared.grid.to_full_rate(found)
+
+
+class GreyBox(SimulatedModelMixin, RunRegressor):
+    """A core with effects, simulated, whose parameters are estimated by maximum likelihood.
+
+    A subclass has the parameters ``inputs``, ``effects``, ``roles``, ``controlled_element``,
+    ``settling``, ``dt`` and ``run``, stores them in ``__init__`` as every estimator does, and says
+    in ``_simulated_core`` what the core is and how it is fitted without effects.
+    """
+
+    controlled_element: Any
+    settling: float
+    _takes_first = True
+
+    _parameter_constraints: dict = {
+        "inputs": ["array-like", str, int, None],
+        "effects": [Effect, Effects, str, list, tuple, None],
+        "roles": [dict, None],
+        "controlled_element": ELEMENT,
+        "settling": [Interval(Real, 0, None, closed="left")],
+        "initial": [StrOptions({"rest", "estimate"}), None],
+        "start": [dict, None],
+        "dt": DT,
+        "run": "no_validation",
+    }
+
+    @fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X: Any, y: Any) -> Any:
+        """Estimate all parameters.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Output of the operator; NaN where not measured.
+
+        Returns
+        -------
+        self : estimator
+        """
+        prepared = prepared_for(self, self._read_data(X, y, "all", in_parts=True))
+        model = self.first_fit(prepared)
+        self._take_over(prepared, *likelihood_fit(model, Criterion(prepared.record)))
+        return self
+
+    def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
+        self._simulation = simulation_of(self, prepared, model, noise)
+        self.covariance_ = self._simulation.covariance
+        self.simulation_parameters_ = of_least_error(model, prepared)
+
+    def _move(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+
+    def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
+        return self._simulation.free_run(self, grid, values)
+
+    def _run_from(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
+        return self._simulation.run_from(self, grid, values, output, self._simulation.initial)
+
+    def _summary(self) -> ModelSummary:
+        return simulated_summary(self, self._simulation)
+
+
+def first_model(prepared: Prepared, effects: Effects) -> Model:
+    """The core with effects at the minimum of the simulation error.
+
+    Of a large number of runs, some are fitted first from all starts, and then all from the best.
+    """
+    record, core = prepared.record, prepared.core
+    some = record_of_some(record)
+    if some is not None:
+        return on_all_runs(first_model(replace(prepared, record=some), effects), record)
+    criterion = Criterion(record)
+    start = prepared.spec.start
+    for name, effect in effects:
+        reason = effect.refusal(record, core.kind)
+        if reason is not None:
+            raise ValueError(f"The effect {name} does not apply: {reason}.")
+    check_start(start, core, record, effects)
+    model = started(prepared.spec.estimated(core, record, criterion), criterion, start)
+    coarse = criterion.coarse()
+    for name, effect in effects:
+        given = {n: v for n, v in start.items() if n.startswith(f"{name}__") or "__" not in n}
+        model = extended(model, name, effect, criterion, coarse, start=given)
+    templates = {effect.name: effect for _, effect in effects}
+    model = beside_each_other(model, templates, criterion, coarse)
+    return started(model, criterion, prepared.spec.start)
+
+
+def check_start(start: Mapping[str, Any], core: Core, record: Record, effects: Effects) -> None:
+    """Refuse start values of parameters that the model does not estimate."""
+    names = [p.name for p in core.parameters]
+    for name, effect in effects:
+        for variant in effect.variants(record):
+            names += [f"{name}__{p.name}" for p in variant.free]
+    for name, value in start.items():
+        if name not in names:
+            known = ", ".join(dict.fromkeys(names))
+            raise ValueError(
+                f"start names {name!r}, which is not estimated. Estimated parameters: {known}."
+                f"{did_you_mean(name, names)}"
+            )
+        if not isinstance(value, Real) or not np.isfinite(float(value)):
+            raise ValueError(f"start={{{name!r}: ...}} must be a finite number; got {value!r}.")
+
+
+def started(model: Model, criterion: Criterion, start: Mapping[str, float]) -> Model:
+    """The model, or the one reached from a user's start where that is better."""
+    if not start:
+        return model
+    simulator = model.simulator
+    values = {**model.values(), **start}
+    theta = np.array([values[name] for name in simulator.names])
+    fit = minimise(simulator, criterion, theta)
+    return Model(simulator, fit, model.other_cores) if fit.sse < model.sse else model
+
+
+def simulation_of(
+    estimator: Any, prepared: Prepared, model: Model, noise: RemnantModel
+) -> Simulation:
+    """Set what an estimator shows of a fit in simulation; return what predictions need."""
+    record = model.simulator.record
+    criterion = Criterion(record, noise)
+    intervals = {}
+    if record.core != CoreKind.ARX:
+        own = criterion_of(model, noise)
+        covariance = covariance_of(model.simulator, own, model.fit, prior_of(model.simulator))
+        intervals = profile_intervals(model, own, covariance)
+    else:
+        covariance = model.covariance()
+    n, output = criterion.n, model.output
+    estimator.noise_ar_ = noise.ar
+    estimator.loglik_ = -0.5 * n * float(np.log(max(model.sse, 1e-300) / n))
+    estimator.bic_ = -2 * estimator.loglik_ + model.n_parameters * float(np.log(n))
+    estimator.n_rows_used_ = int(record.known.sum())
+    estimator.vaf_ = vaf_of_output(record, output)
+    estimator.parameters_ = parameter_table(
+        model.simulator,
+        model.theta,
+        covariance,
+        prepared.units,
+        dict(prepared.spec.given),
+        intervals,
+    )
+    estimator.effects_ = effects_with_values(model)
+    return Simulation(
+        spec=prepared.spec,
+        effects=model.effects,
+        theta=model.theta,
+        covariance=covariance_frame(model.simulator, covariance),
+        channels=prepared.channels,
+        roles=prepared.roles,
+        settling=estimator.settling,
+        n_residuals=n,
+        rmse=float(np.sqrt(np.mean((record.y - output)[record.known] ** 2))),
+        duration=record.duration,
+        spread={name: record.sd(name) for name in (*record.channels, "u")},
+        bounds=bounds_of(model),
+        **first_samples(estimator, prepared, model),
+    )
+
+
+def bounds_of(model: Model) -> dict[str, tuple[float, float]]:
+    """Physical bounds of all parameters by name, those of effects that were given included."""
+    simulator = model.simulator
+    bounds = {p.name: (p.low, p.high) for p in simulator.parameters}
+    for name, effect in simulator.effects:
+        limits = effect.limits(simulator.record)
+        bounds |= {f"{name}__{p.name}": limits[p.name] for p in effect.parameters}
+    return bounds
+
+
+def first_samples(estimator: Any, prepared: Prepared, model: Model) -> dict[str, Any]:
+    """How free runs begin: from rest, or from where inputs held at their first values have led.
+
+    By default from rest, unless the fitted rows show otherwise.
+    """
+    record = replace(model.simulator.record, known=prepared.measured, _derived={})
+    assert record.y is not None
+    initial = getattr(estimator, "initial", None)
+    if not getattr(model.simulator.core, "has_states", False):
+        initial = REST
+    y = record.y[record.known]
+    levels = float(y.min()), float(y.max())
+    begins = REST if initial == REST else HELD
+    if initial is None:
+        left = {}
+        for way in (REST, HELD):
+            begun = replace(record, initial=way, levels=levels)
+            simulator = Simulator(model.simulator.core, model.effects, begun)
+            left[way] = error_of(record, simulator.run(model.theta))
+        begins = HELD if pays(left[REST], left[HELD], y) else REST
+    estimator.initial_ = REST if begins == REST and record.initial == REST else ESTIMATE
+    if estimator.initial_ == ESTIMATE:
+        initial = ESTIMATE
+    return {"initial": initial, "begins": begins, "levels": levels}
+
+
+def labelled_covariance(model: Any) -> pd.DataFrame:
+    """Covariance of what was estimated, by names of ``parameters_``."""
+    covariance = model.covariance_
+    if isinstance(covariance, pd.DataFrame):
+        return covariance
+    names = model.parameters_.index[: len(covariance)]  # of an ARXRegressor
+    return pd.DataFrame(covariance, index=names, columns=names)
+
+
+def vaf_of_output(record: Record, output: np.ndarray) -> float:
+    """VAF in percent over what is known."""
+    assert record.y is not None
+    y, error = record.y[record.known], (record.y - output)[record.known]
+    power = float(y @ y)
+    return 100.0 * (1.0 - float(error @ error) / power) if power > 0 else 0.0

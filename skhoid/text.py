@@ -1,0 +1,357 @@
+"""Summaries, as text and as HTML; and the words that all of them share.
+
+It defines how a summary looks in a notebook, and how a VAF, a p-value, a gap or an estimate is
+written.
+"""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+WIDTH = 88  # columns
+LABEL = 16  # columns of a label in the header
+IN_SHORT = (
+    "Model",
+    "Effects",
+    "Method",
+    "Memory",
+    "Delay, nk",
+    "Rows",
+    "Runs",
+    "Residual sd",
+    "VAF, fit",
+)
+DASH = "-"
+VAF_RULE = "VAF is about zero and not clipped unless it says otherwise."
+LONGEST_UNIT = 16  # columns
+LEFT_ALIGNED = ("", "unit")
+TITLES = {"": "parameter", "[0.025": "95 % from", "0.975]": "to"}  # of columns, in HTML
+STYLE = """<style>
+.skhoid-summary {color: inherit; font-size: 0.9em; margin-top: 0.5em; overflow-x: auto}
+.skhoid-summary p {margin: 0.4em 0}
+.skhoid-summary table {border-collapse: collapse; color: inherit; margin: 0.4em 0}
+.skhoid-summary caption {font-weight: bold; text-align: left}
+.skhoid-summary th, .skhoid-summary td {background: none; border: 0; color: inherit;
+  border-bottom: 1px solid color-mix(in srgb, currentColor 25%, transparent);
+  font-variant-numeric: tabular-nums; padding: 0.2em 0.7em; text-align: right}
+.skhoid-summary .left {text-align: left}
+pre.skhoid-summary {background: none; line-height: 1.4; margin: 0.5em 0; padding: 0;
+  white-space: pre}
+</style>"""
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """Rows of text under a header; the first column names the rows."""
+
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def lines(self) -> list[str]:
+        """Lines of at most ``WIDTH`` columns, for which the widest cells are cut in the middle."""
+        widths = [max(map(len, column)) for column in zip(self.header, *self.rows, strict=True)]
+        widths = [
+            min(width, LONGEST_UNIT) if title == "unit" else width
+            for title, width in zip(self.header, widths, strict=True)
+        ]
+        while sum(widths) + 2 * (len(widths) - 1) > WIDTH:
+            widths[widths.index(max(widths))] -= 1
+        return [
+            "  ".join(
+                f"{_shortened(cell, width):{'<' if title in LEFT_ALIGNED else '>'}{width}}"
+                for title, cell, width in zip(self.header, row, widths, strict=True)
+            ).rstrip()
+            for row in (self.header, *self.rows)
+        ]
+
+    def html(self, of: str) -> str:
+        left = ["left" if title in LEFT_ALIGNED else "" for title in self.header]
+        head = "".join(
+            f'<th scope="col" class="{side}">{escape(TITLES.get(title, title))}</th>'
+            for title, side in zip(self.header, left, strict=True)
+        )
+        body = "".join(
+            f'<tr><th scope="row" class="left">{escape(row[0])}</th>'
+            + "".join(
+                f'<td class="{side}">{escape(cell)}</td>'
+                for cell, side in zip(row[1:], left[1:], strict=True)
+            )
+            + "</tr>"
+            for row in self.rows
+        )
+        return (
+            f"<table><caption>{escape(self.caption)} of {escape(of)}</caption>"
+            f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+        )
+
+
+class Summary(str):
+    """Text shown line by line, also as the last expression of a notebook cell.
+
+    Otherwise it is an ordinary string.
+
+    Examples
+    --------
+    >>> from skhoid.text import Summary
+    >>> Summary("first line\\nsecond line")
+    first line
+    second line
+    """
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        title = next((line.strip() for line in self.splitlines() if line.strip()), "Summary")
+        return (
+            f'{STYLE}<pre class="skhoid-summary" role="region" tabindex="0" '
+            f'aria-label="{escape(title)}">{escape(self)}</pre>'
+        )
+
+
+@dataclass(frozen=True)
+class ModelSummary:
+    """The summary of a fitted model: facts, tables and notes."""
+
+    title: str
+    facts: dict[str, str]
+    estimates: TextTable
+    notes: Sequence[str] = ()
+    more: Sequence[TextTable] = field(default=())
+
+    def text(self) -> Summary:
+        lines = [
+            _shortened(self.title, WIDTH).center(WIDTH).rstrip(),
+            "=" * WIDTH,
+            *_in_two_columns(self.facts),
+        ]
+        lines += ["-" * WIDTH, *self.estimates.lines()]
+        for table in self.more:
+            lines += ["-" * WIDTH, table.caption, *table.lines()]
+        lines += ["=" * WIDTH]
+        for number, note in enumerate(self.notes, 1):
+            lines += wrapped(f"[{number}] {note}", "    ")
+        return Summary("\n".join(lines))
+
+    def html(self, above: str = "") -> str:
+        """A table and a line of facts, below a line on what found the model."""
+        facts = " · ".join(f"{k}: {v}" for k, v in self.facts.items() if k in IN_SHORT)
+        before = f"<p>{escape(above)}</p>" if above else ""
+        return (
+            f'{STYLE}<div class="skhoid-summary" role="region" tabindex="0" '
+            f'aria-label="{escape(self.title)}">{before}{self.estimates.html(self.title)}'
+            f"<p>{escape(facts)}</p></div>"
+        )
+
+
+def as_sentence(text: str) -> str:
+    """A text with a capital and a full stop; a symbol of one letter stays as it is."""
+    symbol = text[1:2] == " " and text[:2] != "a "
+    whole = text if symbol else text[:1].upper() + text[1:]
+    return whole.rstrip(".") + "." if text else ""
+
+
+def rendered(module: str, template: str, **content: Any) -> str:
+    """A page from a template next to a module; its content is escaped."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # for this alone
+
+    environment = Environment(
+        loader=PackageLoader(module.rpartition(".")[0], "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(**content)
+
+
+def signal_facts(model: Any) -> dict[str, str]:
+    """Output and inputs of a fitted model, with their units."""
+
+    def named(channel: str) -> str:
+        unit = model._units.get(channel)
+        return f"{channel} ({unit})" if unit else channel
+
+    several = "Inputs" if len(model.inputs_) > 1 else "Input"
+    return {
+        "Output": named(model._output_name),
+        several: ", ".join(map(named, model.inputs_)),
+    }
+
+
+def grid_facts(model: Any) -> dict[str, str]:
+    """Sampling time of the data, and that of the grid a model is fitted on."""
+    if model._mark is None:
+        return {"Sampling time": f"{model.dt_:.6g} s"}
+    factor = model._mark.factor
+    return {
+        "Sampling time": f"{model.dt_ / factor:.6g} s",
+        "Fitted grid": f"{model.dt_:.6g} s (1 in {factor} rows)",
+    }
+
+
+class Estimate(NamedTuple):
+    """A parameter as text: value, standard error, ends of its interval, and unit.
+
+    A given value has the standard error 0; one at a bound, or not determined by the data, has NaN.
+    All show a dash. At a bound an interval, if there is one, ends there. A value that is not
+    determined has its range for one, which is not shown.
+    """
+
+    value: str
+    sd: str
+    low: str
+    high: str
+    unit: str
+    remark: str
+
+    @classmethod
+    def of(cls, row: pd.Series) -> Estimate:
+        """Make it from a row with the columns value, sd, low, high and unit."""
+        value, sd = float(row["value"]), float(row["sd"])
+        low, high = (float(row.get(end, np.nan)) for end in ("low", "high"))
+        at_bound = np.isnan(low) or value in (low, high)
+        without = " (at its bound)" if at_bound else " (not determined)"
+        if not (np.isfinite(sd) and sd > 0.0):
+            one_sided = np.isnan(sd) and at_bound
+            sd, low, high = np.nan, *((low, high) if one_sided else (np.nan, np.nan))
+        unit = "" if row["unit"] == "-" else str(row["unit"])
+        return cls(
+            number(value, sd),
+            number(sd, sd),
+            number(low, sd),
+            number(high, sd),
+            unit,
+            remark="" if np.isfinite(row["sd"]) else without,
+        )
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a standard error."""
+        return self.sd != DASH
+
+    def __str__(self) -> str:
+        """As ``0.3123 ± 0.0041 deg``."""
+        error = f" ± {self.sd}" if self.known else ""
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{self.value}{error}{unit}{self.remark}"
+
+
+def estimates_table(parameters: pd.DataFrame, caption: str = "Parameters") -> TextTable:
+    """Table of a frame with the columns value, sd, low, high and unit."""
+    header = ["", "coef", "std err", "z", "P>|z|", "[0.025", "0.975]", "unit"]
+    rows = []
+    for name, row in parameters.iterrows():
+        found = Estimate.of(row)
+        test = [DASH, DASH]
+        if found.known:
+            z = float(row["value"]) / float(row["sd"])
+            p = math.erfc(abs(z) / math.sqrt(2.0))
+            test = [
+                f"{z:.2f}" if abs(z) < 1e5 else f"{z:.3g}",
+                f"{p:.3f}" if p >= 0.001 else "<0.001",
+            ]
+        unit = "" if "[" in found.unit else found.unit  # names of channels, where it is not known
+        rows.append([str(name), found.value, found.sd, *test, found.low, found.high, unit])
+    if not any(row[-1] for row in rows):
+        header, rows = header[:-1], [row[:-1] for row in rows]
+    return TextTable(caption, header, rows)
+
+
+def number(value: float, sd: float = np.nan) -> str:
+    """A number to two digits of its standard error, or to four of its own."""
+    if not np.isfinite(value):
+        return DASH
+    if np.isfinite(sd) and sd > 0.0:
+        decimals = max(1 - math.floor(math.log10(sd)), 0)
+        if decimals <= 8 and abs(value) < 1e7:
+            return f"{value:.{decimals}f}"
+        return f"{value:.6g}"
+    return f"{value:.4g}"
+
+
+def quantity(value: float, unit: str | None) -> str:
+    return number(value) + (f" {unit}" if unit else "")
+
+
+def vaf_name(*, centered: bool = False, clipped: bool = False) -> str:
+    """Name of a VAF: the plain word means about zero and not clipped (``VAF_RULE``).
+
+    Examples
+    --------
+    >>> from skhoid.text import vaf_name
+    >>> vaf_name(), vaf_name(centered=True), vaf_name(clipped=True)
+    ('VAF', 'VAF (about the mean)', 'VAF (clipped at 0)')
+    """
+    kinds = ["about the mean"] * centered + ["clipped at 0"] * clipped
+    return f"VAF ({', '.join(kinds)})" if kinds else "VAF"
+
+
+def p_text(p: float) -> str:
+    """A p-value: two digits, and a bound where it is tiny.
+
+    Examples
+    --------
+    >>> from skhoid.text import p_text
+    >>> p_text(0.00321), p_text(1e-303)
+    ('p = 0.0032', 'p < 1e-6')
+    """
+    return "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
+
+
+def gap_text(gap: float) -> str:
+    """What is left to explain, never less than nothing.
+
+    Chance may take the VAF of a model above the estimated ceiling.
+
+    Examples
+    --------
+    >>> from skhoid.text import gap_text
+    >>> gap_text(34.6), gap_text(-0.3)
+    ('34.6 VAF points', 'nothing')
+    """
+    if not np.isfinite(gap):
+        return "not known"
+    return f"{gap:.1f} VAF points" if gap >= 0.05 else "nothing"
+
+
+def counted(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+def wrapped(text: str, indent: str = "") -> list[str]:
+    return textwrap.wrap(text, WIDTH, subsequent_indent=indent)
+
+
+def _in_two_columns(facts: dict[str, str]) -> list[str]:
+    """Facts side by side; one that is too long has a line of its own."""
+    half = WIDTH // 2
+    lines, left = [], ""
+    for label, value in facts.items():
+        cell = f"{label + ':':<{LABEL}}{value}"
+        if len(cell) > half - 2:
+            lines += [left] * bool(left) + wrapped(cell, " " * LABEL)
+            left = ""
+        elif left:
+            lines.append(f"{left:<{half}}{cell}")
+            left = ""
+        else:
+            left = cell
+    return lines + [left] * bool(left)
+
+
+def _shortened(text: str, width: int) -> str:
+    if len(text) <= width:
+        return text
+    return text[: width // 2] + "…" + text[len(text) - (width - width // 2 - 1) :]

@@ -1,0 +1,109 @@
+"""The command ``skhoid compare``."""
+
+import json
+from pathlib import Path
+
+import joblib
+import numpy as np
+import pytest
+
+from skhoid import ARXRegressor, compare, make_tracking_runs, select_runs, write_runs
+from skhoid.lab.cli import main
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A model that knows only e, and runs of all channels."""
+    folder = tmp_path_factory.mktemp("compare")
+    X, y = make_tracking_runs(
+        "C1",
+        n_runs=3,
+        duration=40.96,
+        sampling_rate=50,
+        channels=["e", "x", "f_t"],
+        remnant_intensity=0.05,
+        random_state=1,
+    )
+    model = ARXRegressor(nk=15).fit(*select_runs(X[["e"]], y, runs=[0]))
+    joblib.dump(model, folder / "model.joblib")
+    write_runs(*select_runs(X, y, runs=[1, 2]), folder / "new.csv")
+    write_runs(*select_runs(X, y, runs=[0]), folder / "old.csv")
+    joblib.dump({"no": "model"}, folder / "other.joblib")
+    (folder / "text.joblib").write_text("nothing")
+    return folder, model, X, y
+
+
+def words(files, *more, model="model.joblib"):
+    folder = files[0]
+    return [
+        *("compare", str(folder / model), str(folder / "new.csv")),
+        *("--time", "time", "--run", "run", *more),
+    ]
+
+
+def test_figures_are_those_of_compare(files, run_json):
+    _, model, X, y = files
+    found = run_json(*words(files, "--run-in", "2", "--input", "e"))
+    held_out = select_runs(X, y, runs=[1, 2])
+    twin = compare(model, held_out[0][["e"]], held_out[1], run_in=2)
+    np.testing.assert_allclose(found["vaf"], twin.vaf, rtol=1e-4)
+    assert found["ceiling_note"] == twin.ceiling_note
+    assert found["domain"] == "machine"  # e alone is no loop
+    assert found["leak"] is None
+
+
+@pytest.mark.slow
+def test_channels_that_the_model_does_not_have_are_compared_with(files, run_json, tmp_path):
+    folder = files[0]
+    more = ["--x", "x", "--target", "f_t", "--estimation", str(folder / "old.csv")]
+    found = run_json(*words(files, *more, "--tables", "out"))
+    assert found["domain"] == "human"
+    assert found["ceiling_route"] == "repeats"
+    assert found["leak"]["leaks"] is None  # no disturbance: it cannot tell, and says so
+    assert found["overfit"] in (True, False)
+    assert Path("out/tests.tsv").exists()
+
+
+def test_text_names_what_each_vaf_is(files, capsys):
+    assert main(words(files, "--domain", "machine")) == 0
+    printed = capsys.readouterr().out
+    assert "VAF, free run" in printed
+    assert "VAF is about zero and not clipped unless it says otherwise." in printed
+
+
+@pytest.mark.slow
+def test_picture_and_page_are_written(files, capsys):
+    assert main(words(files, "--out", "page.png")) == 0
+    assert Path("page.png").stat().st_size > 0
+    assert main(words(files, "--out", "page.html")) == 0
+    assert Path("page.html").read_text().startswith("<!DOCTYPE html>")
+    assert "page.html" in capsys.readouterr().out
+    assert main(words(files, "--out", "page.html")) == 2
+
+
+@pytest.mark.parametrize(
+    ("model", "more", "said"),
+    [
+        ("nothing.joblib", [], "is no file"),
+        ("other.joblib", [], "predicts nothing"),
+        ("text.joblib", [], "holds no model"),
+        ("model.joblib", ["--input", "e", "x"], "fitted on the columns e"),
+        ("model.joblib", ["--x", "e"], "channel 'e' has two roles, 'e' and 'x'"),
+        ("model.joblib", ["--x", "x", "--target", "x"], "'x' has two roles, 'x' and 'f_t'"),
+        ("model.joblib", ["--overwrite"], "--overwrite is for the file"),
+        ("model.joblib", ["--out", "page.txt"], "no image file"),
+    ],
+)
+def test_what_is_wrong_is_said(files, capsys, model, more, said):
+    assert main(words(files, *more, model=model)) == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+
+
+def test_without_recordings_there_is_nothing_to_compare(files, capsys):
+    assert main(["compare", str(files[0] / "model.joblib")]) == 2
+    assert "recordings" in capsys.readouterr().err
+
+
+def test_json_is_one_document(files, capsys):
+    assert main(words(files, "--json")) == 0
+    assert json.loads(capsys.readouterr().out)["findings"] is not None

@@ -1,0 +1,110 @@
+"""The command ``skhoid simulate``."""
+
+import json
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skhoid import make_tracking_runs, read_runs
+from skhoid.lab.cli import main
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("extension", ["csv", "tsv", "parquet", "mat"])
+def test_simulated_runs_can_be_identified(capsys, tmp_path, extension):
+    path = str(tmp_path / f"some runs.{extension}")
+    words = ["--condition", "c1", "--runs", "2", "--remnant", "0.05", "--remnant-order", "nm"]
+    assert main(["simulate", *words, "--seed", "3", "--out", path]) == 0
+    printed = capsys.readouterr().out
+    assert "2 runs of C1, 16384 rows at 100 Hz" in printed
+    assert "wanted 0.05" in printed
+    next_words = shlex.split(printed.split("next: skhoid ")[1])
+    assert next_words == ["diagnose", path]
+    assert main(["identify", path, "--json", "--no-pictures"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["n_rows"] == 16384
+    assert abs(found["delay"]["one_step"]["nk"] - 29) <= 1
+    X, _ = make_tracking_runs(
+        "C1", n_runs=2, remnant_intensity=0.05, remnant_order="nm", random_state=3
+    )
+    again, _ = read_runs(
+        path, inputs="e", output="u", time="time", run=None if extension == "mat" else "run"
+    )
+    np.testing.assert_array_equal(again["e"], X["e"])
+
+
+def test_simulate_draws(capsys, tmp_path):
+    picture = tmp_path / "runs.png"
+    out = str(tmp_path / "runs.csv")
+    assert main(["simulate", "--runs", "1", "--out", out, "--picture", str(picture)]) == 0
+    assert f"picture: {picture}" in capsys.readouterr().out
+    assert picture.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("picture", "message"),
+    [
+        ("precious.png", "precious.png exists; choose another name, or --overwrite."),
+        ("nowhere/runs.png", "The folder nowhere of nowhere/runs.png does not exist."),
+        ("runs.csv", "runs.csv is no image file; its name ends in one of "),
+        ("precious", "precious is no image file"),  # Matplotlib would write precious.png
+    ],
+)
+def test_a_picture_is_checked_before_anything_is_written(capsys, picture, message):
+    Path("precious.png").write_text("precious")
+    words = ["simulate", "--runs", "1", "--out", "runs.csv", "--picture"]
+    assert main([*words, picture]) == 2
+    assert message in capsys.readouterr().err
+    assert not Path("runs.csv").exists()
+    assert Path("precious.png").read_text() == "precious"
+    if picture == "precious.png":
+        assert main([*words, picture, "--overwrite"]) == 0
+        assert Path(picture).stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--condition", "C9"], "known are C1, C2, C3, C4, C5, C6"),
+        (["--remnant", "15"], "15 percent is 0.15"),
+        (["--condition", "C2", "--remnant", "0.9"], "No gain gives P_n = 0.9"),
+        (["--rate", "10"], "too slow for the neuromuscular mode"),
+        (["--remnant", "0.1", "--remnant-order", "5"], "order must be 1, 2, 3, 4 or 'nm'"),
+        (["--channels", "q"], "channels must list some of"),
+        (["--remnant-order", "9"], "--remnant-order needs --remnant P"),
+        (["--remnant", "0", "--open-loop"], "--open-loop needs --remnant P"),
+    ],
+)
+def test_simulate_says_what_is_wrong(capsys, tmp_path, words, message):
+    out = tmp_path / "runs.csv"
+    assert main(["simulate", *words, "--out", str(out)]) == 2
+    assert message in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_missing_folder_is_found_before_the_work(capsys, monkeypatch):
+    monkeypatch.setattr("skhoid.lab.cli.simulate.make_tracking_runs", None)
+    assert main(["simulate", "--out", "nowhere/runs.csv"]) == 2
+    assert "The folder nowhere of nowhere/runs.csv does not exist" in capsys.readouterr().err
+
+
+def test_simulate_keeps_files(capsys, tmp_path):
+    out = tmp_path / "runs.csv"
+    out.write_text("precious")
+    assert main(["simulate", "--out", str(out)]) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert out.read_text() == "precious"
+
+
+def test_json_says_what_is_in_the_file(run_json):
+    words = ["--runs", "2", "--remnant", "0.1", "--rate", "50", "--seed", "4", "--out", "a b.tsv"]
+    found = run_json("simulate", *words)
+    assert (found["file"], found["n_runs"], found["seed"]) == ("a b.tsv", 2, 4)
+    assert found["channels"] == ["e", "x", "f_t", "u"]
+    assert all(0.05 < share < 0.2 for share in found["remnant"].values())
+    X, _ = read_runs("a b.tsv", inputs="e", output="u", time="time", run="run")
+    assert found["n_rows"] == len(X)
+    few = ["--effects", "bias", "--no-pictures"]
+    run_json(*shlex.split(found["next"])[1:], *few)

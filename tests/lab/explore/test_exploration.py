@@ -1,0 +1,333 @@
+"""An exploration: each step gives what the library gives, and can be undone."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhoid import ARXRegressor, OperatorRegressor, RecursiveARX, VAFScorer, compare, select_runs
+from skhoid.effects import Bias, DeadZone
+from skhoid.lab.explore.exploration import Exploration
+
+
+@pytest.fixture
+def exploration(runs, search):
+    return Exploration.of_search(search, *runs)
+
+
+def vaf(model, X, y):
+    return VAFScorer(run_in=3.0)(model, X, y)
+
+
+def titles(state):
+    return [step["title"] for step in state["stair"]]
+
+
+def test_begins_with_the_baseline_and_the_cards_of_the_search(exploration, search, runs):
+    state = exploration.state()
+    assert titles(state) == ["baseline"]
+    assert state["vaf"]["train"] == vaf(OperatorRegressor().fit(*runs), *runs)
+    assert state["verdict"] == search._headline()
+    assert state["verdict_kind"] == "found"
+    assert {c["id"] for c in state["cards"] if c["status"] == "found"} == {"bias", "dead_zone"}
+    first = search.ranking_[search.ranking_["step"] == 1].set_index("effect")["vaf_gain"]
+    assert {c["id"]: c["gain"] for c in state["cards"]} == first.to_dict()
+    assert state["cards_of"] == "Gains in the search, on held-out rows, added to the baseline."
+
+
+def test_adding_is_fitting(exploration, runs):
+    exploration.act("add", {"effect": "bias", "run": 0})
+    reply = exploration.act("add", {"effect": "dead_zone", "run": 1})
+    chosen = exploration.here.effects
+    model = OperatorRegressor(effects=chosen).fit(*runs)
+    state = reply["state"]
+    assert titles(state) == ["baseline", "bias", "dead zone"]
+    assert state["stair"][-1]["vaf"] == state["vaf"]["train"] == vaf(model, *runs)
+    X, y = select_runs(*runs, runs=1)
+    np.testing.assert_array_equal(reply["simulated"], model.predict(X))
+    assert state["run_vaf"][1] == pytest.approx(vaf(model, X, y), rel=1e-12)
+    errors = [step["rmse"] for step in state["stair"]]
+    assert errors == sorted(errors, reverse=True)
+    values = {p["name"]: p["value"] for e in state["effects"] for p in e["parameters"]}
+    assert values == model.parameters_["value"][list(values)].to_dict()
+
+
+@pytest.mark.slow  # several fits
+def test_what_is_previewed_is_what_adding_gives(exploration):
+    seen = exploration.act("preview", {"effect": "bias", "run": 2})
+    assert titles(exploration.state()) == ["baseline"]
+    added = exploration.act("add", {"effect": "bias", "run": 2})
+    np.testing.assert_array_equal(seen["simulated"], added["simulated"])
+    assert seen["vaf"] == added["state"]["vaf"]["train"]
+
+
+def test_dragging_moves_the_simulation_and_leaves_no_step(exploration, runs):
+    exploration.act("add", {"effect": "bias", "run": 0})
+    before = exploration.state()
+    reply = exploration.act("drag", {"name": "bias__level", "value": 0.02, "run": 0})
+    model = OperatorRegressor(effects=Bias()).fit(*runs).with_parameters({"bias__level": 0.02})
+    assert reply["vaf"]["train"] == reply["stair"][-1]["vaf"] == vaf(model, *runs)
+    np.testing.assert_array_equal(reply["simulated"], model.predict(select_runs(runs[0], runs=0)))
+    assert reply["stair"][0] == before["stair"][0]
+    after = exploration.state()
+    assert after["stair"] == before["stair"]
+    assert after["undo"] == "Add bias"
+
+
+@pytest.mark.slow  # several fits
+def test_releasing_is_a_step_and_refitting_keeps_what_was_moved(exploration, runs):
+    exploration.act("add", {"effect": "bias", "run": 0})
+    exploration.act("add", {"effect": "dead_zone", "run": 0})
+    state = exploration.act("release", {"name": "dead_zone__width", "value": 0.4, "run": 0})[
+        "state"
+    ]
+    assert not state["settled"]
+    assert state["undo"] == "Move dead zone: width"
+    width = state["effects"][1]["parameters"][0]
+    assert (width["value"], width["moved"], width["fixed"]) == (0.4, True, False)
+    state = exploration.act("refit", {"run": 0})["state"]
+    width = state["effects"][1]["parameters"][0]
+    assert (width["value"], width["moved"], width["fixed"]) == (0.4, False, True)
+    model = OperatorRegressor(effects=exploration.here.effects).fit(*runs)
+    assert state["vaf"]["train"] == vaf(model, *runs)
+    assert exploration.here.effects.get_params()["dead_zone__width"] == 0.4
+    state = exploration.act("free", {"name": "dead_zone__width", "run": 0})["state"]
+    assert state["effects"][1]["parameters"][0]["fixed"] is False
+    assert state["effects"][1]["parameters"][0]["value"] != 0.4
+
+
+@pytest.mark.slow  # several fits
+def test_undo_to_the_start_gives_the_start(exploration):
+    start = exploration.state()
+    steps = [
+        ("add", {"effect": "bias"}),
+        ("add", {"effect": "saturation"}),
+        ("use", {"runs": [1], "use": "hold"}),
+        ("release", {"name": "bias__level", "value": 0.01}),
+        ("refit", {}),
+        ("remove", {"effect": "saturation"}),
+    ]
+    passed = [start]
+    for name, args in steps:
+        passed.append(exploration.act(name, {**args, "run": 0})["state"])
+    for state in reversed(passed[:-1]):
+        assert same(exploration.act("undo", {"run": 0})["state"], state)
+    for state in passed[1:]:
+        assert same(exploration.act("redo", {"run": 0})["state"], state)
+    with pytest.raises(ValueError, match="nothing to redo"):
+        exploration.act("redo", {"run": 0})
+
+
+def same(one, other):
+    kept = ("stair", "vaf", "run_vaf", "effects", "uses", "model")
+    return all(text(one[key]) == text(other[key]) for key in kept)
+
+
+def text(value):
+    return json.dumps(value, default=lambda array: array.tolist())
+
+
+@pytest.mark.slow  # several fits
+def test_held_out_runs_are_not_fitted(exploration, runs):
+    state = exploration.act("use", {"runs": [0, 2], "use": "hold", "run": 0})["state"]
+    assert state["uses"] == ["hold", "train", "hold"]
+    model = OperatorRegressor().fit(*select_runs(*runs, runs=[1]))
+    assert state["vaf"] == {
+        "train": vaf(model, *select_runs(*runs, runs=[1])),
+        "hold": vaf(model, *select_runs(*runs, runs=[0, 2])),
+    }
+    assert state["stair"][0]["held"] == state["vaf"]["hold"]
+    state = exploration.act("use", {"runs": [0], "use": "out", "run": 0})["state"]
+    assert state["vaf"]["hold"] == vaf(model, *select_runs(*runs, runs=[2]))
+
+
+@pytest.mark.slow  # several fits
+@pytest.mark.parametrize(
+    ("name", "args", "message"),
+    [
+        ("ad", {}, "no action 'ad'. Did you mean 'add'"),
+        ("add", {"effect": "dead_zne"}, "No effect is called 'dead_zne'. Did you mean 'dead_zone'"),
+        ("add", {"effect": "backlash"}, "No effect is called 'backlash'"),
+        ("remove", {"effect": "bias"}, "has no effect 'bias'"),
+        ("drag", {"name": "K_x", "value": 1.0}, "'K_x' is no parameter of an effect of this"),
+        ("refit", {}, "Nothing was moved"),
+        ("free", {"name": "bias__level"}, "is not kept at a number"),
+        ("undo", {}, "nothing to undo"),
+        ("use", {"runs": [0, 1, 2], "use": "out"}, "At least one run must be left to fit"),
+        ("use", {"runs": [0], "use": "fit"}, "used for one of train, hold, out; got 'fit'"),
+        ("use", {"runs": [3], "use": "hold"}, "no run number 3; there are 3 runs"),
+        ("trace", {"run": -1}, "no run number -1"),
+    ],
+)
+def test_what_cannot_be_done_is_said_and_changes_nothing(exploration, name, args, message):
+    before = exploration.state()
+    with pytest.raises(ValueError, match=message):
+        exploration.act(name, {"run": 0, **args})
+    assert text(exploration.state()) == text(before)
+
+
+@pytest.mark.slow  # several fits
+def test_an_effect_is_added_once(exploration):
+    exploration.act("add", {"effect": "bias", "run": 0})
+    with pytest.raises(ValueError, match="has the effect bias already"):
+        exploration.act("add", {"effect": "bias", "run": 0})
+
+
+@pytest.mark.slow  # several fits
+def test_a_parameter_is_a_number(exploration):
+    exploration.act("add", {"effect": "bias", "run": 0})
+    with pytest.raises(ValueError, match="bias__level must be a number; got 'x'"):
+        exploration.act("drag", {"name": "bias__level", "value": "x", "run": 0})
+
+
+def test_beyond_its_range_a_parameter_is_refused(exploration):
+    exploration.act("add", {"effect": "dead_zone", "run": 0})
+    with pytest.raises(
+        ValueError, match="dead zone: width = -1 deg is beyond what is physically possible"
+    ):
+        exploration.act("drag", {"name": "dead_zone__width", "value": -1, "run": 0})
+
+
+@pytest.mark.slow  # several fits
+def test_cards_follow_the_model(exploration, search):
+    state = exploration.act("add", {"effect": "bias", "run": 0})["state"]
+    assert "bias" not in {card["id"] for card in state["cards"]}
+    assert "Search again" in state["cards_of"] or state["cards_of"].endswith("with bias.")
+    state = exploration.act("add", {"effect": "saturation", "run": 0})["state"]
+    assert state["cards_of"].endswith(". Search again for the present model and runs.")
+
+
+@pytest.mark.slow  # several fits
+def test_the_ceiling_and_the_findings_come_with_judge(exploration):
+    exploration.act("add", {"effect": "bias", "run": 0})
+    state = exploration.act("add", {"effect": "dead_zone", "run": 0})["state"]
+    assert state["ceiling_pending"]
+    assert state["ceiling"]["note"] == "Of the best model of the search."
+    revision = state["revision"]
+    exploration.judge()
+    state = exploration.state()
+    assert not state["ceiling_pending"]
+    assert state["revision"] == revision + 1
+    assert state["ceiling"]["low"] <= state["ceiling"]["vaf"] <= state["ceiling"]["high"]
+    assert state["vaf"]["train"] <= state["ceiling"]["vaf"]
+
+
+@pytest.mark.slow  # several fits
+def test_what_was_named_for_other_runs_is_not_named_here(exploration):
+    state = exploration.act("use", {"runs": [0], "use": "out", "run": 0})["state"]
+    assert state["verdict"].startswith("The search was on other runs (0, 1, 2). There: Missing: ")
+    assert state["verdict_kind"] == ""
+    assert "found" not in {card["status"] for card in state["cards"]}
+    assert "of other runs than are fitted now" in state["cards_of"]
+    assert state["ceiling"] is None  # that of the search is of other runs, too
+    exploration.act("undo", {"run": 0})
+    assert exploration.state()["verdict_kind"] == "found"
+
+
+@pytest.mark.slow  # several fits
+def test_the_ceiling_is_of_the_runs_that_are_fitted(exploration, runs):
+    exploration.act("use", {"runs": [0], "use": "hold", "run": 0})
+    exploration.judge()
+    fitted = select_runs(*runs, runs=[1, 2])
+    expected = compare(OperatorRegressor().fit(*fitted), *fitted, run_in=3.0).noise_ceiling
+    assert exploration.state()["ceiling"]["vaf"] == expected
+
+
+@pytest.mark.slow  # several fits
+def test_a_parameter_at_its_bound_says_so(runs):
+    X, y = runs
+    early = y.groupby(level="run").shift(-20)  # so that the delay would be below the least
+    model = Exploration(OperatorRegressor(), X, early).state()["model"]
+    [tau] = [p for p in model if p["name"] == "tau_e"]
+    assert tau["meaning"] == "effective time delay; at its lower bound"
+
+
+@pytest.mark.slow  # several fits
+def test_memory_brings_everything_back(exploration, runs):
+    exploration.act("add", {"effect": "bias", "run": 0})
+    exploration.act("use", {"runs": [1], "use": "hold", "run": 0})
+    exploration.act("release", {"name": "bias__level", "value": 0.04, "run": 0})
+    exploration.act("undo", {"run": 0})
+    kept = json.loads(json.dumps(exploration.memory()))
+    again = Exploration(OperatorRegressor(), *runs, memory=kept)
+    for state in ("undo", "redo", "verdict", "cards", "ceiling"):
+        assert again.state()[state] == exploration.state()[state]
+    assert same(again.state(), exploration.state())
+
+
+@pytest.mark.slow  # several fits
+def test_a_search_from_here_has_the_model_and_the_runs(exploration, runs):
+    exploration.act("add", {"effect": "bias", "run": 0})
+    exploration.act("use", {"runs": [1], "use": "hold", "run": 0})
+    exploration.act("release", {"name": "bias__level", "value": 0.04, "run": 0})
+    search, X, _ = exploration.search_for()
+    assert search.estimator.effects.get_params()["bias__level"] == 0.04
+    assert search.effects == ["bias", "dead_zone", "saturation"]
+    pd.testing.assert_frame_equal(X, select_runs(runs[0], runs=[0, 2]))
+    exploration.take_search(search.fit(*select_runs(*runs, runs=[0, 2])))
+    state = exploration.state()
+    assert state["cards"][0]["id"] == "dead_zone"
+    assert state["cards_of"].endswith("added to the model with bias.")
+
+
+@pytest.mark.slow  # the ARX model is searched for a baseline
+def test_an_arx_model_compares_with_its_own_simulation_error(runs):
+    exploration = Exploration(ARXRegressor(nk=15), *runs, options={"effects": ["bias"]})
+    before = exploration.state()
+    assert [p["name"] for p in before["model"]] == ["a1", "a2", "b0", "b1"]
+    after = exploration.act("add", {"effect": "bias", "run": 0})["state"]
+    assert after["vaf"]["train"] > before["vaf"]["train"]
+    assert after["stair"][0] == before["stair"][0]
+
+
+def test_arrays_without_an_index(runs):
+    X, y = select_runs(*runs, runs=0)
+    model = OperatorRegressor(dt=0.02, inputs=[0], effects=DeadZone())
+    state = Exploration(model, X.to_numpy(), y.to_numpy()).view()
+    assert [c["name"] for c in state["channels"]] == ["x0", "x1", "x2"]
+    assert len(state["runs"]) == 1
+    assert [e["name"] for e in state["state"]["effects"]] == ["dead_zone"]
+
+
+def test_people_have_their_runs(runs):
+    X, y = runs
+    X, y = (pd.concat({"S1": part, "S2": part}, names=["subject"]) for part in (X, y))
+    view = Exploration(OperatorRegressor(), X, y).view()
+    assert view["people"] == [
+        {"name": "S1", "runs": [0, 1, 2]},
+        {"name": "S2", "runs": [3, 4, 5]},
+    ]
+    assert view["runs"][4] == {"label": "S2/1", "n": 2048, "person": "S2"}
+    assert view["state"]["uses"] == ["train"] * 3 + ["out"] * 3
+    assert view["note"].startswith("Only the runs of S1 are fitted at first")
+
+
+def test_missing_output_is_not_scored(runs):
+    X, y = runs
+    holes = y.copy()
+    holes.iloc[300:900] = np.nan
+    exploration = Exploration(OperatorRegressor(), X, holes)
+    trace = exploration.act("trace", {"run": 0})
+    assert not trace["scored"][300:900].any()
+    assert np.isnan(trace["measured"][300:900]).all()
+    assert np.isfinite(trace["simulated"]).all()
+    assert not trace["scored"][:150].any()  # settling
+
+
+@pytest.mark.slow  # several fits
+def test_a_simulation_that_runs_away_is_said(runs):
+    X, y = runs
+    exploration = Exploration(OperatorRegressor(), X, y, options={"effects": ["output_feedback"]})
+    exploration.act("add", {"effect": "output_feedback", "run": 0})
+    gain = next(
+        p for p in exploration.state()["effects"][0]["parameters"] if p["name"].endswith("gain")
+    )
+    reply = exploration.act("drag", {"name": gain["name"], "value": gain["high"], "run": 0})
+    assert "runs away" in reply["impossible"]
+    assert np.isfinite(reply["vaf"]["train"])
+
+
+def test_other_models_are_refused(runs):
+    with pytest.raises(TypeError, match="RecursiveARX lacks"):
+        Exploration(RecursiveARX(), *runs)

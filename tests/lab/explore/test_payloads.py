@@ -1,0 +1,112 @@
+"""What a page holds that cannot compute: every subset, as the library has it, and small enough."""
+
+import numpy as np
+import pytest
+
+from skhoid import ARXRegressor, OperatorRegressor, VAFScorer, compare
+from skhoid.effects import Bias
+from skhoid.lab.explore import payloads, wire
+from skhoid.lab.explore.exploration import Exploration
+from skhoid.lab.explore.payloads import (
+    payload_of,
+    payload_of_comparison,
+    payload_of_exploration,
+    payload_of_search,
+)
+
+pytestmark = pytest.mark.slow  # a search first
+
+
+@pytest.fixture(scope="module")
+def payload(search, runs):
+    return payload_of_search(search, *runs)
+
+
+def test_every_subset_is_there(payload):
+    assert set(payload["states"]) == {"", "bias", "dead_zone", "bias,dead_zone"}
+    assert payload["start"] == "bias,dead_zone"
+    for trace in payload["traces"]:
+        assert set(trace["simulated"]) == set(payload["states"])
+
+
+def test_the_ends_are_the_models_of_the_search(payload, search, runs):
+    vaf = VAFScorer(run_in=3.0)
+    states = payload["states"]
+    assert states[""]["vaf"]["train"] == vaf(search.baseline_, *runs)
+    assert states["bias,dead_zone"]["vaf"]["train"] == vaf(search.best_estimator_, *runs)
+    simulated = np.concatenate([t["simulated"]["bias,dead_zone"] for t in payload["traces"]])
+    np.testing.assert_array_equal(simulated, search.predict(runs[0]))
+
+
+def test_between_are_models_fitted_to_the_same_runs(payload, runs):
+    model = OperatorRegressor(effects=Bias()).fit(*runs)
+    assert payload["states"]["bias"]["vaf"]["train"] == VAFScorer(run_in=3.0)(model, *runs)
+
+
+def test_it_cannot_compute_and_says_so(payload):
+    can = payload["view"]["can"]
+    assert can.pop("change")
+    assert not any(can.values())
+    assert [c["id"] for c in payload["states"]["bias"]["cards"]] == ["dead_zone"]
+    assert payload["states"]["bias,dead_zone"]["cards"] == []
+
+
+def test_survives_the_page(payload):
+    back = wire.unpack_text(wire.pack_text(payload))
+    one, other = back["traces"][1]["simulated"]["bias"], payload["traces"][1]["simulated"]["bias"]
+    np.testing.assert_allclose(one, other, atol=np.ptp(other) / 65_533)
+    assert back["states"]["bias"]["stair"] == payload["states"]["bias"]["stair"]
+
+
+@pytest.mark.parametrize(
+    ("most", "note"),
+    [
+        (60_000, None),
+        (30_000, "One row in 2 of all runs is in this page; "),
+        (10_000, "One row in 2 of 1 of 3 runs is in this page; "),
+    ],
+)
+def test_large_data_are_thinned_and_left_out(search, runs, monkeypatch, most, note):
+    monkeypatch.setattr(payloads, "MOST_VALUES", most)
+    found = payload_of_search(search, *runs)
+    said = found["view"]["note"]
+    assert (said is None) if note is None else said.startswith(note)
+    kept = [t for t in found["traces"] if t["measured"] is not None]
+    values = sum(t["measured"].size * (1 + len(t["channels"]) + len(t["simulated"])) for t in kept)
+    assert values <= most
+    assert found["traces"][found["view"]["shown"]]["measured"] is not None
+    assert (
+        found["states"]["bias"]["run_vaf"]
+        == payload_of_search(search, *runs)["states"]["bias"]["run_vaf"]
+    )
+
+
+def test_of_many_effects_only_the_way_of_the_search(search, runs, monkeypatch):
+    monkeypatch.setattr(payloads, "MOST_SUBSETS_OF", 1)
+    added = list(search.error_path_["effect"].iloc[1:])
+    found = payload_of_search(search, *runs)
+    assert set(found["states"]) == {"", added[0], ",".join(sorted(added))}
+
+
+def test_an_exploration_offers_what_was_found_and_keeps_what_was_moved(search, runs):
+    exploration = Exploration.of_search(search, *runs)
+    exploration.act("add", {"effect": "bias", "run": 0})
+    moved = exploration.act("release", {"name": "bias__level", "value": 0.02, "run": 0})
+    payload = payload_of_exploration(exploration)
+    assert payload["start"] == "bias"
+    assert set(payload["states"]) == {"", "bias", "dead_zone", "bias,dead_zone"}
+    np.testing.assert_array_equal(payload["traces"][0]["simulated"]["bias"], moved["simulated"])
+    assert payload["states"]["bias"]["vaf"] == moved["state"]["vaf"]
+    assert exploration.state()["undo"] == "Move bias: level"
+
+
+def test_a_comparison_shows_its_traces(runs):
+    found = compare(ARXRegressor(nk=15).fit(*runs), *runs)
+    payload = payload_of_comparison(found)
+    assert payload["view"]["state"]["vaf"]["train"] == found.vaf
+    assert payload["view"]["state"]["ceiling"]["vaf"] == found.noise_ceiling
+    measured = np.concatenate([t["measured"] for t in payload["traces"]])
+    np.testing.assert_array_equal(measured, runs[1].to_numpy())
+    assert not any(payload["view"]["can"].values())
+    assert payload_of(None, found, *runs)["start"] == ""
+    assert payload_of(None, None, *runs) is None

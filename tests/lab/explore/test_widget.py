@@ -1,0 +1,98 @@
+"""``explore()`` in a notebook: what the page asks, the kernel answers."""
+
+import copy
+import gc
+import pickle
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from skhoid import EffectSearchCV, OperatorRegressor, compare
+from skhoid.lab.explore import wire
+
+pytestmark = pytest.mark.slow  # a search first
+
+
+@pytest.fixture
+def widget(search, runs):
+    pytest.importorskip("anywidget")
+    made = search.explore(*runs)
+    made.sent = []
+    made.send = lambda content, buffers=None: made.sent.append(
+        (content, wire.unpack(bytes(buffers[0])))
+    )
+    return made
+
+
+def ask(widget, number, name, **args):
+    widget._handle_custom_msg({"id": number, "name": name, "args": args}, [])
+    return next(value for content, value in widget.sent if content["id"] == number)
+
+
+def test_the_view_comes_first(widget):
+    view = ask(widget, 1, "view")["reply"]["view"]
+    assert [run["label"] for run in view["runs"]] == ["0", "1", "2"]
+    assert view["can"]["drag"]
+    assert not view["can"]["search"]
+
+
+def test_an_effect_is_added_by_the_kernel(widget):
+    reply = ask(widget, 1, "add", effect="bias", run=1)["reply"]
+    model = widget.exploration.model
+    assert [name for name, _ in model.effects_] == ["bias"]
+    assert reply["simulated"].shape == (2048,)
+    assert reply["state"]["vaf"]["train"] == widget.exploration.state()["vaf"]["train"]
+
+
+def test_what_is_not_possible_is_said(widget):
+    assert "No effect is called" in ask(widget, 1, "add", effect="nothing", run=0)["error"]
+
+
+def test_the_noise_ceiling_comes_later_on_its_own(widget):
+    ask(widget, 1, "add", effect="bias", run=0)
+    for _ in range(200):
+        unasked = [value for content, value in widget.sent if content["id"] is None]
+        if unasked:
+            break
+        time.sleep(0.05)
+    assert not unasked[0]["state"]["ceiling_pending"]
+
+
+def test_data_of_the_fit_are_found_again(runs):
+    pytest.importorskip("anywidget")
+    X, y = (part.copy() for part in runs)
+    search = EffectSearchCV(OperatorRegressor(), effects=[], max_effects=0).fit(X, y)
+    found = search._data_of_fit(None, None)
+    assert found[0] is X
+    assert found[1] is y
+    del found
+    for other in (copy.deepcopy(search), pickle.loads(pickle.dumps(search))):
+        with pytest.raises(ValueError, match="no longer in memory: pass them"):
+            other.explore()
+    with pytest.raises(ValueError, match="both X and y"):
+        search.explore(X)
+    with pytest.raises(ValueError, match=r"y .* is not that output"):
+        search.explore(X, -y)
+    with pytest.raises(ValueError, match="fitted to another X"):
+        search.explore(-X, y)
+    del X, y
+    gc.collect()
+    with pytest.raises(ValueError, match="no longer in memory"):
+        search.explore()
+
+
+def test_a_comparison_needs_no_kernel(runs):
+    pytest.importorskip("anywidget")
+    found = compare(OperatorRegressor().fit(*runs), *runs).explore()
+    payload = wire.unpack_text(found.payload)
+    np.testing.assert_allclose(
+        payload["traces"][0]["measured"], runs[1][0], atol=np.ptp(runs[1]) / 65_533
+    )
+
+
+def test_without_anywidget_it_says_what_to_install(search, runs, monkeypatch):
+    monkeypatch.setitem(sys.modules, "anywidget", None)
+    with pytest.raises(ImportError, match=r'pip install "skhoid\[notebook\]"'):
+        search.explore(*runs)

@@ -1,0 +1,198 @@
+"""Columns as guessed, and as corrected."""
+
+import pandas as pd
+import pytest
+
+from skhoid import OperatorRegressor
+from skhoid.lab.workbench.choices import Choices
+from skhoid.lab.workbench.columns import look
+from skhoid.lab.workbench.opening import read
+
+ROWS = 400
+
+
+@pytest.fixture
+def table(runs):
+    """The first run as a table with a header of its own for each column."""
+    X, y = runs
+    found = X.assign(stick=y).droplevel("run").reset_index().iloc[:ROWS]
+    return found.rename(columns={"time": "t [s]", "pitch": "pitch [deg]"})
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(table, name="a.csv"):
+        path = tmp_path / name
+        table.to_csv(path, index=False)
+        return path
+
+    return write
+
+
+def kinds_of(columns):
+    return {column["name"]: column["kind"] for column in columns.table}
+
+
+def test_the_guess_is_a_table(table, written):
+    columns = look([written(table)], Choices())
+    assert kinds_of(columns) == {
+        "t [s]": "time",
+        "error": "e",
+        "pitch [deg]": "x",
+        "target": "f_t",
+        "stick": "u",
+    }
+    by_name = {column["name"]: column for column in columns.table}
+    assert by_name["pitch [deg]"]["unit"] == "deg"
+    assert by_name["t [s]"]["first"] == "0, 0.02, 0.04"
+    points = by_name["error"]["points"]
+    assert min(points) == 0.0
+    assert max(points) == 1.0
+    assert columns.problems == []
+    assert columns.as_guessed
+
+
+def test_what_the_page_sends_back_unchanged_is_the_guess(table, written):
+    path = written(table)
+    first = look([path], Choices())
+    units = {column["name"]: column["unit"] for column in first.table}
+    again = look([path], Choices(kinds=kinds_of(first), units=units))
+    assert again.guess == first.guess
+    assert again.as_guessed
+
+
+def test_columns_are_corrected(table, written):
+    paths = [written(table.assign(other=table["stick"] ** 2))]
+    before = kinds_of(look(paths, Choices()))
+    kinds = before | {"stick": "", "other": "u", "target": ""}
+    choices = Choices(kinds=kinds, units={"other": "N"})
+    columns = look(paths, choices)
+    assert kinds_of(columns) == kinds
+    assert not columns.as_guessed
+    recorded = read(paths, columns, choices)
+    assert list(recorded.X.columns) == ["e", "x"]
+    assert recorded.y.to_list() == (table["stick"] ** 2).to_list()
+    assert recorded.y.attrs["units"] == {"u": "N"}
+    assert recorded.X.attrs["units"] == {"x": "deg"}
+    assert recorded.inputs == ["e"]
+
+
+def test_the_script_reads_the_same(table, written):
+    paths = [written(table)]
+    for choices in (Choices(), Choices(kinds={"pitch [deg]": "other"}, remove_means=True)):
+        recorded = read(paths, look(paths, choices), choices)
+        names = {}
+        lines = ["from skhoid import read_runs", *recorded.source]
+        exec("\n".join(lines), names)
+        pd.testing.assert_frame_equal(names["X"], recorded.X)
+        pd.testing.assert_series_equal(names["y"], recorded.y)
+        assert names["X"].attrs == recorded.X.attrs
+
+
+def test_without_an_error_it_is_formed(table, written):
+    paths = [written(table.drop(columns="error"))]
+    choices = Choices(kinds={"pitch [deg]": "x", "target": "f_t"}, units={"target": "deg"})
+    recorded = read(paths, look(paths, choices), choices)
+    assert recorded.inputs == ["e"]
+    difference = (table["target"] - table["pitch [deg]"]).to_numpy()
+    assert recorded.X["e"].to_numpy() == pytest.approx(difference, abs=0)
+
+
+def test_several_motions_are_several_channels(table, written):
+    paths = [written(table.assign(roll=table["error"] * 2, yaw=table["error"] ** 2))]
+    choices = Choices(kinds={"roll": "motion", "yaw": "motion", "target": "other"})
+    columns = look(paths, choices)
+    names = columns.guess.channels
+    assert names["roll"] == "motion"
+    assert names["yaw"] == "motion_yaw"
+    assert names["target"] == "target"
+    assert kinds_of(columns) | choices.kinds == kinds_of(columns)
+    recorded = read(paths, columns, choices)
+    assert set(recorded.X.columns) == set(names.values())
+    OperatorRegressor(inputs=["e"], roles=recorded.roles).fit(recorded.X, recorded.y)
+
+
+def test_an_unclear_guess_is_said_beside_its_columns(table, written):
+    unclear = table.rename(columns={"stick": "abc"}).assign(xyz=table["stick"] * 1.5 + 1)
+    columns = look([written(unclear)], Choices())
+    (problem,) = columns.problems
+    assert "output u" in problem["text"]
+    assert {offer["column"] for offer in problem["offers"]} == {"abc", "xyz"}
+    assert {offer["kind"] for offer in problem["offers"]} == {"u"}
+    noted = {column["name"] for column in columns.table if column["note"]}
+    assert noted == {"abc", "xyz"}
+    settled = look([written(unclear)], Choices(kinds={"xyz": "u"}))
+    assert settled.problems == []
+    assert settled.guess.output == ("xyz", "u")
+
+
+def test_two_outputs_are_one_too_many(table, written):
+    columns = look([written(table)], Choices(kinds={"target": "u"}))
+    (problem,) = columns.problems
+    assert '"target" and "stick" are both called output u' in problem["text"]
+
+
+@pytest.mark.parametrize(
+    ("kinds", "said"),
+    [
+        ({"stick": ""}, "No column is called the output u"),
+        ({"t [s]": ""}, "No column is called the time"),
+        ({"error": "", "pitch [deg]": "", "target": ""}, "No column is called the error e"),
+    ],
+)
+def test_what_is_missing_is_said(table, written, kinds, said):
+    columns = look([written(table)], Choices(kinds=kinds))
+    assert said in columns.problems[0]["text"]
+
+
+def test_a_sampling_time_replaces_the_clock(table, written):
+    paths = [written(table)]
+    for kinds in (None, {"target": ""}):
+        choices = Choices(dt=0.01, kinds=kinds)
+        columns = look(paths, choices)
+        assert kinds_of(columns)["t [s]"] == ""
+        X = read(paths, columns, choices).X
+        assert X.index.get_level_values("time")[1] == 0.01
+
+
+def test_names_are_only_names(table, written):
+    bad = "<img src=x onerror=alert(1)>"
+    paths = [written(table.rename(columns={"target": bad}))]
+    choices = Choices(kinds={bad: "f_t"})
+    columns = look(paths, choices)
+    assert columns.guess.channels[bad] == "f_t"
+    assert bad in columns.names
+
+
+def test_text_and_gaps_have_pictures(table, written):
+    table = table.assign(note="x", empty=float("nan"), same=3.0)
+    columns = look([written(table)], Choices())
+    points = {column["name"]: column["points"] for column in columns.table}
+    assert points["note"] == []
+    assert points["empty"] == []
+    assert set(points["same"]) == {0.5}
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"kinds": {"no": "e"}}, "no column 'no'"),
+        ({"kinds": {"a": "king"}}, "cannot be 'king'"),
+        ({"kinds": ["a"]}, "must be an object"),
+        ({"units": {"a": 3}}, "cannot be 3"),
+        ({"units": {"a": "m" * 1000}}, "too long"),
+        ({"dt": "fast"}, "above 0, in seconds; got 'fast'"),
+        ({"dt": -1}, "above 0"),
+        ({"dt": float("nan")}, "above 0"),
+        ({"core": "black box"}, "no core 'black box'"),
+        ({"display": "tv"}, "no display 'tv'"),
+    ],
+)
+def test_what_the_page_sends_is_checked(asked, said):
+    with pytest.raises(ValueError, match=said):
+        Choices().corrected(asked, ["a", "b"])
+
+
+def test_choices_come_back_from_json():
+    choices = Choices(kinds={"a": "e"}, dt=0.01, effects=["bias"], named={"output": "u"})
+    assert Choices.from_dict(choices.as_dict() | {"newer": 1}) == choices

@@ -1,0 +1,147 @@
+"""Starts of fits in simulation: spread ones, those of a user; no fit is worse than its starts."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import decimate, lfilter
+from support.places import RECORDINGS
+
+from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
+from skhoid.effects import Effect
+from skhoid.model.arx_starts import arx_starts, spread_poles
+from skhoid.model.cores import ARXCore
+from skhoid.model.fitting import Criterion
+from skhoid.model.model import halved
+from skhoid.model.simulator import Effects, Simulator
+
+DRIVES = RECORDINGS / "coupled_electric_drives" / "DATAPRBS.csv"
+ANKLE = RECORDINGS / "ankle_stiffness_reklab" / "ankle_isometric_5records.npz"
+
+
+class Magnitude(Effect):
+    """A sensor that shows the size alone; it knows nothing of signs."""
+
+    name = "magnitude"
+    place = "output"
+
+    def apply(self, signal, record):
+        return np.abs(signal)
+
+
+def stiff(seed):
+    """Position to torque: acceleration, and slow noise that least squares of one step follow."""
+    rng = np.random.default_rng(seed)
+    x = lfilter([1.0], [1.0, -1.6, 0.7], rng.standard_normal(1500))
+    y = lfilter([-40.0, 60.0, -22.0], [1.0, -1.2, 0.5], x)
+    return x[:, None], y + lfilter([1.0], [1.0, -0.98], 6.0 * rng.standard_normal(1500))
+
+
+def errors_of(prepared, thetas):
+    simulator = Simulator(prepared.core, Effects([]), prepared.record)
+    criterion = Criterion(prepared.record)
+    return [criterion.sse(simulator.run(np.asarray(theta))) for theta in thetas]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_fit_is_never_worse_than_its_starts(seed):
+    X, y = stiff(seed)
+    model = ARXRegressor(2, 3, 0, dt=0.01, initial="rest")
+    prepared = model.prepare(X, y)
+    starts = arx_starts(prepared.core, prepared.record, prepared.record.input, 5)
+    by_one_step = ARXRegressor(2, 3, 0, dt=0.01).fit(X, y).coef_
+    fitted = model.first_fit(prepared)
+    assert fitted.sse <= min(errors_of(prepared, [*starts, by_one_step]))
+    # The likelihood weighs errors by the noise, and may not spoil the free run for it.
+    done = model.set_params(effects="bias").fit(X, y)
+    assert done.vaf_ >= 100 * (1 - 1.06 * fitted.sse / float(y @ y))
+
+
+def test_halving_keeps_the_best():
+    X, y = stiff(7)
+    prepared = ARXRegressor(2, 3, 0, dt=0.01).prepare(X, y)
+    criterion = Criterion(prepared.record)
+    rng = np.random.default_rng(0)
+    good = [-1.2, 0.5, -40.0, 60.0, -22.0]
+    starts = [good, *(good + 0.3 * rng.standard_normal((8, 5)))]
+    simulator = Simulator(prepared.core, Effects([]), prepared.record)
+    assert halved(simulator, criterion, starts).sse <= min(errors_of(prepared, starts))
+
+
+@pytest.mark.parametrize("na", [1, 2, 3, 4])
+def test_spread_poles_are_stable_and_the_same_each_time(na):
+    prepared = ARXRegressor(na, 2, 0, dt=0.01).prepare(*stiff(0))
+    core = ARXCore(na, 2, 0)
+    found = spread_poles(core, prepared.record, 24)
+    poles = np.abs([np.roots(np.r_[1.0, a]) for a in found])
+    assert poles.shape == (24, na)
+    assert poles.max() <= 0.999 + 1e-9
+    assert poles.min() < 0.5 < 0.95 < poles.max()
+    np.testing.assert_array_equal(found, spread_poles(core, prepared.record, 24))
+    assert spread_poles(core, prepared.record, 0) == []
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_map_that_hides_the_sign_is_fitted(seed):
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.choice([-1.0, 1.0], 40), 8)
+    y = np.abs(lfilter([0.0, 0.03, 0.03], [1.0, -1.85, 0.88], u))
+    y += 0.02 * rng.standard_normal(y.size)
+    model = ARXRegressor(2, 2, 1, dt=0.02, effects=Magnitude(), initial="rest")
+    assert model.fit(u[:, None], y).vaf_ > 98.0
+    np.testing.assert_allclose(model.a_, [-1.85, 0.88], atol=0.02)
+
+
+def test_start_of_a_user():
+    rng = np.random.default_rng(3)
+    u = rng.standard_normal((400, 1))
+    y = np.abs(lfilter([0.5], [1.0, -1.5, 0.7], u.ravel()))
+    start = {"a1": -1.4, "a2": 0.6, "b0": 0.4}
+    model = ARXRegressor(2, 1, 0, dt=0.02, effects=Magnitude(), n_starts=0, initial="rest")
+    assert model.fit(u, y).vaf_ < 95.0
+    assert model.set_params(start=start).fit(u, y).vaf_ > 99.9
+
+
+def test_start_of_a_user_that_is_worse_does_no_harm():
+    X, y = make_tracking_runs(duration=20.48, remnant_intensity=0.05, random_state=2)
+    plain = OperatorRegressor(effects="dead_zone").fit(X, y)
+    start = {"K_e": 5.0, "omega_nm": 50.0, "dead_zone__width": 2.0}
+    given = OperatorRegressor(effects="dead_zone", start=start).fit(X, y)
+    assert given.vaf_ >= plain.vaf_ - 1e-3
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        ({"omega": 10.0}, r"start names 'omega', .* omega_nm.* Did you mean 'omega_nm'"),
+        ({"dead_zone__with": 0.1}, r"Did you mean 'dead_zone__width'"),
+        ({"saturation__limit": 0.1}, r"which is not estimated"),
+        ({"K_e": "large"}, r"must be a finite number; got 'large'"),
+    ],
+)
+def test_start_of_what_is_not_there(start, message):
+    X, y = make_tracking_runs(duration=20.48, random_state=2)
+    with pytest.raises(ValueError, match=message):
+        OperatorRegressor(effects="dead_zone", start=start).fit(X, y)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not DRIVES.exists(), reason="needs the recordings of ../shared")
+@pytest.mark.parametrize(("record", "most"), [(1, 0.20), (2, 0.40), (3, 0.125)])
+def test_coupled_drives(record, most):
+    table = pd.read_csv(DRIVES)
+    u, y = table[[f"u{record}"]].to_numpy(), table[f"z{record}"].to_numpy()
+    model = ARXRegressor(3, 2, 1, dt=0.02, effects=Magnitude()).fit(u[:300], y[:300])
+    assert np.sqrt(np.mean((y - model.predict(u))[300:] ** 2)) <= most
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not ANKLE.exists(), reason="needs the recordings of ../shared")
+@pytest.mark.parametrize("name", ["z_df", "z_pf", "z_df2", "z_df3", "z_pf2"])
+def test_ankle(name):
+    table = decimate(np.load(ANKLE)[name], 10, ftype="fir", axis=0)
+    table = table - table.mean(axis=0)
+    x, y = table[:3000, :1], table[:3000, 1]
+    one_step = ARXRegressor(2, 2, dt=0.01).fit(x, y)
+    model = ARXRegressor(2, 2, dt=0.01, effects="bias").fit(x, y)
+    assert model.score(x, y) > one_step.score(x, y) - 2.0
+    assert model.score(table[3000:, :1], table[3000:, 1]) > 50.0

@@ -1,0 +1,106 @@
+"""The controlled element estimated in closed loops: form, constants, timing of the input."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from support.hidden_disturbance import tracked
+
+from skhoid import ControlledElement, LinearElement
+from skhoid.effects.record import Record
+from skhoid.model.element import element_estimate
+from skhoid.model.element_timing import given_element
+
+
+def without(record, *names):
+    channels = {k: v for k, v in record.channels.items() if k not in names}
+    return replace(record, channels=channels, roles={k: k for k in channels}, _derived={})
+
+
+@pytest.mark.parametrize(
+    ("rate", "direct"),
+    [
+        (60, True),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in [(60, False), (100, True)]),
+    ],
+)
+@pytest.mark.parametrize(
+    ("text", "constants", "within"),
+    [
+        ("1/s", [1.0], [0.05]),
+        ("1/(s(s+1))", [1.0, 1.0], [0.07, 0.1]),
+        ("2/s^2", [2.0], [0.2]),
+        ("4/(s(s+2))", [4.0, 2.0], [0.8, 0.4]),
+    ],
+)
+def test_a_hidden_disturbance_does_not_bias_it(text, constants, within, direct, rate):
+    record = tracked(text, rate=rate, direct=direct, seed=int(direct))
+    hidden = element_estimate(without(record, "dist"))
+    assert hidden.instruments
+    assert len(hidden.constants) == len(constants)
+    assert (np.abs(hidden.constants - constants) < within).all()
+    assert (np.abs(hidden.constants - constants) < 4 * hidden.sd).all()
+    assert hidden.element.direct == direct
+    known = element_estimate(record)
+    np.testing.assert_allclose(known.constants, constants, rtol=2e-3)
+    assert known.disturbance == "dist"
+
+
+def test_fast_motion_tells_the_gain_without_the_target():
+    """Least squares on integrals alone gives 0.86: u answers the disturbance."""
+    blind = element_estimate(without(tracked("1/s"), "dist", "f_t"))
+    assert not blind.instruments
+    assert blind.constants[0] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    "text", ["0.5", "3/(s+1)", "1/s", "2/s^2", pytest.param("90/(s(s+6))", marks=pytest.mark.slow)]
+)
+@pytest.mark.parametrize("dt", [1 / 60, 9.0])
+def test_forms_in_an_open_loop(text, dt):
+    """Of clocks as different as a stick's and a furnace's: its time runs with the clock."""
+    rng = np.random.default_rng(3)
+    true = LinearElement.of(text)
+    b, a = true.discrete(1 / 60)
+    target = lfilter([0.1], [1, -0.9], rng.standard_normal((2400, 3)), axis=0)
+    u = lfilter([0.2], [1, -0.95], target, axis=0) + 0.05 * rng.standard_normal((2400, 3))
+    x = lfilter(b, a, u, axis=0)
+    x += 0.01 * x.std() * rng.standard_normal(x.shape)
+    t = np.arange(2400)[:, None] * dt
+    record = Record(
+        dt, t, {"e": target - x, "x": x}, {"e": "e", "x": "x"}, ("e",), np.ones(x.shape, bool), u
+    )
+    found = element_estimate(record).element
+    slower = dt * 60
+    assert found.order == true.order
+    omega = np.array([0.5, 2.0, 6.0])
+    np.testing.assert_allclose(
+        found.frequency_response(omega / slower), true.frequency_response(omega), rtol=0.05
+    )
+
+
+def test_what_does_not_answer_the_output_has_no_element():
+    record = tracked("1/s", runs=2)
+    rng = np.random.default_rng(1)
+    walk = lfilter([1.0], [1.0, -0.99], rng.standard_normal(record.y.shape), axis=0)
+    channels = {"e": record.channels["e"], "x": walk}
+    assert element_estimate(replace(record, channels=channels, roles={"e": "e", "x": "x"})) is None
+    assert element_estimate(without(record, "x")) is None
+
+
+@pytest.mark.parametrize("x", [2.0, 1e-30, "parabola"])
+def test_what_rests_has_no_element(x):
+    record = tracked("1/s", runs=2)
+    at_rest = record.t**2 - 1e3 if x == "parabola" else x
+    channels = {"e": record.channels["e"], "x": np.zeros_like(record.y) + at_rest}
+    assert element_estimate(replace(record, channels=channels, roles={"e": "e", "x": "x"})) is None
+
+
+@pytest.mark.parametrize("direct", [False, True])
+def test_a_given_element_gets_the_timing_of_the_data(direct):
+    record = without(tracked("1/(s(s+1))", direct=direct, runs=2), "dist")
+    assert given_element("1/(s(s+1))", record).direct == direct
+    assert given_element(ControlledElement(1.0, 1.0), record).direct == direct
+    # A wrong element says nothing about samples.
+    assert not given_element("30/(s(s+1))", record).direct

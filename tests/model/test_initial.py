@@ -1,0 +1,190 @@
+"""Records that do not begin at rest: furnaces, tanks, channels with a mean, jumps at once."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import lfilter
+from sklearn.base import clone
+
+from skhoid import (
+    ARXRegressor,
+    OperatorRegressor,
+    VAFScorer,
+    compare,
+    make_tracking_runs,
+    vaf_score,
+)
+from skhoid.effects import Effect
+from skhoid.model.initial import fitted_states, free_responses, pays, with_fitted_pulses
+
+
+class Magnitude(Effect):
+    """A sensor that shows the size alone."""
+
+    name = "magnitude"
+    place = "output"
+
+    def apply(self, signal, record):
+        return np.abs(signal)
+
+
+def furnace(level=900.0, seed=0):
+    """First order, 200 s, clock 9 s; its steps are small beside its level."""
+    rng = np.random.default_rng(seed)
+    u = 50.0 + 2.5 * np.repeat(rng.choice([-1.0, 1.0], 20), 20)
+    pole = np.exp(-9.0 / 200.0)
+    y = np.empty(u.size)
+    y[0] = level
+    for k in range(1, u.size):
+        y[k] = pole * y[k - 1] + (1 - pole) * 18.0 * u[k - 1]
+    return u[:, None], y + 0.3 * rng.standard_normal(u.size)
+
+
+@pytest.mark.parametrize("effects", [None, "dead_zone"])
+@pytest.mark.parametrize("level", [900.0, 600.0])
+def test_furnace_is_hot_at_first(effects, level):
+    X, y = furnace(level)
+    model = ARXRegressor(1, 1, 1, dt=9.0, effects=effects, method="ols").fit(X, y)
+    assert model.initial_ == "estimate"
+    assert VAFScorer(centered=True)(model, X, y) > 98.0
+    assert model.score(X, y) > 99.99
+    assert model.a_[0] == pytest.approx(-np.exp(-9.0 / 200.0), abs=0.01)
+    cold = clone(model).set_params(initial="rest").fit(X, y)
+    assert cold.score(X, y) < 99.8
+    if level == 900.0:  # it was in balance with its first input
+        assert np.abs(model.predict(X) - y).max() < 50.0
+        assert np.abs(cold.predict(X) - y).max() > 800.0
+
+
+def test_tank_runs_out_from_its_level():
+    rng = np.random.default_rng(1)
+    u = np.repeat(rng.uniform(0.5, 1.5, 30), 20)
+    pole = 0.97
+    y = lfilter([0.0, 1 - pole], [1.0, -pole], u) + 5.2 * pole ** np.arange(u.size)
+    y += 0.02 * rng.standard_normal(u.size)
+    biased = ARXRegressor(1, 1, 1, effects="bias", dt=1.0)
+    found = biased.fit(u[:, None], y)
+    assert found.parameters_.loc["bias__level", "value"] == pytest.approx(0.0, abs=0.05)
+    assert found.score(u[:, None], y) > 99.8
+    rest = clone(biased).set_params(initial="rest").fit(u[:, None], y)
+    assert rest.score(u[:, None], y) < 98.0
+
+
+def test_score_finds_the_state_of_other_runs():
+    rng = np.random.default_rng(2)
+    u = rng.standard_normal(600)
+    y = lfilter([0.0, 0.1], [1.0, -1.9, 0.95], u)  # from rest
+    u, y = u[:, None], y + 0.01 * rng.standard_normal(600)
+    for effects in (None, "cubic_gain"):
+        model = ARXRegressor(2, 1, 1, dt=0.01, effects=effects, method="ols").fit(u[:300], y[:300])
+        assert model.initial_ == "rest"
+        later = vaf_score(y[300:], model.predict(u[300:]))
+        assert model.score(u[:300], y[:300]) == vaf_score(y[:300], model.predict(u[:300]))
+        assert model.score(u[300:], y[300:]) > max(later + 1.5, 99.5)
+
+
+@pytest.mark.parametrize("effects", [None, "bias"])
+def test_start_of_a_run_does_not_depend_on_the_runs_beside_it(effects):
+    rng = np.random.default_rng(4)
+    u = rng.standard_normal(900)
+    y = lfilter([0.0, 0.1], [1.0, -1.9, 0.95], u) + 0.01 * rng.standard_normal(900)
+    # 1 and 2 begin at rest, 3 in the middle of 1, and so quiet that it is lost beside 2
+    X = pd.DataFrame({"run": np.repeat([1, 2, 3], [300, 600, 60]), "e": 0.0})
+    X["e"] = np.r_[u[:300], 30.0 * u[:600], u[240:300]]
+    out = np.r_[y[:300], 30.0 * y[:600], y[240:300]]
+    model = ARXRegressor(2, 1, 1, dt=0.01, run="run", effects=effects)
+    first, others = X["run"] == 1, X["run"] != 1
+    model.fit(X[first], out[first])
+    assert model.initial_ == "rest"
+    assert model.score(X[X["run"] == 3], out[-60:]) > vaf_score(out[-60:], model.predict(X)[-60:])
+    left = sum(
+        (1 - model.score(X[rows], out[rows]) / 100) * (out[rows] @ out[rows])
+        for rows in (X["run"] == 2, X["run"] == 3)
+    )
+    together = 100 * (1 - left / (out[others] @ out[others]))
+    assert model.score(X[others], out[others]) == pytest.approx(together, abs=1e-9)
+
+
+@pytest.fixture(scope="module")
+def offset():
+    """Runs that begin in the middle of tracking, with a mean on every channel."""
+    X, y = make_tracking_runs(
+        n_runs=2, duration=20.48, channels=["e", "x"], remnant_intensity=0.05, random_state=0
+    )
+    return X + np.array([20.0, 100.0]), y
+
+
+@pytest.mark.slow
+def test_channel_with_a_mean_does_not_begin_with_a_jump(offset):
+    X, y = offset
+    model = OperatorRegressor(effects="output_feedback")
+    rest = clone(model).set_params(initial="rest").fit(X, y)
+    model.fit(X, y)
+    first = X.index.get_level_values("time") < 3.0
+    assert np.abs(rest.predict(X)[first]).max() > 10 * y.abs().max()
+    assert np.abs(model.predict(X)[first]).max() < 2 * y.abs().max()
+    assert model.score(X, y) > 80.0 > rest.score(X, y)
+    assert VAFScorer()(model, X, y) == model.score(X, y)
+    assert compare(model, X, y).vaf > 80.0
+    pd.testing.assert_frame_equal(model.parameters_, rest.parameters_)
+
+
+def test_operator_at_rest_stays_so():
+    X, y = make_tracking_runs(n_runs=1, duration=20.48, channels=["e", "x"], random_state=0)
+    X = X - X.iloc[0]
+    model = OperatorRegressor(initial="rest").fit(X, y)
+    held = clone(model).set_params(initial="estimate").fit(X, y)
+    np.testing.assert_allclose(held.predict(X), model.predict(X), atol=1e-5)
+
+
+def test_states_are_those_of_the_difference_equation():
+    a = np.array([1.0, -1.6, 0.7])
+    free = lfilter([1.0, 0.4], a, np.eye(1, 200).ravel())
+    responses = free_responses(a, 200)
+    known = np.ones((200, 1), dtype=bool)
+    amounts = fitted_states(responses, free[:, None], known)
+    np.testing.assert_allclose((responses @ amounts).ravel(), free, atol=1e-5)
+    np.testing.assert_allclose(responses.T @ responses, np.eye(2), atol=1e-12)
+
+
+def test_states_that_no_known_row_shows_stay_small():
+    a = np.array([1.0, -0.5])
+    known = np.arange(400)[:, None] >= 60
+    amounts = fitted_states(free_responses(a, 400), np.ones((400, 1)), known)
+    assert np.abs(amounts).max() < 1e-3
+
+
+def test_unstable_models_stay_finite():
+    assert np.isfinite(free_responses(np.array([1.0, -3.0]), 2000)).all()
+
+
+def test_pulses_into_what_runs_away_are_kept_as_they_are():
+    y = np.cos(np.arange(40.0))[:, None]
+    record = SimpleNamespace(y=y, known=np.ones_like(y, dtype=bool), n_runs=1, sd=lambda _: 1.0)
+
+    def begun(pulses):
+        return np.full((40, 1), 1e9) * (pulses[0] + pulses[1])
+
+    output = with_fitted_pulses(record, begun, np.zeros((2, 1)), 2)
+    assert np.isfinite(output).all()
+
+
+def test_start_pays_by_error_and_by_power():
+    y = 900.0 + np.array([-5.0, 5.0, 5.0, -5.0])  # 100 about its mean
+    assert pays(10.0, 5.0, y)
+    assert not pays(100.0, 95.0, y)  # less than a tenth of the error
+    assert not pays(0.5, 0.0, y)  # less than a hundredth of the power
+
+
+@pytest.mark.slow
+def test_state_behind_a_sensor_of_magnitude():
+    rng = np.random.default_rng(3)
+    u = rng.standard_normal((300, 1))
+    a = [1.0, -1.5, 0.7]
+    y = np.abs(lfilter([0.0, 0.5], a, u.ravel()) + lfilter([4.0, -8.0], a, np.eye(1, 300).ravel()))
+    start = {"a1": -1.45, "a2": 0.66, "b0": 0.45}
+    model = ARXRegressor(2, 1, 1, dt=0.02, effects=Magnitude(), initial="estimate", start=start)
+    assert model.fit(u, y).score(u, y) > 99.0
+    assert clone(model).set_params(initial="rest").fit(u, y).score(u, y) < 98.0

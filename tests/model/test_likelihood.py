@@ -1,0 +1,233 @@
+"""Model and noise model estimated together."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from support.person_in_loop import Person, pursued
+
+from skhoid import OperatorRegressor, make_tracking_runs
+from skhoid.effects import Feedforward
+from skhoid.model import likelihood
+from skhoid.model.fitting import AR_ORDER, Criterion, RemnantModel, normal_equations
+from skhoid.model.likelihood import (
+    JOINT_RATE,
+    TOLERATED,
+    autoregression,
+    beyond_chance,
+    criterion_of,
+    high_gain,
+    joint_fit,
+    likeliest,
+    likelihood_fit,
+    prior_of,
+    settled,
+    usual_starts,
+)
+
+POLES = np.array([0.9, 0.6, -0.6, 0.5 + 0.6j, 0.5 - 0.6j, -0.3])
+
+
+def coloured(n=4000, runs=3, seed=0):
+    a = np.real(np.poly(POLES))
+    rng = np.random.default_rng(seed)
+    return lfilter([1.0], a, rng.standard_normal((n + 200, runs)), axis=0)[200:], a[1:]
+
+
+def test_autoregression_recovers_a_known_process():
+    residual, ar = coloured()
+    found = autoregression(residual, np.ones(residual.shape, dtype=bool))
+    assert found.ar.size == AR_ORDER == ar.size
+    np.testing.assert_allclose(found.ar, ar, atol=0.06)
+    np.testing.assert_array_equal(found.scale, 1.0)
+
+
+def test_autoregression_reads_no_unknown_rows():
+    residual, ar = coloured(seed=1)
+    known = np.ones(residual.shape, dtype=bool)
+    known[:500, 0] = known[1000:1200, 1] = known[3000:, 2] = False
+    expected = autoregression(residual, known)
+    other = np.where(known, residual, 1e3)
+    np.testing.assert_array_equal(autoregression(other, known).ar, expected.ar)
+    np.testing.assert_allclose(expected.ar, ar, atol=0.08)
+
+
+def test_autoregression_of_nothing_is_none():
+    known = np.ones((40, 2), dtype=bool)
+    assert autoregression(np.zeros((40, 2)), known) is None
+    assert autoregression(np.ones((40, 2)), ~known) is None
+    assert autoregression(np.ones((AR_ORDER, 2)), known[:AR_ORDER]) is None
+    assert np.isfinite(autoregression(np.ones((40, 2)), known).ar).all()  # a constant
+
+
+def first(text="1/s", seed=3, **options):
+    options = {"n_runs": 2, "duration": 25.0, "rate": 50, **options}
+    X, y, person = pursued(text, seed, **options)
+    estimator = OperatorRegressor(controlled_element=text)
+    prepared = estimator.prepare(X, y)
+    return estimator.first_fit(prepared), person
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    return first()
+
+
+def test_joint_fit_is_no_worse_a_simulation_than_is_tolerated(fitted):
+    model, _ = fitted
+    plain = Criterion(model.simulator.record)
+    theta, _ = joint_fit(model)
+    least = plain.sse(model.output)
+    assert least <= plain.sse(model.simulator.run(theta)) <= TOLERATED * least
+    low, high = model.simulator.low, model.simulator.high
+    assert ((theta >= low) & (theta <= high)).all()
+
+
+def test_likelihood_fit_has_the_noise_model_of_its_residual(fitted):
+    model, _ = fitted
+    criterion = Criterion(model.simulator.record)
+    found, noise = likelihood_fit(model, criterion)
+    expected = criterion.remnant_model(found.output)
+    np.testing.assert_allclose(noise.ar, expected.ar)
+    assert found.sse == pytest.approx(criterion.sse(found.output))
+    assert found.fit.n == criterion.n
+    normal, gradient = normal_equations(found.simulator, criterion, found.theta)
+    np.testing.assert_allclose(found.fit.normal, normal)
+    np.testing.assert_allclose(found.fit.gradient, gradient)
+
+
+def test_gain_on_the_error_rate_that_nobody_needs_is_zero(fitted):
+    model, person = fitted
+    assert person.K_edot == 0
+    found = dict(zip(model.simulator.names, joint_fit(model)[0], strict=True))
+    assert found["K_edot"] == 0
+    assert found["K_e"] == pytest.approx(person.K_e, rel=0.2)
+
+
+def test_gain_on_the_error_rate_that_is_needed_stays():
+    model, person = first("1/(s(s+1))")
+    found = dict(zip(model.simulator.names, joint_fit(model)[0], strict=True))
+    assert found["K_edot"] == pytest.approx(person.K_edot, rel=0.3)
+
+
+def test_errors_are_those_of_the_rows_that_were_fitted(fitted):
+    model, _ = fitted
+    found, noise = likelihood_fit(model, Criterion(model.simulator.record))
+    assert found.fit.jointly
+    own = criterion_of(found, noise)
+    assert own.rate == JOINT_RATE < model.simulator.record.criterion_rate
+    residual = own.residual(found.output)
+    np.testing.assert_allclose(own.noise.ar, autoregression(residual, own.known).ar)
+    assert not model.fit.jointly
+    given = RemnantModel.white(model.simulator.record.n_runs)
+    assert criterion_of(model, given).noise is given
+
+
+def test_what_the_simulation_error_forbids_counts_as_a_choice(fitted, monkeypatch):
+    model, _ = fitted
+    start, _ = settled(model, Criterion(model.simulator.record))
+    theta, _ = joint_fit(start)
+    monkeypatch.setattr(likelihood, "TOLERATED", 0.0)
+    found, _ = likelihood_fit(model, Criterion(model.simulator.record))
+    assert not found.fit.jointly
+    np.testing.assert_array_equal(found.theta, start.theta)
+    np.testing.assert_allclose(found.fit.beside, np.outer(*2 * [theta - start.theta]))
+
+
+def test_a_gain_left_out_may_be_as_large_as_the_likelihood_allows(fitted):
+    model, _ = fitted
+    simulator = model.simulator
+    at, delay = simulator.names.index("K_edot"), simulator.names.index("tau_e")
+    best = likeliest(simulator, [model.theta, *usual_starts(simulator, model.theta)])
+    high = high_gain(simulator, best, at)
+    assert high[at] > best[1][at]
+    held = np.arange(high.size) == at
+    loss, _ = likeliest(simulator, [high], held=held)
+    assert loss - best[0] == pytest.approx(1.0, abs=0.5)
+    theta, beside = joint_fit(model)
+    assert theta[at] == 0.0
+    assert high[delay] > theta[delay]  # a lead and a longer delay
+    assert beside[delay, delay] >= (high[delay] - theta[delay]) ** 2 * 0.99
+
+
+def test_the_loop_counts_beyond_chance_only(fitted, monkeypatch):
+    model, _ = fitted
+    theta, held = model.theta, np.zeros(model.theta.size, dtype=bool)
+
+    def loop_at(change, variance):
+        found = theta + change, np.full(theta.size, variance)
+        monkeypatch.setattr(likelihood, "likeliest_in_loop", lambda *_: found)
+        return beyond_chance(model.simulator, theta, held)
+
+    assert not loop_at(0.1, 1.0).any()
+    np.testing.assert_allclose(np.diag(loop_at(100.0, 1.0)), 1e4, rtol=0.02)
+    monkeypatch.setattr(likelihood, "likeliest_in_loop", lambda *_: None)
+    assert not beyond_chance(model.simulator, theta, held).any()
+
+
+def test_a_fit_that_comes_to_what_is_known_ends_there(fitted):
+    simulator, start = fitted[0].simulator, fitted[0].theta
+    known = likeliest(simulator, [start])
+    assert likeliest(simulator, [start * 1.05], known=known) is known
+    worse = known[0] + 50.0, start * 1.3
+    again = likeliest(simulator, [start], known=worse)
+    assert again[0] == pytest.approx(known[0], abs=0.2)
+
+
+def test_settled_stops_where_the_free_run_gets_worse(fitted):
+    model, _ = fitted
+    criterion = Criterion(model.simulator.record)
+    found, noise = settled(model, criterion)
+    assert criterion.noise is noise
+    assert found.sse == pytest.approx(criterion.sse(found.output))
+
+
+def test_prior_knows_what_is_usual_of_a_person(fitted):
+    simulator = fitted[0].simulator
+    usual = {simulator.names[i] for i, _ in prior_of(simulator).usual}
+    assert usual == {"omega_nm", "zeta_nm", "tau_e"}
+
+
+def test_fit_without_remnant_is_exact():
+    person = Person(K_e=2.0, omega_nm=14.0, zeta_nm=0.25, tau_e=0.3)  # hardly usual
+    X, y, _ = pursued("1/s", 0, remnant=0.0, person=person, n_runs=2, duration=25.0, rate=50)
+    found = OperatorRegressor(controlled_element="1/s").fit(X, y).parameters_["value"]
+    # A lead of less than a sample and as much more delay are what is between samples.
+    assert 0 <= found["T_L"] < 1 / 50
+    assert found["tau_e"] - found["T_L"] == pytest.approx(0.3, abs=1e-3)
+    assert found["omega_nm"] == pytest.approx(14.0, rel=1e-3)
+    assert found["zeta_nm"] == pytest.approx(0.25, rel=2e-3)
+    assert found["K_e"] == pytest.approx(2.0, rel=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", ["1/s", "1/(s(s+1))"])
+def test_delay_in_a_loop_is_found_where_the_simulation_error_is_off(text):
+    errors, plain = [], []
+    for seed in range(20, 27):
+        X, y, person = pursued(text, seed, remnant=0.5)
+        estimator = OperatorRegressor(controlled_element=text)
+        prepared = estimator.prepare(X, y)
+        plain.append(estimator.first_fit(prepared).values()["tau_e"] - person.tau_e)
+        errors.append(estimator.fit(X, y).parameters_["value"]["tau_e"] - person.tau_e)
+    print(text, np.round(errors, 3), np.round(plain, 3))
+    assert np.median(np.abs(errors)) < 0.03
+    assert np.median(np.abs(plain)) > np.median(np.abs(errors))
+
+
+@pytest.mark.slow
+def test_in_which_of_many_minima_a_fit_ends_is_less_than_its_standard_errors():
+    """The last digit of the data decided, for a rate limit beside a response of another kind."""
+    X, y = make_tracking_runs(
+        "C1",
+        n_runs=1,
+        remnant_intensity=0.3,
+        sampling_rate=60,
+        duration=40.96,
+        effects=[Feedforward(gain=0.5, delay=0.2)],
+        random_state=35,
+    )
+    model = OperatorRegressor().with_effect("rate_limit")
+    scales = ((1, 1), (1 + 1e-12, 1), (1 - 1e-12, 1), (1, 1 + 1e-12))
+    tables = [model.fit(X * a, y * b).parameters_ for a, b in scales]
+    values, errors = (np.array([one[name] for one in tables], float) for name in ("value", "sd"))
+    assert np.nanmax(np.ptp(values, axis=0) / errors.min(axis=0)) < 0.5

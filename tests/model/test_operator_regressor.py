@@ -1,0 +1,588 @@
+"""OperatorRegressor: the parameters of the thesis's operator, their errors, and odd data."""
+
+import pickle
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import TransferFunction
+from scipy.stats import binom
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
+from sklearn.pipeline import make_pipeline
+
+from skhoid import (
+    ARXRegressor,
+    ControlledElement,
+    Decimator,
+    EffectSearchCV,
+    LinearElement,
+    MissingDataWarning,
+    OperatorRegressor,
+    RankDeficiencyError,
+    RunInTrimmer,
+    ShortRunError,
+    make_tracking_runs,
+    run_labels,
+    select_runs,
+    vaf_score,
+)
+from skhoid.effects import (
+    Bias,
+    DeadZone,
+    Effects,
+    Feedforward,
+    OutputFeedback,
+    Quantised,
+    WrongDelay,
+)
+from skhoid.model.fitting import Criterion, rescaled
+from skhoid.model.simulator import Simulator
+
+# Table II and Appendix D.
+TRUTH = {
+    "C1": {"K_e": 0.09, "T_L": 0.4, "omega_nm": 11.25, "zeta_nm": 0.35, "tau_e": 0.28},
+    "C2": {"K_e": 0.07, "T_L": 1.2, "omega_nm": 11.25, "zeta_nm": 0.35, "tau_e": 0.28},
+}
+CHANNELS = ["e", "x", "f_t"]
+
+
+@pytest.fixture(scope="module")
+def runs():
+    X, y = make_tracking_runs(
+        n_runs=3,
+        duration=40.96,
+        remnant_intensity=0.1,
+        channels=CHANNELS,
+        random_state=0,
+    )
+    X.attrs["units"] = {"e": "deg", "x": "deg", "f_t": "deg"}
+    y.attrs["units"] = {"u": "V"}
+    return X, y
+
+
+@pytest.fixture(scope="module")
+def fitted(runs):
+    return OperatorRegressor().fit(*runs)
+
+
+def values(model):
+    return model.parameters_["value"]
+
+
+def assert_same(model, other, rtol=1e-6):
+    np.testing.assert_allclose(values(model), values(other), rtol=rtol)
+    np.testing.assert_allclose(
+        model.parameters_["sd"], other.parameters_["sd"], rtol=1e3 * rtol, equal_nan=True
+    )
+
+
+@pytest.mark.parametrize("condition", ["C1", "C2"])
+def test_parameters_without_remnant_are_the_true_ones(condition):
+    """The thesis's loop holds f_t over its step: what that changes goes with the step (1/f_s)."""
+    found = []
+    for rate in (500, 1000):
+        X, y = make_tracking_runs(condition, n_runs=1, sampling_rate=rate, random_state=0)
+        model = OperatorRegressor().fit(X[:: rate // 100], y[:: rate // 100])
+        assert model.vaf_ > 99.9998
+        found.append(values(model))
+    for name, true in TRUTH[condition].items():
+        assert found[1][name] == pytest.approx(true, rel=0.005), name
+        assert 2 * found[1][name] - found[0][name] == pytest.approx(true, rel=1e-3), name
+
+
+@pytest.mark.parametrize("effects", ["dead_zone", ["dead_zone"], None])
+def test_effects_given_by_name_have_no_parameters(effects):
+    for model in (OperatorRegressor(effects=effects), ARXRegressor(effects=effects)):
+        with pytest.raises(ValueError, match=r"effects__dead_zone__width cannot be set: .*\.of\("):
+            model.set_params(effects__dead_zone__width=5.0)
+        model.set_params(effects=Effects.of("dead_zone"), effects__dead_zone__width=5.0)
+        assert model.effects.steps[0][1].width == 5.0
+
+
+def test_K_edot_is_K_e_T_L(fitted):
+    table = fitted.parameters_
+    assert table.loc["T_L", "value"] == pytest.approx(
+        table.loc["K_edot", "value"] / table.loc["K_e", "value"], rel=1e-12
+    )
+    # Its standard error by the quotient's derivatives.
+    C = fitted.covariance_.loc[["K_e", "K_edot"], ["K_e", "K_edot"]].to_numpy()
+    K_e, K_edot = table.loc["K_e", "value"], table.loc["K_edot", "value"]
+    slope = np.array([-K_edot / K_e**2, 1 / K_e])
+    assert table.loc["T_L", "sd"] == pytest.approx(np.sqrt(slope @ C @ slope), rel=1e-9)
+
+
+def test_intervals_and_covariance_agree(fitted):
+    table = fitted.parameters_
+    np.testing.assert_allclose(table["low"], table["value"] - 1.96 * table["sd"])
+    np.testing.assert_allclose(table["high"], table["value"] + 1.96 * table["sd"])
+    own = table.loc[fitted.covariance_.index, "sd"]
+    np.testing.assert_allclose(np.diag(fitted.covariance_), own**2, rtol=1e-12)
+    assert np.linalg.eigvalsh(fitted.covariance_).min() > 0
+
+
+@pytest.fixture(scope="module")
+def estimates():
+    """Estimates and standard errors of 20 independent recordings."""
+    found = []
+    for seed in range(20):
+        X, y = make_tracking_runs(
+            n_runs=2,
+            duration=40.96,
+            run_in=10.24,
+            sampling_rate=500,
+            remnant_intensity=0.15,
+            random_state=seed,
+        )
+        found.append(OperatorRegressor().fit(X[::5], y[::5]).parameters_[["value", "sd"]])
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(TRUTH["C1"]))
+def test_standard_errors_are_those_of_the_estimates(estimates, name):
+    value = np.array([e.loc[name, "value"] for e in estimates])
+    sd = np.array([e.loc[name, "sd"] for e in estimates])
+    z = (value - TRUTH["C1"][name]) / sd
+    n = len(z)
+    # sum z^2 is chi-squared with n = 20: 4 sigma of its mean, and half as much for too small.
+    assert np.mean(z**2) < 1 + 4 * np.sqrt(2 / n)
+    assert np.mean(z**2) > 0.25  # the 4e-5 quantile of chi2(20) / 20
+    # The bias is below what 20 recordings show at 4 sigma.
+    assert abs(z.mean()) < 4 / np.sqrt(n)
+
+
+@pytest.mark.slow
+def test_intervals_of_all_parameters_cover(estimates):
+    covered = [
+        e.loc[name, "value"] - 1.96 * e.loc[name, "sd"]
+        <= true
+        <= e.loc[name, "value"] + 1.96 * e.loc[name, "sd"]
+        for e in estimates
+        for name, true in TRUTH["C1"].items()
+    ]
+    # 100 intervals, of which about five vary together: 3 sigma of 20 independent recordings.
+    assert np.mean(covered) > binom.ppf(0.00135, 20, 0.95) / 20
+
+
+def test_numpy_is_pandas(runs):
+    X, y = runs
+    one = select_runs(X, first=1)
+    u = y.loc[one.index]
+    of_frame = OperatorRegressor(inputs=["e"]).fit(one[["e"]], u)  # x tells of the closed loop
+    of_array = OperatorRegressor(inputs=[0], dt=0.01).fit(one.to_numpy(), u.to_numpy())
+    assert_same(of_frame, of_array, rtol=1e-12)
+    np.testing.assert_array_equal(of_frame.predict(one[["e"]]), of_array.predict(one.to_numpy()))
+
+
+def test_runs_in_another_order_give_the_same(runs, fitted):
+    X, y = runs
+    order = [2, 0, 1]
+    labels = list(dict.fromkeys(run_labels(X)))
+    X2 = pd.concat([X.loc[[labels[i]]] for i in order])
+    permuted = OperatorRegressor().fit(X2, y.loc[X2.index])
+    assert_same(fitted, permuted, rtol=1e-4)  # where the descent stops differs a little
+    np.testing.assert_allclose(
+        pd.Series(fitted.predict(X), X.index).loc[X2.index], fitted.predict(X2), atol=1e-12
+    )
+
+
+def test_a_subset_of_runs_is_predicted_as_among_all(runs, fitted):
+    X, _ = runs
+    labels = run_labels(X)
+    last = X.iloc[np.flatnonzero(labels == labels[-1])]
+    np.testing.assert_array_equal(
+        fitted.predict(last), pd.Series(fitted.predict(X), X.index).loc[last.index]
+    )
+
+
+def test_the_prediction_is_the_free_run_of_the_error_alone(runs, fitted):
+    X, y = runs
+    moved = X.assign(x=0.0, f_t=7.0)
+    np.testing.assert_array_equal(fitted.predict(X), fitted.predict(moved))
+    assert fitted.predict(X).shape == y.shape
+    at_rest = clone(fitted).set_params(initial="rest").fit(X, y)
+    assert at_rest.score(X, y) == pytest.approx(vaf_score(y, at_rest.predict(X)))
+    assert fitted.score(X, y) > vaf_score(y, fitted.predict(X)) > at_rest.score(X, y)
+
+
+def test_output_and_input_in_other_units(runs, fitted):
+    X, y = runs
+    scaled = OperatorRegressor().fit(10 * X, y / 4)
+    ratio = values(scaled) / values(fitted)
+    np.testing.assert_allclose(ratio[["K_e", "K_edot"]], 1 / 40, rtol=1e-5)
+    np.testing.assert_allclose(ratio[["omega_nm", "zeta_nm", "tau_e", "T_L"]], 1, rtol=1e-5)
+
+
+def test_a_gap_begins_anew(runs):
+    X, y = runs
+    time = X.index.get_level_values("time").to_numpy()
+    kept = (time < 15.0) | (time >= 18.0)
+    with_gap = OperatorRegressor().fit(X[kept], y[kept])
+    labels = run_labels(X).astype(str)
+    part = np.where(time < 16.5, "a", "b")
+    index = pd.MultiIndex.from_arrays([np.char.add(labels, part), time], names=["run", "time"])
+    as_runs = OperatorRegressor().fit(X.set_axis(index).loc[kept], y.set_axis(index).loc[kept])
+    assert_same(with_gap, as_runs, rtol=1e-6)
+    np.testing.assert_allclose(
+        with_gap.predict(X[kept]), with_gap.predict(X.set_axis(index).loc[kept]), atol=1e-12
+    )
+
+
+def test_a_value_of_y_that_is_missing_changes_little(runs, fitted):
+    X, y = runs
+    y = y.copy()
+    y.iloc[np.random.default_rng(0).integers(0, len(y), 40)] = np.nan
+    y.iloc[2000:2100] = np.nan
+    model = OperatorRegressor().fit(X, y)
+    for name in TRUTH["C1"]:
+        row = fitted.parameters_.loc[name]
+        assert abs(model.parameters_.loc[name, "value"] - row["value"]) < 2 * row["sd"]
+    assert np.isfinite(model.predict(X)).all()
+
+
+def test_a_value_of_X_that_is_missing_is_held_and_told(runs, fitted):
+    X, y = runs
+    X = X.copy()
+    X.iloc[1000:1003, 0] = np.nan
+    with pytest.warns(MissingDataWarning):
+        model = OperatorRegressor().fit(X, y)
+    np.testing.assert_allclose(values(model), values(fitted), rtol=0.02)
+    with pytest.warns(MissingDataWarning):
+        assert np.isfinite(model.predict(X)).all()
+
+
+def test_a_channel_that_is_not_used_may_be_missing(runs, fitted):
+    X, y = runs
+    X = X.copy()
+    X.iloc[1000:1003, 1] = np.nan
+    with pytest.warns(MissingDataWarning, match=r"^3 rows of the inputs \['x'\] are NaN"):
+        model = OperatorRegressor().fit(X, y)
+    assert_same(model, fitted)
+
+
+@pytest.mark.slow
+def test_a_run_in_is_simulated_and_not_fitted():
+    X, y = make_tracking_runs(
+        n_runs=2, duration=30.0, keep_run_in=10.0, remnant_intensity=0.1, random_state=1
+    )
+    assert X.index.get_level_values("time").min() < 0
+    marked = RunInTrimmer(run_in=10.0).fit_transform(X)
+    spoilt = y.copy()
+    spoilt[y.index.get_level_values("time") < -0.005] += 5.0
+    model = OperatorRegressor(settling=0.0).fit(marked, y)
+    assert_same(model, OperatorRegressor(settling=0.0).fit(marked, spoilt))
+
+
+def test_in_a_pipeline_behind_a_decimator(runs, fitted):
+    X, y = runs
+    model = make_pipeline(Decimator(4), OperatorRegressor()).fit(X, y)
+    core = model[-1]
+    assert core.dt_ == pytest.approx(0.04)
+    for name in TRUTH["C1"]:
+        row = fitted.parameters_.loc[name]
+        assert abs(values(core)[name] - row["value"]) < 3 * row["sd"] + 0.02 * row["value"], name
+    predicted = model.predict(X)
+    assert predicted.shape == y.shape
+    # What was before the recording is not known, at neither rate.
+    known = X.index.get_level_values("time").to_numpy() >= 3.0
+    assert vaf_score(y[known], predicted[known]) == pytest.approx(
+        vaf_score(y[known], fitted.predict(X)[known]), abs=0.3
+    )
+
+
+def test_cross_validation_over_runs(runs, fitted):
+    X, y = runs
+    predicted = cross_val_predict(
+        OperatorRegressor(), X, y, groups=run_labels(X), cv=LeaveOneGroupOut()
+    )
+    assert vaf_score(y, predicted) == pytest.approx(fitted.score(X, y), abs=1.0)
+
+
+def test_a_given_delay_is_kept(runs):
+    X, y = runs
+    model = OperatorRegressor(delay=0.20).fit(X, y)
+    row = model.parameters_.loc["tau_e"]
+    assert (row["value"], row["sd"], row["unit"], row["meaning"]) == (0.2, 0.0, "s", "given")
+    assert "tau_e" not in model.covariance_.index
+    assert model.delay == 0.20
+
+
+def test_wrong_delay_frees_a_given_delay(runs, fitted):
+    X, y = runs
+    assumed = OperatorRegressor(delay=0.20)
+    model = assumed.with_effect("wrong_delay").fit(X, y)
+    row = model.parameters_.loc["wrong_delay__extra"]
+    free = fitted.parameters_.loc["tau_e"]
+    assert 0.20 + row["value"] == pytest.approx(free["value"], abs=5e-4)
+    assert row["sd"] == pytest.approx(free["sd"], rel=0.02)
+    assert model.vaf_ > assumed.fit(X, y).vaf_ + 1
+    assert model.vaf_ == pytest.approx(fitted.vaf_, abs=1e-3)
+
+
+def test_an_effect_that_is_there_is_found_in_its_values(runs):
+    X, y = runs
+    model = OperatorRegressor(effects=Bias()).fit(X, y + 0.05)
+    row = model.parameters_.loc["bias__level"]
+    none = OperatorRegressor(effects=Bias()).fit(X, y).parameters_.loc["bias__level"]
+    assert row["value"] - none["value"] == pytest.approx(0.05, abs=1e-5)
+    assert dict(model.effects_.steps)["bias"].level == row["value"]
+    assert isinstance(model.effects_, Effects)
+    np.testing.assert_allclose(
+        model.predict(X), OperatorRegressor(effects=model.effects_).fit(X, y + 0.05).predict(X),
+        atol=1e-4,
+    )  # fmt: skip
+
+
+def test_effects_of_the_model_act_in_predict(runs):
+    X, y = runs
+    plain = OperatorRegressor().fit(X, y)
+    biased = OperatorRegressor(effects=Bias(level=1.0)).fit(X, y + 1.0)
+    np.testing.assert_allclose(biased.predict(X), plain.predict(X) + 1.0, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_roles_are_names_or_given(runs):
+    X, y = runs
+    named = OperatorRegressor(effects=OutputFeedback()).fit(X, y)
+    renamed = X.rename(columns={"e": "error", "x": "position", "f_t": "goal"})
+    model = OperatorRegressor(
+        effects=OutputFeedback(), roles={"error": "e", "position": "x", "goal": "f_t"}
+    ).fit(renamed, y)
+    assert_same(named, model, rtol=1e-12)
+    assert model.inputs_ == ["error"]
+
+
+def test_a_role_that_does_not_exist_is_refused(runs):
+    X, y = runs
+    with pytest.raises(ValueError, match=r"role 'target'.*'e', 'x', 'f_t'"):
+        OperatorRegressor(roles={"f_t": "target"}).fit(X, y)
+
+
+def test_the_target_is_e_and_x(runs):
+    X, y = runs
+    element = ControlledElement(90.0, 6.0)
+    given = OperatorRegressor(effects=Feedforward(form="inverse"), controlled_element=element)
+    with_target = clone(given).fit(X, y)
+    without = clone(given).fit(X.drop(columns="f_t"), y)
+    np.testing.assert_allclose(with_target.predict(X), without.predict(X[["e", "x"]]), atol=1e-6)
+
+
+def test_the_controlled_element_is_estimated(fitted):
+    element = fitted.controlled_element_
+    assert float(element.K_c) == pytest.approx(90.0, rel=0.05)
+    assert float(element.omega_b) == pytest.approx(6.0, rel=0.05)
+
+
+def test_a_controlled_element_is_used_as_given(runs):
+    element = ControlledElement(3.0, 2.0)
+    model = OperatorRegressor(controlled_element=element).fit(*runs)
+    assert float(model.controlled_element_.K_c) == 3.0
+
+
+@pytest.mark.slow
+def test_an_element_is_the_same_however_it_is_given(runs):
+    X, y = runs
+    inverse = Feedforward(form="inverse")
+    given = [
+        "90/(s(s+6))",
+        TransferFunction([90], [1, 6, 0]),
+        LinearElement([90.0], [1.0, 6.0, 0.0]),
+    ]
+    expected = OperatorRegressor(effects=inverse, controlled_element=ControlledElement(90.0, 6.0))
+    prediction = expected.fit(X, y).predict(X)
+    for element in given:
+        model = clone(expected).set_params(controlled_element=element).fit(X, y)
+        np.testing.assert_array_equal(model.predict(X), prediction)
+        assert model.controlled_element_ == ControlledElement(90.0, 6.0)
+
+
+def test_an_element_without_an_inverse_is_refused_with_its_reason(runs):
+    model = OperatorRegressor(
+        effects=Feedforward(form="inverse"), controlled_element="(s-1)/(s(s+1))"
+    )
+    with pytest.raises(ValueError, match=r"feedforward does not apply.*has a zero at 1"):
+        model.fit(*runs)
+
+
+def test_units_are_those_of_the_data(fitted):
+    units = fitted.parameters_["unit"]
+    assert units["K_e"] == "V/deg"
+    assert units["K_edot"] == "V s/deg"
+    assert units["omega_nm"] == "rad/s"
+    assert units["tau_e"] == units["T_L"] == "s"
+
+
+def test_units_that_are_not_known_are_names(runs):
+    X, y = (table.copy() for table in runs)
+    X.attrs, y.attrs = {}, {}
+    model = OperatorRegressor(effects=DeadZone(form="gap")).fit(X, y)
+    assert model.parameters_.loc["K_e", "unit"] == "[u]/[e]"
+    assert model.parameters_.loc["dead_zone__width", "unit"] == "[e]"
+
+
+@pytest.mark.slow
+def test_bic_prefers_what_is_true(runs, fitted):
+    X, y = runs
+    assert OperatorRegressor(effects="drift").fit(X, y).bic_ > fitted.bic_
+    assert OperatorRegressor(delay=0.20).fit(X, y).bic_ > fitted.bic_ + 25
+    assert fitted.noise_ar_.shape == (6,)
+
+
+def test_summary_says_what_was_found(fitted, runs):
+    text = fitted.summary()
+    assert "VAF" in text
+    assert "tau_e" in text
+    assert "V/deg" in text
+    assert DeadZone.physics in OperatorRegressor(effects=DeadZone()).fit(*runs).summary()
+
+
+def test_survives_pickle_and_clone(runs, fitted):
+    X, _ = runs
+    stored = pickle.loads(pickle.dumps(fitted))
+    np.testing.assert_array_equal(stored.predict(X), fitted.predict(X))
+    pd.testing.assert_frame_equal(stored.parameters_, fitted.parameters_)
+    with pytest.raises(NotFittedError):
+        clone(fitted).predict(X)
+    with pytest.raises(NotFittedError):
+        clone(fitted).summary()
+
+
+def test_fit_changes_nothing_that_it_is_given(runs):
+    X, y = runs
+    kept_X, kept_y = X.copy(), y.copy()
+    model = OperatorRegressor(effects=[Bias(), DeadZone()])
+    before = str(model.get_params())
+    model.fit(X, y)
+    assert str(model.get_params()) == before
+    pd.testing.assert_frame_equal(X, kept_X)
+    pd.testing.assert_series_equal(y, kept_y)
+
+
+def test_two_fits_are_the_same(runs, fitted):
+    again = OperatorRegressor().fit(*runs)
+    np.testing.assert_array_equal(values(again), values(fitted))
+
+
+def test_two_columns_without_roles_need_inputs(runs):
+    X, y = runs
+    two = X[["x", "f_t"]]
+    with pytest.raises(ValueError, match=r"responds to one channel, but got .*inputs="):
+        OperatorRegressor(inputs=["x", "f_t"]).fit(two, y)
+    chosen = OperatorRegressor(inputs="e").fit(X, y)
+    assert chosen.inputs_ == ["e"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"delay": -0.1}, "delay"),
+        ({"settling": -1.0}, "settling"),
+        ({"controlled_element": (90.0, 6.0)}, "controlled_element"),
+        ({"roles": "x"}, "roles"),
+        ({"effects": 3}, "effects"),
+    ],
+)
+def test_wrong_parameters_are_named(runs, wrong, message):
+    with pytest.raises(ValueError, match=message):
+        OperatorRegressor(**wrong).fit(*runs)
+
+
+def test_a_short_run_says_what_to_do(runs):
+    X, y = runs
+    with pytest.raises(ShortRunError, match=r"rows are left for 5 parameters.*more"):
+        OperatorRegressor().fit(X.iloc[:6], y.iloc[:6])
+
+
+@pytest.mark.parametrize(
+    ("model", "needed"),
+    [
+        (OperatorRegressor(), 38),
+        (OperatorRegressor(settling=0.05), 33),
+        (OperatorRegressor(settling=0), 28),
+        (ARXRegressor(inputs="e", effects="bias"), 7),
+    ],
+    ids=repr,
+)
+def test_a_run_as_long_as_a_short_one_must_be_is_fitted(runs, model, needed):
+    X, y = runs
+    for n_rows in (3, 6, needed // 2):
+        with pytest.raises(ShortRunError, match=rf"a run of {needed} rows \({needed / 100} s\)"):
+            clone(model).fit(X.iloc[:n_rows], y.iloc[:n_rows])
+    clone(model).fit(X.iloc[:needed], y.iloc[:needed])
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        OperatorRegressor(),
+        ARXRegressor(inputs="e", effects="bias"),
+        EffectSearchCV(OperatorRegressor(), effects=["bias"]),
+    ],
+    ids=["operator", "arx", "search"],
+)
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda X, y: (X, 0 * y), "The output 'u' is zero in all rows; is it the right column?"),
+        (lambda X, y: (X, 0 * y + 2), "The output 'u' is constant (2); is it the right column?"),
+        (lambda X, y: (X.assign(e=0.0), y), "Input 'e' is zero in all rows: it excites nothing."),
+        (lambda X, y: (X.assign(e=1.5), y), "Input 'e' is constant (1.5): it excites nothing."),
+    ],
+    ids=["zero output", "constant output", "zero input", "constant input"],
+)
+def test_what_stands_still_is_refused(runs, model, change, message):
+    with pytest.raises(RankDeficiencyError, match=re.escape(message)):
+        clone(model).fit(*change(*runs))
+
+
+def test_other_channels_may_stand_still(runs, fitted):
+    X, y = runs
+    still = X.assign(supply=5.0, dist=0.0)
+    assert_same(OperatorRegressor().fit(still, y), fitted)
+    still.loc[0, "e"] = 0.0  # in one run
+    OperatorRegressor().fit(still, y)
+
+
+def test_an_error_without_a_value_is_refused(runs):
+    X, y = runs
+    with pytest.raises(ValueError, match="Input 'e' contains NaN in all rows"):
+        OperatorRegressor().fit(X.assign(e=np.nan), y)
+
+
+def test_an_output_without_a_value_is_refused(runs):
+    X, y = runs
+    with pytest.raises(ValueError, match="NaN in all rows"):
+        OperatorRegressor().fit(X, y * np.nan)
+
+
+def test_an_effect_that_does_not_apply_is_refused(runs):
+    with pytest.raises(ValueError, match="wrong_delay does not apply: the model already"):
+        OperatorRegressor(effects=WrongDelay()).fit(*runs)
+    X, y = runs
+    with pytest.raises(ValueError, match=r"output_feedback does not apply: .*role x"):
+        OperatorRegressor(effects=OutputFeedback()).fit(X[["e"]], y)
+
+
+def test_without_remnant_the_sampling_time_limits_what_is_known():
+    X, y = make_tracking_runs(n_runs=2, duration=40.96, remnant_intensity=0.0, random_state=3)
+    sd = [OperatorRegressor().fit(X[::k], y[::k]).parameters_["sd"] for k in (1, 2)]
+    assert (sd[0] > 1e-5).any()
+    for name in ("T_L", "omega_nm", "zeta_nm", "tau_e"):  # the simulation is of second order
+        assert 1.4 < sd[1][name] / sd[0][name] < 4.6  # less of what other rates say
+
+
+def test_the_scale_of_a_jagged_response_is_solved_for(runs):
+    prepared = OperatorRegressor(delay=0.28).prepare(*runs)
+    effects = Effects([("quantised", Quantised(form="sharp"))])
+    simulator = Simulator(prepared.core, effects, prepared.record)
+    true = np.array([0.09, 0.036, 11.25, 0.35, 0.1, 0.0])
+    assert [name.split("__")[-1] for name in simulator.names[-2:]] == ["step", "offset"]
+    simulator.record.y[:] = simulator.run(true)
+    off = true * [1.1, 1.1, 1, 1, 1.1, 1]
+    criterion = Criterion(simulator.record)
+    theta, sse = rescaled(simulator, criterion, off, criterion.sse(simulator.run(off)))
+    np.testing.assert_allclose(theta, true, rtol=1e-9)
+    assert sse < 1e-12 * criterion.power

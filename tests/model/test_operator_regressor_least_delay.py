@@ -1,0 +1,81 @@
+"""What the loop moves is not answered at once."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skhoid import ARXRegressor, EffectSearchCV, OperatorRegressor, make_tracking_runs
+from skhoid.effects import Disturbance, OutputFeedback, WrongDelay
+from skhoid.model.cores import OperatorCore
+
+
+@pytest.fixture(scope="module")
+def quick():
+    """Somebody who answers at once, whose delay would be 0."""
+    X, _ = make_tracking_runs(duration=20.48, channels=["e", "x"], random_state=0)
+    e = X["e"].to_numpy()
+    filtered = np.convolve(e, np.exp(-np.arange(60) / 8.0), "full")[: e.size]
+    return X, pd.Series(filtered, X.index, name="u")
+
+
+def test_delay_is_at_least_that_of_a_person(quick):
+    X, y = quick
+    found = OperatorRegressor().fit(X, y)
+    assert found.parameters_.loc["tau_e", "value"] == 0.1
+    assert np.isnan(found.parameters_.loc["tau_e", "sd"])
+    assert "tau_e is at its lower bound, 0.10 s" in " ".join(found.summary().split())
+
+
+@pytest.mark.slow
+def test_a_search_says_that_the_delay_is_at_its_least(quick):
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(*quick)
+    (note,) = [note for note in search.notes_ if "at its lower bound" in note]
+    assert note.startswith("tau_e is at its lower bound, 0.10 s")
+    assert f"Note: {note}" in search.summary()
+
+
+def test_least_delay_is_a_parameter(quick):
+    X, y = quick
+    found = OperatorRegressor(least_delay=0.02).fit(X, y)
+    assert 0.02 <= found.parameters_.loc["tau_e", "value"] < 0.1
+
+
+def test_shorter_delay_is_taken_as_given_and_said(quick):
+    X, y = quick
+    found = OperatorRegressor(delay=0.03).fit(X, y)
+    assert found.parameters_.loc["tau_e", "value"] == 0.03
+    assert "The delay given, 0.03 s, is below the least" in " ".join(found.summary().split())
+
+
+@pytest.mark.parametrize(("least", "low"), [(0.1, 0.1), (0.25, 0.25)])
+def test_bounds_of_effects_follow(quick, least, low):
+    X, y = quick
+    prepared = OperatorRegressor(least_delay=least).prepare(X, y)
+    assert OutputFeedback().limits(prepared.record)["delay"][0] == low
+    given = OperatorCore(0.3, least).on(prepared.record)
+    assert WrongDelay().limits(given)["extra"][0] == pytest.approx(least - 0.3)
+
+
+@pytest.mark.parametrize(("least", "low"), [(None, 0.02), (0.25, 0.02), (0.0, 0.0)])
+def test_a_disturbance_is_answered_no_sooner_than_by_a_reflex(quick, least, low):
+    """It comes from outside, and may be felt sooner than what is seen is answered."""
+    X, y = quick
+    felt = X.assign(dist=np.sin(np.arange(len(X)) / 40))
+    prepared = OperatorRegressor(least_delay=least).prepare(felt, y)
+    assert Disturbance(channel="dist").limits(prepared.record)["delay"][0] == low
+
+
+def test_a_disturbance_of_a_machine_may_act_at_once(quick):
+    X, y = quick
+    moved = X.assign(dist=np.sin(np.arange(len(X)) / 40))
+    prepared = ARXRegressor(inputs=["e"]).prepare(moved, y)
+    assert Disturbance(channel="dist").limits(prepared.record)["delay"][0] == 0.0
+
+
+def test_an_answer_to_a_disturbance_at_once_ends_at_the_reflex():
+    """What passes without delay is no answer of a person."""
+    X, y = make_tracking_runs(duration=20.48, channels=["e"], remnant_intensity=0.1, random_state=0)
+    felt = X.assign(dist=np.sin(np.arange(len(X)) / 40) + np.sin(np.arange(len(X)) / 17))
+    found = OperatorRegressor(effects="disturbance").fit(felt, y - 0.05 * felt["dist"])
+    assert found.parameters_.loc["disturbance__delay", "value"] == 0.02
+    assert np.isnan(found.parameters_.loc["disturbance__delay", "sd"])

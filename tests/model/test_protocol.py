@@ -1,0 +1,203 @@
+"""A model of a user's own is searched like those of the package, or refused with a reason."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from sklearn.base import BaseEstimator, clone
+from sklearn.linear_model import LinearRegression
+
+from skhoid import ARXRegressor, EffectSearchCV, OperatorRegressor
+from skhoid.effects import Bias, Dimension, Parameter
+from skhoid.model import GreyBox, SimulatedCore
+from skhoid.model.cores import OperatorCore
+from skhoid.model.fitting import Criterion
+from skhoid.model.likelihood import likelihood_fit
+from skhoid.model.model import fit_core
+from skhoid.model.protocol import METHODS, PARAMETERS, check_simulated_model
+
+DT = 0.02
+K_E, LAG, LEVEL = 0.8, 0.4, 0.3
+OTHERS = [name for name in METHODS if name != "get_params"]
+
+
+class LagCore(OperatorCore):
+    """A gain and a first-order lag in place of the neuromuscular system."""
+
+    def __init__(self):
+        super().__init__(fixed_delay=0.0)
+        lag = Parameter("lag", Dimension(s=1), 0.02, 5.0, (0.2,), "time constant")
+        self.parameters = (*self.parameters[:2], lag)
+
+    def response(self, command, gains, spring, values, dt):
+        pole = np.exp(-dt / values["lag"])
+        x = command.position + np.gradient(command.rate, dt, axis=0)
+        return lfilter([0.0, 1 - pole], [1.0, -pole], x, axis=0)
+
+
+def lag_from_starts(core, record, criterion):
+    starts = np.array([[1.0, 0.0, 0.1], [0.5, 0.0, 1.0]])
+    return fit_core(core, record, criterion, starts)
+
+
+class LagRegressor(GreyBox):
+    """A first-order lag as an estimator."""
+
+    def __init__(
+        self,
+        *,
+        inputs=None,
+        effects=None,
+        roles=None,
+        controlled_element=None,
+        settling=1.0,
+        dt=None,
+        run=None,
+    ):
+        self.inputs = inputs
+        self.effects = effects
+        self.roles = roles
+        self.controlled_element = controlled_element
+        self.settling = settling
+        self.dt = dt
+        self.run = run
+
+    def _simulated_core(self):
+        return SimulatedCore(LagCore(), lag_from_starts, "first-order lag", "As for operators.")
+
+
+class Wrapped(BaseEstimator):
+    """A model that is none of the package's, and passes on what the protocol names."""
+
+    def __init__(self, effects=None, settling=1.0):
+        self.effects = effects
+        self.settling = settling
+
+    def _inner(self):
+        return LagRegressor(effects=self.effects, settling=self.settling, dt=DT)
+
+    def fit(self, X, y):
+        self.inner_ = self._inner().fit(X, y)
+        return self
+
+    def predict(self, X):
+        return self.inner_.predict(X)
+
+    def score(self, X, y):
+        return self.inner_.score(X, y)
+
+    @property
+    def parameters_(self):
+        return self.inner_.parameters_
+
+    def with_effect(self, effect):
+        return clone(self).set_params(effects=self._inner().with_effect(effect).effects)
+
+    def prepare(self, X, y):
+        self.read_ = self._inner()
+        prepared = self.read_.prepare(X, y)
+        self.n_features_in_ = self.read_.n_features_in_
+        return prepared
+
+    def first_fit(self, prepared):
+        return self._inner().first_fit(prepared)
+
+    def with_fit(self, prepared, fitted, noise):
+        taken = clone(self)
+        taken.inner_ = self.read_.with_fit(prepared, fitted, noise)
+        taken.n_features_in_ = self.n_features_in_
+        return taken
+
+    def free_run(self, prepared):
+        return self.inner_.free_run(prepared)
+
+
+@pytest.fixture(scope="module")
+def biased():
+    """One run of a lag with an offset."""
+    rng = np.random.default_rng(3)
+    t = DT * np.arange(2000)
+    omega = np.array([0.5, 1.3, 2.9, 5.1])
+    e = np.sin(np.multiply.outer(t, omega) + rng.uniform(0, 6, omega.size)).sum(axis=1)
+    pole = np.exp(-DT / LAG)
+    y = K_E * lfilter([0.0, 1 - pole], [1.0, -pole], e) + LEVEL
+    return e[:, None], y + 0.05 * rng.standard_normal(t.size)
+
+
+def bare(*lacking):
+    """A class of what the protocol names but for some members."""
+    body = {name: vars(Wrapped)[name] for name in OTHERS if name in vars(Wrapped)}
+    for name in ("get_params", "set_params"):
+        body[name] = getattr(BaseEstimator, name)
+    members = {name: body[name] for name in body if name not in lacking}
+
+    def without_effects(self, settling=1.0):
+        self.settling = settling
+
+    def without_settling(self, effects=None):
+        self.effects = effects
+
+    members["__init__"] = vars(Wrapped)["__init__"]
+    if "effects" in lacking:
+        members["__init__"] = without_effects
+    if "settling" in lacking:
+        members["__init__"] = without_settling
+    kept = {"_get_param_names": BaseEstimator.__dict__["_get_param_names"]}
+    return type("Own", (), members | kept)()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", [LagRegressor(dt=DT), Wrapped()], ids=["subclass", "own class"])
+def test_a_model_of_ones_own_is_searched(biased, model):
+    search = EffectSearchCV(model, effects=["saturation", "bias"]).fit(*biased)
+    assert search.best_effects_ == ["bias"]
+    best = search.best_estimator_
+    assert type(best) is type(model)
+    assert best.effects.names == ["bias"]
+    values = best.parameters_["value"]
+    np.testing.assert_allclose(values[["K_e", "lag"]], [K_E, LAG], rtol=0.05)
+    assert values["bias__level"] == pytest.approx(LEVEL, abs=0.02)
+    assert search.score(*biased) > search.baseline_.score(*biased) + 10
+    assert "bias" in search.summary()
+    assert "bias__level" in search._repr_html_()
+    refitted = clone(best).fit(*biased)
+    np.testing.assert_allclose(refitted.parameters_["value"], values, rtol=1e-2, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_method_that_lacks_is_named(biased, name):
+    with pytest.raises(TypeError, match=rf"Own lacks {name}\(\)\. .*add-an-effect"):
+        EffectSearchCV(bare(name)).fit(*biased)
+
+
+@pytest.mark.parametrize("name", PARAMETERS)
+def test_a_parameter_that_lacks_is_named(biased, name):
+    with pytest.raises(TypeError, match=f"Own lacks the parameter {name}"):
+        EffectSearchCV(bare(name)).fit(*biased)
+
+
+def test_what_is_no_estimator_lacks_all(biased):
+    with pytest.raises(TypeError, match=r"Bias lacks fit\(\), .*free_run\(\), the parameter"):
+        EffectSearchCV(Bias()).fit(*biased)
+    with pytest.raises(TypeError, match=r"LinearRegression lacks with_effect\(\), prepare\(\)"):
+        EffectSearchCV(LinearRegression()).fit(*biased)
+    with pytest.raises(TypeError, match=r"class OperatorRegressor: pass OperatorRegressor\(\)"):
+        EffectSearchCV(OperatorRegressor).fit(*biased)
+
+
+def test_nothing_else_is_asked_for():
+    check_simulated_model(bare(), "The search")
+
+
+@pytest.mark.parametrize("model", [OperatorRegressor(dt=DT), ARXRegressor(dt=DT)], ids=str)
+def test_a_fit_that_is_taken_over_is_no_part_of_the_model(biased, model):
+    model = clone(model).set_params(effects=[Bias()])
+    prepared = model.prepare(*biased)
+    fitted = model.first_fit(prepared)
+    before = set(vars(model))
+    taken = model.with_fit(prepared, *likelihood_fit(fitted, Criterion(prepared.record)))
+    assert set(vars(model)) == before
+    assert not hasattr(model, "parameters_")
+    assert taken.effects is not model.effects
+    whole = clone(model).fit(*biased)
+    np.testing.assert_array_equal(taken.parameters_["value"], whole.parameters_["value"])
+    np.testing.assert_array_equal(taken.free_run(prepared), taken.predict(biased[0]))

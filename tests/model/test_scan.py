@@ -1,0 +1,158 @@
+"""What an effect may ask of the model to which it is added."""
+
+import inspect
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skhoid.effects import DeadZone, Effects, ErrorScan, Intermittent, Lapses
+from skhoid.effects.catalogue import CLASSES
+from skhoid.model.cores import ARXCore, OperatorCore
+from skhoid.model.fitting import Criterion
+from skhoid.model.model import Model, fit_core
+from skhoid.model.scan import Scan
+from skhoid.model.simulator import Simulator
+from skhoid.testing import synthetic_record
+
+OPERATOR = [0.8, 0.3, 9.0, 0.4, 0.2]
+ARX = [-1.6, 0.68, 0.05, 0.03]
+CORES = {"operator": (OperatorCore(None), OPERATOR), "arx": (ARXCore(2, 2, 10), ARX)}
+MEMBERS = [n for n in vars(ErrorScan) if n == "__call__" or n[0] != "_"]
+
+
+def parent_of(kind):
+    """A core fitted to runs of one whose command was held between events."""
+    core, own = CORES[kind]
+    record = core.on(synthetic_record())
+    hidden = Effects.of(Intermittent(trigger="event", hold_time=0.2, threshold=0.3))
+    record = replace(record, y=Simulator(core, hidden, record).run(np.array(own)) * record.known)
+    return fit_core(core, record, Criterion(record), np.array([own]))
+
+
+@pytest.fixture(scope="module", params=CORES)
+def parent(request):
+    return parent_of(request.param)
+
+
+@pytest.fixture(scope="module")
+def operator():
+    return parent_of("operator")
+
+
+def scan_of(parent, effect, **options):
+    criterion = Criterion(parent.simulator.record)
+    return Scan(parent, effect.name, effect, criterion, **options)
+
+
+def test_a_scan_is_what_the_protocol_says():
+    assert len(MEMBERS) == 11
+    scan = scan_of(parent_of("arx"), DeadZone(form="gap"))
+    for name in MEMBERS:
+        promised = inspect.getattr_static(ErrorScan, name)
+        if inspect.isfunction(promised):
+            real = inspect.signature(getattr(Scan, name)).parameters
+            assert list(inspect.signature(promised).parameters) == list(real)
+        else:
+            assert hasattr(scan, name)
+
+
+@pytest.mark.slow
+def test_effects_ask_nothing_else():
+    """Each effect of the catalogue scans beside a model of which it sees the protocol alone."""
+
+    class Only:
+        def __init__(self, scan):
+            self._scan, self._asked = scan, set()
+
+        def __getattr__(self, name):
+            if name not in MEMBERS:
+                raise AttributeError(name)
+            self._asked.add(name)
+            return getattr(self._scan, name)
+
+        def __call__(self, *args):
+            self._asked.add("__call__")
+            return self._scan(*args)
+
+    asked = set()
+    for kind in CORES:
+        parent = parent_of(kind)
+        record = parent.simulator.record
+        for effect in (c() for c in CLASSES):
+            for variant in [] if effect.refusal(record, kind) else effect.variants(record):
+                scan = Only(scan_of(parent, variant))
+                first = {p.name: p.starts[0] for p in variant.parameters}
+                found = variant.scanned(scan, record) + variant.scanned_beside(scan, first)
+                for start in found:
+                    assert {name for name in start if name[0] != "+"} == first.keys()
+                    assert np.isfinite(list(start.values())).all()
+                asked |= scan._asked
+    assert asked == set(MEMBERS)
+
+
+def test_squares_of_the_best_multiple(parent):
+    scan, record = scan_of(parent, DeadZone(form="gap")), parent.simulator.record
+    bent = scan.on_first(np.inf)[0].run(np.array([*parent.theta, 0.3]))
+    thin = Criterion(record).thin
+    rows = record.known[::thin]
+    x, y = bent[::thin][rows], record.y[::thin][rows]
+    expected = y @ y - (x @ y) ** 2 / (x @ x)
+    assert scan({"width": 0.3}, np.inf) == pytest.approx(expected, rel=1e-9)
+    assert scan({"width": 0.3}, 10.0) < expected
+
+
+def test_changes_of_what_the_model_does_not_have_count_nothing(parent):
+    scan = scan_of(parent, DeadZone(form="gap"))
+    same = scan({"width": 0.3}, np.inf)
+    assert scan({"width": 0.3, "+nothing": 9.0}, np.inf) == same
+    first = next(iter(scan.parameters))
+    by = 0.1 * scan.parameters[first]
+    assert scan({"width": 0.3, f"+{first}": by}, np.inf) != same
+
+
+def test_ordinary_dynamics(operator):
+    scan = scan_of(operator, DeadZone(form="gap"))
+    assert scan.parameters == operator.values()
+    assert {n: scan.ordinary[n] for n in OperatorCore.ordinary} == OperatorCore.ordinary
+    assert scan_of(operator, DeadZone(form="gap"), bent=False).ordinary == scan.parameters
+    changes = scan.earlier(0.05)
+    assert changes["+tau_e"] == scan.ordinary["tau_e"] - scan.parameters["tau_e"] - 0.05
+
+
+def test_an_arx_model_has_no_ordinary_dynamics_nor_second_order():
+    scan = scan_of(parent_of("arx"), DeadZone(form="gap"))
+    assert scan.ordinary == scan.parameters
+    assert scan.earlier(0.05) == {}
+    columns = [x[:, :, None] for x in scan.commands(np.inf)]
+    with pytest.raises(ValueError, match=r"DeadZone calls left .* need an operator"):
+        scan.left(columns, np.inf)
+
+
+def test_squares_of_sums_of_answers(operator):
+    """The command that the model gives, and its rate, leave no more than the model."""
+    scan = scan_of(operator, Intermittent(trigger="clock"), bent=False)
+    command, rate = scan.commands(np.inf)
+    left = scan.left([np.stack([x, 0.0 * x], axis=2) for x in (command, rate)], np.inf)
+    criterion = Criterion(operator.simulator.record)
+    assert left.shape == (2,)
+    assert left[0] <= operator.sse * (1 + 1e-4)
+    assert left[1] == pytest.approx(criterion.power)
+
+
+def test_values_fitted_beside(operator):
+    scan = scan_of(operator, DeadZone(form="gap"))
+    squares, values = scan.fitted({"width": 0.2})
+    assert values.keys() == {"width"} | {f"+{name}" for name in scan.parameters}
+    assert values["width"] == 0.2
+    started = scan.on_first(np.inf)[0].run(np.array([*operator.theta, 0.2]))
+    assert squares < Criterion(operator.simulator.record).sse(started)
+
+
+def test_what_an_effect_finds_counts_as_parameters(operator):
+    assert DeadZone().n_hidden == 0
+    lapses = Lapses(intervals=[(5.0, 7.0), (12.0, 13.0)], form="gain")
+    assert lapses.n_hidden == 4
+    plain = operator.simulator
+    simulator = Simulator(plain.core, Effects.of(lapses), plain.record)
+    assert Model(simulator, operator.fit).n_parameters == operator.n_parameters + 4

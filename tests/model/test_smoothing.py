@@ -1,0 +1,85 @@
+"""How smooth a free form is, chosen by marginal likelihood."""
+
+import numpy as np
+import pytest
+
+from skhoid import OperatorRegressor, make_tracking_runs
+from skhoid.effects import CubicGain, FreeMap
+from skhoid.model.extend import extended
+from skhoid.model.fitting import Criterion
+from skhoid.model.smoothing import change_if_rougher, in_detail, posterior_of, with_spreads
+
+
+def with_map(effects, spread=None, seed=0):
+    X, y = make_tracking_runs(
+        condition="C1", n_runs=3, remnant_intensity=0.1, random_state=seed, effects=effects
+    )
+    estimator = OperatorRegressor()
+    prepared = estimator.prepare(X, y)
+    criterion = Criterion(prepared.record)
+    base = estimator.first_fit(prepared)
+    return extended(base, "map", FreeMap(spread=spread), criterion, criterion.coarse())
+
+
+def dof_of(model):
+    criterion = Criterion(model.simulator.record)
+    criterion.set_noise(criterion.remnant_model(model.output))
+    own = [i for i, name in enumerate(model.simulator.names) if name.startswith("map__")]
+    return float(posterior_of(model, criterion).dof[own].sum())
+
+
+@pytest.mark.slow
+def test_the_data_decide_how_smooth_a_curve_is():
+    bent, straight = with_map(CubicGain(hardening=0.3, form="cubic")), with_map(None)
+    assert dof_of(straight) < 4.0 < dof_of(bent)
+    spreads = [dict(m.effects.steps)["map"].spread for m in (bent, straight)]
+    assert spreads[0] > 3 * spreads[1]
+
+
+@pytest.mark.slow
+def test_a_given_spread_is_kept():
+    model = with_map(CubicGain(hardening=0.3, form="cubic"), spread=0.01)
+    assert dict(model.effects.steps)["map"].spread == 0.01
+
+
+def test_a_large_spread_is_least_squares_and_a_small_one_a_line():
+    free, line = with_map(None, spread=1e4), with_map(None, spread=1e-5)
+    assert abs(dof_of(free) - 10.0) < 0.2
+    assert dof_of(line) < 1.1  # the level has no roughness
+    assert free.n_parameters > line.n_parameters + 8
+    values = np.array([v for k, v in line.values().items() if k.startswith("map__")])
+    assert np.abs(values[1:]).max() < 1e-4
+
+
+def under_its_noise(model):
+    criterion = Criterion(model.simulator.record)
+    criterion.set_noise(criterion.remnant_model(model.output))
+    return model.refined(criterion, max_iter=40, tol=1e-9), criterion
+
+
+@pytest.mark.slow
+def test_more_knots_show_what_bends_between_them():
+    few = with_map(CubicGain(hardening=0.3, form="cubic"))
+    many = in_detail(few, "map")
+    old, new = (dict(model.effects.steps)["map"] for model in (few, many))
+    assert set(old.knots) < set(new.knots)
+    assert len(new.knots) == 2 * len(old.knots) - 1
+    assert many.sse < 1.001 * few.sse  # a smoother curve may be likelier
+    assert in_detail(many, "map") is many
+    own = [[m.values()[f"map__{p.name}"] for p in e.free] for m, e in ((few, old), (many, new))]
+    at = np.linspace(old.knots[0], old.knots[-1], 50)
+    curves = [e.design(at) @ c for e, c in zip((old, new), own, strict=True)]
+    curves = [c - np.polyval(np.polyfit(at, c, 1), at) for c in curves]  # which is the gain's
+    assert np.std(curves[0] - curves[1]) < 0.2 * np.std(curves[0])
+
+
+@pytest.mark.slow
+def test_a_curve_moves_as_said_if_it_may_be_rougher():
+    """Twin: fitted with a spread that is ten times as large."""
+    model, criterion = under_its_noise(with_map(CubicGain(hardening=0.3, form="cubic")))
+    spread = dict(model.effects.steps)["map"].spread
+    rougher = with_spreads(model, {"map": (10 * spread, spread)})
+    found = rougher.refined(criterion, max_iter=40, tol=1e-9).theta - model.theta
+    said = change_if_rougher(model, "map", criterion)
+    own = [i for i, name in enumerate(model.simulator.names) if name.startswith("map__")]
+    assert np.abs(said[own] - found[own]).max() < 0.1 * np.abs(found[own]).max()

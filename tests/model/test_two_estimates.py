@@ -1,0 +1,89 @@
+"""Estimates of least simulation error beside those of maximum likelihood."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.person_in_loop import pursued
+
+from skhoid import EffectSearchCV, OperatorRegressor
+from skhoid.model.fitting import Criterion
+from skhoid.model.two_estimates import difference_notes, that_differ
+
+NAN = np.nan
+
+
+def table(**rows):
+    columns = ["value", "sd", "low", "high"]
+    frame = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+    return frame.assign(unit="s")
+
+
+def row(value, sd=0.01):
+    return value, sd, value - 2 * sd, value + 2 * sd
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "differ"),
+    [
+        (row(0.25), row(0.29), True),
+        (row(0.25), row(0.27), False),  # within 1.96 times the root of two
+        (row(0.25, 0.03), row(0.29), False),
+        (row(0.25), (0.1, NAN, NAN, NAN), True),  # at its bound
+        (row(0.11), (0.1, NAN, NAN, NAN), False),
+        (row(0.25), (0.5, NAN, 0.0, 0.8), False),  # not determined
+        ((0.25, 0.0, 0.25, 0.25), (0.25, 0.0, 0.25, 0.25), False),  # given
+    ],
+)
+def test_what_differs(one, other, differ):
+    names = ["tau_e"] if differ else []
+    assert that_differ(table(tau_e=one), table(tau_e=other)) == names
+    assert that_differ(table(tau_e=other), table(tau_e=one)) == names
+
+
+def test_only_the_core_is_compared():
+    assert that_differ(table(bias__level=row(0.1)), table(bias__level=row(0.5))) == []
+
+
+@pytest.fixture(scope="module")
+def person():
+    X, y, person = pursued("1/s", 3, n_runs=3, duration=30.0)
+    return X, y, person, OperatorRegressor().fit(X, y)
+
+
+def test_both_are_shown_where_the_loop_biases_one(person):
+    _, _, truth, model = person
+    likelihood, least_error = model.parameters_, model.simulation_parameters_
+    assert "tau_e" in that_differ(likelihood, least_error)
+    off = abs(least_error["value"]["tau_e"] - truth.tau_e)
+    assert abs(likelihood["value"]["tau_e"] - truth.tau_e) < off / 2
+    (note,) = difference_notes(likelihood, least_error)
+    text = " ".join(model.summary().split())
+    assert note in text
+    for one in (likelihood, least_error):
+        assert f"{one['value']['tau_e']:.3f} ±" in note
+
+
+def test_the_least_error_is_less(person):
+    X, y, _, model = person
+    prepared = OperatorRegressor().prepare(X, y)
+    first = OperatorRegressor().first_fit(prepared)
+    found = model.simulation_parameters_["value"][first.simulator.names].to_numpy()
+    criterion = Criterion(prepared.record)
+    assert criterion.sse(first.simulator.run(found)) == pytest.approx(first.sse, rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_search_notes_both(person):
+    X, y, _, _ = person
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(X, y)
+    best = search.best_estimator_
+    (note,) = difference_notes(best.parameters_, best.simulation_parameters_)
+    assert note in search.notes_
+    assert f"Note: {note}" in search.summary()
+
+
+def test_nothing_is_said_where_they_agree():
+    X, y, _ = pursued("1/s", 3, n_runs=2, duration=20.0, remnant=0.0)
+    model = OperatorRegressor().fit(X, y)
+    assert difference_notes(model.parameters_, model.simulation_parameters_) == []
+    assert "Two estimates" not in model.summary()

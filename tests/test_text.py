@@ -1,0 +1,520 @@
+"""Summaries of fitted models, as text and in notebooks."""
+
+from __future__ import annotations
+
+import math
+import pickle
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import norm
+from sklearn import config_context
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from sklearn.pipeline import make_pipeline
+from sklearn.utils import estimator_html_repr
+
+from skhoid import (
+    ARXRegressor,
+    Decimator,
+    DelaySearchCV,
+    DelayShift,
+    EffectSearchCV,
+    OperatorRegressor,
+    OrderSearchCV,
+    RecursiveARX,
+    RecursiveARXCV,
+    RunInTrimmer,
+    make_tracking_runs,
+    vaf_score,
+)
+from skhoid.arx.searches.text import highest, lowest
+from skhoid.text import WIDTH, Estimate, estimates_table, number
+
+pytestmark = pytest.mark.slow  # many models, each compiled
+
+COLUMNS = ["coef", "std err", "z", "P>|z|", "[0.025", "0.975]"]
+NASTY = "<script>alert(1)</script>"
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return make_tracking_runs(
+        "C1",
+        n_runs=3,
+        remnant_intensity=0.1,
+        sampling_rate=50,
+        channels=("e", "f_t"),
+        random_state=0,
+    )
+
+
+@pytest.fixture(scope="module")
+def arx(runs):
+    return ARXRegressor(2, 2, 15, fit_intercept=True).fit(*runs)
+
+
+@pytest.fixture(scope="module")
+def operator(runs):
+    return OperatorRegressor(delay=0.28, effects="bias").fit(*runs)
+
+
+def table_of(text: str) -> dict[str, list[str]]:
+    """Cells by parameter of the first table of a summary."""
+    lines = text.splitlines()
+    head = next(i for i, line in enumerate(lines) if "std err" in line)
+    assert lines[head].replace("std err", "std_err").split()[:6] == [
+        c.replace(" ", "_") for c in COLUMNS
+    ]
+    rows = {}
+    for line in lines[head + 1 :]:
+        if set(line) <= {"-", "="}:
+            return rows
+        name, *cells = line.split()
+        rows[name] = cells
+    raise AssertionError("the table has no end")
+
+
+def facts_of(text: str) -> str:
+    return " ".join(text.split("-" * WIDTH)[0].split())
+
+
+def check_numbers(rows, names, values, errors, intervals=None):
+    assert list(rows) == list(names)
+    values, errors = np.array(values), np.array(errors)
+    if intervals is None:
+        intervals = np.stack([values - 1.96 * errors, values + 1.96 * errors], axis=1)
+    for cells, value, sd, ends in zip(rows.values(), values, errors, intervals, strict=True):
+        coef, shown, z, p, low, high = cells[:6]
+        assert float(coef) == pytest.approx(value, abs=0.06 * sd)
+        assert float(shown) == pytest.approx(sd, rel=0.06)
+        assert float(z) == pytest.approx(value / sd, abs=0.006)
+        right = 2 * norm.sf(abs(value / sd))
+        assert p == "<0.001" if right < 0.001 else float(p) == pytest.approx(right, abs=6e-4)
+        assert (float(low), float(high)) == pytest.approx(tuple(ends), abs=0.06 * sd)
+
+
+def slowly_less(time):
+    return np.where(time < 20, 0.99, 0.999)
+
+
+def check_lines(text):
+    assert max(map(len, text.splitlines())) <= WIDTH
+    assert not re.search(r"\bnan\b", text)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        ARXRegressor(2, 2, 15),
+        ARXRegressor(2, 1, 15, fit_intercept=True, covariance="hac"),
+        ARXRegressor(1, [2, 1], [15, 0], inputs=["e", "f_t"]),
+        ARXRegressor(2, 2, 15, method="iv", instruments=["f_t"]),
+        RecursiveARX(2, 2, 15, memory_time=5.0),
+        RecursiveARX(2, 2, 15, memory_horizon=[np.inf, np.inf, 64, 64]),
+        RecursiveARX(2, 2, 15, forgetting="variable"),
+        RecursiveARX(2, 2, 15, forgetting=slowly_less),
+        RecursiveARX(2, 2, 15, combine="average_estimates"),
+    ],
+    ids=lambda model: str(model).split(" at 0x")[0],  # addresses differ from process to process
+)
+def test_numbers_are_those_of_the_model(model, runs):
+    model.fit(*runs)
+    text = model.summary()
+    check_lines(text)
+    check_numbers(table_of(text), model.parameter_names_, model.coef_, model.standard_errors_)
+    assert pickle.loads(pickle.dumps(model)).summary() == text
+    # The sd shown is that of the covariance.
+    np.testing.assert_allclose(model.standard_errors_**2, np.diag(np.asarray(model.covariance_)))
+
+
+def test_header_of_a_batch_model(arx, runs):
+    X, _ = runs
+    facts = facts_of(arx.summary())
+    assert "na = 2, nb = 2, nk = 15, intercept" in facts
+    assert "Output: u (deg) Input: e (deg)" in facts
+    assert f"Rows: {arx.n_rows_used_} Runs: 3" in facts
+    assert "Delay, nk: 15 samples, 0.3 s" in facts
+    assert f"Residual sd: {number(math.sqrt(arx.noise_variance_))} deg" in facts
+    n, p = arx.n_rows_used_, 5
+    fit = n * np.log(arx.noise_variance_ * (n - p) / n)
+    assert f"AIC: {fit + 2 * p:.1f} BIC: {fit + p * np.log(n):.1f}" in facts
+    assert f"{np.abs(np.roots([1, *arx.a_])).max():.4f}" in facts
+    assert table_of(arx.summary())["b0"][-1] == "deg/deg"
+    assert X.attrs["units"]["e"] == "deg"
+
+
+def test_condition_is_that_of_scaled_regressors(runs):
+    X, y = (part.xs(part.index[0][0], level="run", drop_level=False) for part in runs)
+    model = ARXRegressor(1, 1, 0).fit(X, y)
+    table = np.column_stack([-y.to_numpy()[:-1], X["e"].to_numpy()[1:]])
+    table /= np.linalg.norm(table, axis=0)
+    assert f"Condition: {np.linalg.cond(table):.3g} " in facts_of(model.summary())
+
+
+def test_likelihood_is_kept_from_models_that_have_none(runs):
+    text = ARXRegressor(2, 2, 15, method="iv", instruments=["f_t"]).fit(*runs).summary()
+    assert "AIC" not in text
+    assert "Instruments: f_t" in facts_of(text)
+    assert "biases least squares" not in text
+    hac = ARXRegressor(2, 2, 15, covariance="hac").fit(*runs).summary()
+    assert "allow for a coloured equation error" in hac
+    assert "Condition" not in hac
+
+
+def test_with_data_it_says_both_vafs(arx, operator, runs):
+    X, y = runs
+    text = arx.summary(X, y)
+    check_lines(text)
+    assert f"VAF, free run: {arx.score(X, y):.1f} %" in facts_of(text)
+    ahead = vaf_score(y, arx.predict_ahead(X, y))
+    assert f"VAF, one step: {ahead:.1f} %" in facts_of(text)
+    assert "VAF, free run" not in arx.summary()
+    assert "VAF, one step" not in operator.summary(X, y)
+    with pytest.raises(ValueError, match="requires y"):
+        arx.summary(X)
+
+
+def test_decimated_model_says_both_sampling_times(runs):
+    pipe = make_pipeline(Decimator(2), DelayShift(0.28), ARXRegressor()).fit(*runs)
+    facts = facts_of(pipe[-1].summary())
+    assert "Sampling time: 0.02 s Fitted grid: 0.04 s (1 in 2 rows)" in facts
+
+
+def test_path_of_a_recursive_model(runs):
+    model = RecursiveARX(2, 2, 15, memory_horizon=100).fit(*runs)
+    text = model.summary(*runs)
+    check_lines(text)
+    lines = text.split("Path over")[1].splitlines()
+    for line, values in zip(lines[2:6], model.coef_path_.T, strict=True):
+        name, first, low, at_low, high, at_high, last = line.split()
+        low_at, high_at = np.argmin(values), np.argmax(values)
+        assert name in model.parameter_names_
+        assert [float(x) for x in (first, low, high, last)] == pytest.approx(
+            values[[0, low_at, high_at, -1]], rel=1e-3
+        )
+        assert [float(at_low), float(at_high)] == pytest.approx(model.time_path_[[low_at, high_at]])
+    facts = facts_of(text)
+    assert "Memory: N0 = 100 samples, 2 s (λ = 0.99)" in facts
+    assert f"{model.n_updates_} updates Runs: 3, pooled" in facts
+    assert "Protection: forgetting held back at 0 instants" in facts
+
+
+@pytest.mark.parametrize(
+    ("forgetting", "words"),
+    [
+        ({}, "nothing is forgotten, λ = 1"),
+        ({"memory_horizon": [np.inf, np.inf, 64, 32]}, "N0 = (inf, inf, 64, 32) samples"),
+        ({"forgetting": lambda t: np.where(t < 20, 0.9, 0.99)}, "λ = 0.9 to 0.99"),
+        ({"forgetting": "variable", "memory_horizon": 64}, "variable, λ = "),
+    ],
+)
+def test_memory_as_text(runs, forgetting, words):
+    assert words in facts_of(RecursiveARX(2, 2, 15, **forgetting).fit(*runs).summary())
+
+
+def test_stream_has_no_path_and_dashes_before_the_first_update():
+    rng = np.random.default_rng(0)
+    X, y = rng.normal(size=(50, 1)), rng.normal(size=50)
+    model = RecursiveARX(2, 2, init=np.zeros(4), p0=1.0)
+    model.partial_fit(X[:2], y[:2])
+    text = model.summary()
+    check_lines(text)
+    assert table_of(text)["a1"][1:] == ["-"] * 5
+    assert "partial_fit keeps no path" in text
+    model.partial_fit(X[2:], y[2:])
+    check_numbers(
+        table_of(model.summary()), model.parameter_names_, model.coef_, model.standard_errors_
+    )
+    assert "Path over" not in model.summary()
+
+
+def test_rows_still_collected_are_no_model():
+    model = RecursiveARX(2, 2, init_window=20.0)
+    model.partial_fit(np.ones((5, 1)), np.ones(5))
+    with pytest.raises(NotFittedError, match="collected 5 rows"):
+        model.summary()
+    assert "skhoid-summary" not in model._repr_html_()
+
+
+def test_operator_with_an_effect(operator):
+    text = operator.summary()
+    check_lines(text)
+    rows = table_of(text)
+    assert list(rows) == operator.parameters_.index.tolist()
+    assert rows["tau_e"] == ["0.28", *"-----", "s"]  # given
+    free = operator.parameters_[operator.parameters_["sd"] > 0]
+    shown = {n: rows[n] for n in free.index}
+    intervals = free[["low", "high"]].to_numpy()
+    check_numbers(shown, free.index, free["value"], free["sd"], intervals)
+    assert rows["K_e"][-1] == "deg/deg"
+    facts = facts_of(text)
+    assert "Effects: bias" in facts
+    assert f"VAF, fit: {operator.vaf_:.1f} %" in facts
+    assert f"BIC: {operator.bic_:.1f}" in facts
+    assert operator.effects_.steps[0][1].formula in " ".join(text.split())
+
+
+def test_rmse_is_that_of_the_rows_that_count(operator, runs):
+    X, y = runs
+    time = X.index.get_level_values("time")
+    error = (y - operator.predict(X))[time - time.min() >= operator.settling]
+    assert operator.n_rows_used_ == error.size
+    rmse = float(np.sqrt(np.mean(error**2)))
+    assert operator._simulation.rmse == pytest.approx(rmse, rel=0.02)
+    assert f"RMSE, fit: {number(operator._simulation.rmse)} deg" in facts_of(operator.summary())
+
+
+def test_delay_search_says_what_it_searched(runs):
+    X, y = runs
+    pipe = make_pipeline(RunInTrimmer(2.0), ARXRegressor())
+    search = DelaySearchCV(pipe, nk=range(3, 12)).fit(X, y)
+    text = search.summary(X, y)
+    check_lines(text)
+    assert f"nk = {search.best_nk_} ({number(search.best_delay_)} s)" in text
+    assert "best of 9 candidates, 3 to 11" in text
+    assert "RunInTrimmer(run_in=2.0)" in text
+    assert f"VAF, free run: {search.score(X, y):.1f} %" in facts_of(text)
+    shown = text.split("over the best\n")[1].splitlines()[:5]
+    order = np.argsort(search.loss_)[:5]
+    assert [int(line.split()[0]) for line in shown] == (order + 3).tolist()
+    assert search.best_estimator_[-1].summary() in search.summary()
+
+
+def test_vaf_search_says_what_is_within_a_standard_error(runs):
+    search = DelaySearchCV(nk=range(4, 12), criterion="vaf").fit(*runs)
+    vaf = search.cv_results_["mean_test_score"]
+    splits = [search.cv_results_[f"split{i}_test_score"][search.best_index_] for i in range(3)]
+    error = np.std(splits, ddof=1) / np.sqrt(3)
+    near = int(np.sum(vaf >= vaf.max() - error))
+    assert f"({near} of 8 within one standard error, {error:.2g} points" in search.summary()
+
+
+def test_candidates_that_could_not_be_fitted_are_not_shown():
+    assert highest(np.array([1.0, np.nan, 3.0]), np.nan)[0].tolist() == [2, 0]
+    assert lowest(np.array([np.nan, 2.0, 1.0])).tolist() == [2, 1]
+
+
+def test_one_fold_has_no_standard_error(runs):
+    X, y = (part.xs(part.index[0][0], level="run", drop_level=False) for part in runs)
+    text = DelaySearchCV(nk=[6, 7], criterion="vaf").fit(X, y).summary()
+    check_lines(text)
+    assert "Highest VAF\n" in text
+
+
+@pytest.mark.parametrize("criterion", ["vaf", "bic"])
+def test_order_search_marks_the_chosen(runs, criterion):
+    search = OrderSearchCV(na=[1, 2, 3], nb=[1, 2], nk=[15], criterion=criterion).fit(*runs)
+    text = search.summary()
+    check_lines(text)
+    chosen = next(line for line in text.splitlines() if line.endswith("chosen"))
+    assert [int(x) for x in chosen.split()[:4]] == list(search.best_params_.values())
+    by_vaf = f"{search.best_score_:.1f} %" if criterion == "vaf" else "by the lowest BIC."
+    assert by_vaf in " ".join(text.split())
+    assert ("VAF" in text.split("ARXRegressor")[0]) == (criterion == "vaf")
+
+
+@pytest.mark.parametrize(
+    ("model", "later"),
+    [
+        (ARXRegressor(2, 2, 15), {"method": "iv", "instruments": ["f_t"], "covariance": "hac"}),
+        (ARXRegressor(2, 2, 15, method="iv"), {"method": "ols"}),
+        (ARXRegressor(2, 2, 15, method="iv", instruments=["f_t"]), {"instruments": ["e"]}),
+        (RecursiveARX(2, 2, 15), {"smooth": True, "combine": "average_estimates"}),
+        (RecursiveARX(2, 2, 15, smooth=True), {"smooth": False}),
+        (RecursiveARX(2, 2, 15, combine="average_estimates"), {"combine": "pooled"}),
+        (DelaySearchCV(nk=[6, 7]), {"criterion": "vaf"}),
+        (DelaySearchCV(nk=[6, 7], criterion="vaf"), {"criterion": "one_step"}),
+        (OrderSearchCV(na=[1, 2], nb=[1], nk=[15]), {"criterion": "bic", "rule": "best"}),
+    ],
+    ids=lambda part: str(part).split(" at 0x")[0],
+)
+def test_parameters_set_later_change_nothing(model, later, runs):
+    text = model.fit(*runs).summary()
+    assert model.set_params(**later).summary() == text
+
+
+def test_a_stream_after_a_smoothed_path_is_not_smoothed(runs):
+    X, y = (part.to_numpy()[:500] for part in runs)
+    model = RecursiveARX(2, 2, 15, inputs=[0], smooth=True, dt=0.02).fit(X[:400], y[:400])
+    assert "path smoothed" in model.summary()
+    model.partial_fit(X[400:], y[400:])
+    assert "smoothed" not in model.summary()
+
+
+def test_searches_over_several_inputs_keep_the_width():
+    rng = np.random.default_rng(0)
+    X = pd.DataFrame(rng.normal(size=(300, 6)), columns=list("klmnop"))
+    y = pd.Series(X.sum(axis=1) + rng.normal(size=300), name="u")
+    nk = [(10,) * 6, (12, 11, 10, 10, 10, 15)]
+    search = OrderSearchCV(na=[1, 2], nb=[1, (1, 2, 1, 2, 1, 2)], nk=nk, rule="best").fit(X, y)
+    check_lines(search.summary())
+    chosen = next(line for line in search.summary().splitlines() if line.endswith("chosen"))
+    best = search.best_params_
+    assert chosen.split()[0] == str(best["na"])
+    assert f"{search.best_score_:.2f}" in chosen
+    # What is one number for all inputs is shown as one.
+    rows = search.summary().split("BIC / n\n")[1].splitlines()[:5]
+    assert any(" 10 " in row and "(10" not in row for row in rows)
+    delays = DelaySearchCV(ARXRegressor(dt=0.1), nk=[(3, 0), (4, 0)]).fit(X[["k", "l"]], y)
+    seconds = {(3, 0): "0.3, 0", (4, 0): "0.4, 0"}[delays.best_nk_]
+    assert f"nk = {delays.best_nk_} ({seconds} s) is the best" in delays.summary()
+
+
+def test_recursive_search_shows_the_horizons(runs):
+    search = RecursiveARXCV([64, 256, np.inf], nk=15).fit(*runs)
+    text = search.summary()
+    check_lines(text)
+    best = text.split("gain\n")[1].split()
+    assert float(best[0]) == search.best_memory_horizon_
+    assert float(best[1]) == pytest.approx(search.best_score_, abs=0.006)
+    assert "Path over" in text
+
+
+def test_long_names_and_several_inputs_keep_the_width(runs):
+    X, y = runs
+    long = {"e": "error " * 12, "f_t": "a_target_" * 9}
+    text = (
+        ARXRegressor(2, 2, 15)
+        .fit(X[["e", "f_t"]].rename(columns=long), y)
+        .summary(X[["e", "f_t"]].rename(columns=long), y)
+    )
+    check_lines(text)
+
+
+def test_small_and_large_numbers_keep_the_digits_that_count():
+    assert number(-1.94235678, 0.00031) == "-1.94236"
+    assert number(1.25e-9, 3e-11) == "1.25e-09"
+    assert number(123456.0, 3400.0) == "123456"
+    assert number(np.nan) == "-"
+    frame = pd.DataFrame(
+        {"value": [1.0], "sd": [np.nan], "low": [np.nan], "high": [np.nan], "unit": ["-"]},
+        index=["a1"],
+    )
+    assert estimates_table(frame).rows == [["a1", "1", *"-----"]]
+
+
+UNFITTED = [
+    ARXRegressor(2, 2, 15),
+    RecursiveARX(2, 2, 15),
+    RecursiveARXCV([64, np.inf], nk=15),
+    OperatorRegressor(),
+    DelaySearchCV(nk=[6, 7]),
+    OrderSearchCV(na=[1, 2], nb=[1], nk=[15]),
+    EffectSearchCV(OperatorRegressor(), effects=["bias"]),
+]
+
+
+@pytest.mark.parametrize("model", UNFITTED, ids=lambda m: type(m).__name__)
+def test_notebook_display(model, runs):
+    with pytest.raises(NotFittedError):
+        model.summary()
+    plain = model._repr_html_()
+    assert "skhoid-summary" not in plain
+    fitted = clone(model).fit(*runs)
+    html = fitted._repr_html_()
+    assert fitted._repr_mimebundle_()["text/html"].count("skhoid-summary") == html.count(
+        "skhoid-summary"
+    )
+    assert "sk-top-container" in html
+    found = Shown.of(html)
+    assert "std err" in found.headers
+    last = getattr(fitted, "best_estimator_", fitted)
+    names = getattr(last, "parameters_", None)
+    assert found.rows == (last.parameter_names_ if names is None else names.index.tolist())
+    with config_context(display="text"):
+        assert not hasattr(fitted, "_repr_html_")
+        assert "text/html" not in fitted._repr_mimebundle_()
+
+
+def test_pipelines_show_the_diagram_of_scikit_learn(runs):
+    pipe = make_pipeline(RunInTrimmer(2.0), ARXRegressor(2, 2, 15)).fit(*runs)
+    html = pipe._repr_html_()
+    assert "skhoid-summary" not in html
+    assert "ARXRegressor" in html
+    assert estimator_html_repr(pipe).count("sk-estimator") == html.count("sk-estimator")
+
+
+def test_search_in_a_notebook_says_what_it_found(runs):
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(*runs)
+    assert "EffectSearchCV. " + search.summary().splitlines()[0] in search._repr_html_()
+
+
+@pytest.mark.parametrize("kind", ["one input", "two inputs", "search", "recursive", "operator"])
+def test_names_cannot_run(kind, runs):
+    X, y = runs
+    X = X[["e", "f_t"]].rename(columns={"e": NASTY, "f_t": "<img src=x onerror=alert(2)>"})
+    X.attrs = {"units": {NASTY: NASTY, X.columns[1]: "<u>"}}
+    y = y.rename("\"'><svg onload=alert(3)>")
+    y.attrs = {"units": {y.name: NASTY}}
+    model = {
+        "one input": ARXRegressor(2, 2, 15, inputs=[NASTY]),
+        "two inputs": ARXRegressor(2, 2, 15),
+        "search": DelaySearchCV(ARXRegressor(), nk=[6, 7]),
+        "recursive": RecursiveARX(2, 1, 15),
+        "operator": OperatorRegressor(inputs=[NASTY]),
+    }[kind]
+    html = model.fit(X, y)._repr_html_()
+    for tag in ("<script>alert", "<img", "<svg", "<u>"):
+        assert tag not in html
+    assert "alert(1)" in html  # it is shown, as text
+    shown = Shown.of(html)
+    assert set(shown.tags) <= {"style", "div", "p", "table", "caption", "thead", "tbody"} | {
+        "tr", "th", "td"
+    }  # fmt: skip
+
+
+class Shown(HTMLParser):
+    """Tags, column headers and row headers of what stands below scikit-learn's diagram."""
+
+    def __init__(self):
+        super().__init__()
+        self.tags, self.headers, self.rows, self.scope = [], [], [], ""
+
+    @classmethod
+    def of(cls, html):
+        parser = cls()
+        parser.feed(html[html.rindex("<style>") :])
+        return parser
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.scope = dict(attrs).get("scope", "")
+
+    def handle_endtag(self, tag):
+        self.scope = ""
+
+    def handle_data(self, data):
+        if self.scope:
+            (self.headers if self.scope == "col" else self.rows).append(data)
+
+
+@pytest.mark.parametrize(
+    ("value", "sd", "unit", "shown"),
+    [
+        (0.31234, 0.0041, "deg", "0.3123 ± 0.0041 deg"),
+        (2.0, 0.1, "-", "2.00 ± 0.10"),
+        (0.28, 0.0, "s", "0.28 s"),
+        (0.28, np.nan, "s", "0.28 s (at its bound)"),
+        (1234.56, 78.9, "", "1235 ± 79"),
+    ],
+)
+def test_an_estimate_in_a_sentence(value, sd, unit, shown):
+    ends = {"low": value - 2 * sd, "high": value + 2 * sd}
+    found = Estimate.of(pd.Series({"value": value, "sd": sd, **ends, "unit": unit}))
+    assert str(found) == shown
+    assert found.known == bool(sd > 0)
+    assert {found.low, found.high} == {"-"} or found.known
+
+
+def test_an_estimate_at_its_bound_has_an_interval_on_one_side():
+    row = pd.Series({"value": 0.0, "sd": np.nan, "low": 0.0, "high": 0.25, "unit": "s"})
+    found = Estimate.of(row)
+    assert str(found) == "0 s (at its bound)"
+    assert (found.low, found.high) == ("0", "0.25")
+    inside = Estimate.of(pd.Series({**row, "value": 0.1}))
+    assert str(inside) == "0.1 s (not determined)"
+    assert {inside.low, inside.high} == {"-"}
