@@ -27,7 +27,7 @@ from rich.progress import Progress
 from scipy.integrate import solve_ivp
 
 from skhoid import CompensatoryTask, Remnant, _kernels, make_tracking_runs, tune_remnant
-from skhoid.simulation.physics import operator_response, physics_rows
+from skhoid.simulation.engine import operator_response, physics_rows
 
 REPEATS, BATCHES = 15, 3
 PEER_STEPS, PEER_REPEATS = 1500, 3

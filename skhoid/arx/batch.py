@@ -14,8 +14,8 @@ from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..human import ELEMENT
 from ..model.arx_core import fitted_arx
-from ..model.base import SimulatedModelMixin, Simulation
 from ..model.cores import ARXCore
+from ..model.estimator import SimulatedModelMixin, Simulation
 from ..model.fitting import RemnantModel
 from ..model.model import Model
 from ..model.prepared import Prepared, SimulatedCore

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import RunTimeWarning
-from ..model.estimates import arx_parameter_table
+from ..model.parameters import arx_parameter_table
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
 from .base import BaseARX

@@ -15,13 +15,12 @@ from sklearn.exceptions import ConvergenceWarning
 
 from ..effects.composition import Effects
 from ..model.arx_core import forecast
-from ..model.base import Simulation, first_model, simulation_of
-from ..model.estimates import arx_parameter_table
+from ..model.estimator import Simulation, first_model, simulated_summary, simulation_of
 from ..model.fitting import Criterion, RemnantModel
 from ..model.initial import ESTIMATE, HELD
 from ..model.likelihood import likelihood_fit
 from ..model.model import Model
-from ..model.operator_summary import simulated_summary
+from ..model.parameters import arx_parameter_table
 from ..model.prepared import Prepared, prepared_for
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, segments

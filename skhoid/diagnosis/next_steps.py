@@ -8,7 +8,7 @@ import numpy as np
 
 from ..effects.composition import Effects
 from ..effects.registry import title_of
-from ..interpret.channel import is_arx
+from ..interpret.arx_channel import is_arx
 from ..model.operator_regressor import OperatorRegressor
 from ..pipelines import taken_apart
 from ..preprocessing import DelayShift

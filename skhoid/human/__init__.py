@@ -1,10 +1,8 @@
 """Physics as small objects: human operator, controlled element, time-varying parameters."""
 
 from .controlled_element import ELEMENT, ControlledElement
-from .discretisation import delay_samples, pade, zoh_parameters
 from .linear_element import LinearElement
-from .margins import crossover
-from .operator import HumanOperator
+from .operator import HumanOperator, crossover, delay_samples, pade, zoh_parameters
 from .variation import Mixture, Ramp, Sigmoid, Step
 
 __all__ = [

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._sklearn import HasMethods
-from .checks import check_parameters
-from .element_text import is_number
-from .linear_element import LinearElement
-from .variation import Parameter, frozen
+from .linear_element import LinearElement, is_number
+from .variation import Parameter, check_parameters, frozen
 
 
 @dataclass(frozen=True)
@@ -198,3 +196,13 @@ def simplest(element: LinearElement) -> ControlledElement | LinearElement:
     """The same element, as a ``ControlledElement`` where it has that form."""
     constants = element.constants
     return element if constants is None else ControlledElement(*constants)
+
+
+def element_of(text: str | None) -> Any:
+    """A transfer function, or the numbers K_c and omega_b; None for none."""
+    if text is None:
+        return None
+    words = text.split()
+    if len(words) == 2 and all(is_number(word) for word in words):
+        return ControlledElement(float(words[0]), float(words[1]))
+    return LinearElement.of(text)

@@ -1,19 +1,243 @@
-"""``LinearElement``: a controlled element of any order, continuous or discrete."""
+"""``LinearElement``: a controlled element of any order, continuous or discrete, also as text."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from scipy.linalg import expm, logm
-from scipy.signal import lfilter, lfilter_zi, tf2ss
+from scipy.signal import lfilter, lfilter_zi, ss2tf, tf2ss
 
 from .. import _kernels
-from .element_text import parsed, written
-from .linear_systems import TINY, coefficients_of
+
+EXAMPLES = '"1/s", "1/(s(s+1))", "90/(s^2+6s)", "2(s+3)/(s^2 (s+0.5))"'
+LARGEST_POWER = 20
+TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)|(\*\*|.))")
+Ratio = tuple[np.ndarray, np.ndarray]  # coefficients of numerator and denominator
+
+
+def is_number(text: str) -> bool:
+    """Whether a text is just a number, which counts as a gain and not as a transfer function."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def parsed(text: str) -> tuple[np.ndarray, np.ndarray, str]:
+    """Numerator, denominator (highest power first) and variable ("s", "z" or "") of a text."""
+    return _Parser(text).result()
+
+
+def written(numerator: tuple[float, ...], denominator: tuple[float, ...], variable: str) -> str:
+    """A transfer function as text, its denominator with poles at zero in front."""
+    n_zero = 0
+    while n_zero < len(denominator) - 1 and denominator[-1 - n_zero] == 0.0:
+        n_zero += 1
+    rest = denominator[: len(denominator) - n_zero]
+    power = "" if n_zero == 0 else variable if n_zero == 1 else f"{variable}^{n_zero}"
+    above = _polynomial(numerator, variable)
+    below = power
+    if len(rest) > 1:
+        below = f"({_polynomial(rest, variable)})"
+        below = f"({power} {below})" if power else below
+    several = sum(c != 0.0 for c in numerator) > 1
+    if not below:
+        return above
+    return f"({above})/{below}" if several else f"{above}/{below}"
+
+
+def _polynomial(coefficients: tuple[float, ...], variable: str) -> str:
+    terms = []
+    for i, c in enumerate(coefficients):
+        power = len(coefficients) - 1 - i
+        if c == 0.0:
+            continue
+        name = "" if power == 0 else variable if power == 1 else f"{variable}^{power}"
+        size = f"{abs(c):.4g}"
+        number = name if name and size == "1" else f"{size} {name}".rstrip()
+        terms.append(("- " if c < 0 else "+ ") + number)
+    joined = " ".join(terms) or "+ 0"
+    return joined[2:] if joined.startswith("+") else f"-{joined[2:]}"
+
+
+class _Parser:
+    """Recursive descent over sums, products and powers, on ratios of polynomials."""
+
+    def __init__(self, text: str):
+        self.text = text
+        self.tokens: list[str] = []
+        self.variable = ""
+        position, end = 0, len(text.rstrip())
+        while position < end:
+            found = TOKEN.match(text, position)
+            assert found is not None
+            position = found.end()
+            self.tokens.append(found[1] or found[2])
+        self.at = 0
+
+    def result(self) -> tuple[np.ndarray, np.ndarray, str]:
+        if not self.tokens:
+            self.fail("it is empty")
+        numerator, denominator = self.sum()
+        if self.at < len(self.tokens):
+            self.fail(f"there is one {self.tokens[self.at]!r} too many")
+        while min(numerator.size, denominator.size) > 1 and numerator[-1] == denominator[-1] == 0:
+            numerator, denominator = numerator[:-1], denominator[:-1]
+        return numerator, denominator, self.variable
+
+    def fail(self, what: str) -> NoReturn:
+        raise ValueError(
+            f"The controlled element {self.text!r} cannot be read: {what}. Write a ratio of "
+            f"polynomials in s, or in z with dt, such as {EXAMPLES}."
+        )
+
+    @property
+    def next(self) -> str:
+        return self.tokens[self.at] if self.at < len(self.tokens) else ""
+
+    def taken(self) -> str:
+        token = self.next
+        self.at += 1
+        return token
+
+    def sum(self) -> Ratio:
+        sign = self.taken() if self.next in ("+", "-") else "+"
+        total = self.product()
+        if sign == "-":
+            total = -total[0], total[1]
+        while self.next in ("+", "-"):
+            by = 1.0 if self.taken() == "+" else -1.0
+            n, d = self.product()
+            if np.array_equal(total[1], d):
+                total = np.polyadd(total[0], by * n), d
+                continue
+            top = np.polyadd(np.polymul(total[0], d), by * np.polymul(n, total[1]))
+            total = top, np.polymul(total[1], d)
+        return total
+
+    def product(self) -> Ratio:
+        top, bottom = self.power()
+        divided = False
+        while True:
+            if self.next in ("*", "/"):
+                divided = self.taken() == "/"
+                n, d = self.power()
+            elif self.next and self.next not in ("+", "-", ")"):
+                if divided:
+                    self.fail(
+                        f"it is not clear whether {self.next!r} belongs to the denominator "
+                        'before it: write "1/(s(s+1))" or "(1/s)(s+1)"'
+                    )
+                n, d = self.power()
+            else:
+                return top, bottom
+            if divided:
+                if not np.any(n):
+                    self.fail("it divides by zero")
+                n, d = d, n
+            top, bottom = np.polymul(top, n), np.polymul(bottom, d)
+
+    def power(self) -> Ratio:
+        base = self.atom()
+        if self.next not in ("^", "**"):
+            return base
+        self.at += 1
+        exponent = self.taken()
+        if not exponent.isdigit() or int(exponent) > LARGEST_POWER:
+            self.fail(f"a power must be a whole number up to {LARGEST_POWER}; got {exponent!r}")
+        top: np.ndarray = np.ones(1)
+        bottom: np.ndarray = np.ones(1)
+        for _ in range(int(exponent)):
+            top, bottom = np.polymul(top, base[0]), np.polymul(bottom, base[1])
+        return top, bottom
+
+    def atom(self) -> Ratio:
+        token = self.taken()
+        if token == "(":
+            inside = self.sum()
+            if self.taken() != ")":
+                self.fail('a closing bracket ")" is missing')
+            return inside
+        if token in ("s", "z"):
+            if self.variable not in ("", token):
+                self.fail("it has both s and z")
+            self.variable = token
+            return np.array([1.0, 0.0]), np.ones(1)
+        if token and (token[0].isdigit() or token[0] == "."):
+            return np.array([float(token)]), np.ones(1)
+        if not token:
+            self.fail("it ends too early")
+        if token.isalpha():
+            self.fail(f"{token!r} is unknown: use only s (or z) and numbers, no names of gains")
+        self.fail(f"{token!r} was not expected there")
+
+
+TINY = 1e-12  # relative to the largest coefficient: rounding
+# Numerator, denominator and, of a discrete one, the sampling time in seconds.
+Coefficients = tuple[tuple[float, ...], tuple[float, ...], float | None]
+
+
+def coefficients_of(system: Any) -> Coefficients:
+    """Numerator, denominator and sampling time of a system of one input and one output."""
+    if hasattr(system, "constant_coefficients"):  # a ControlledElement
+        return system.constant_coefficients()
+    if all(hasattr(system, name) for name in "ABCD"):
+        return _of_state_space(system)
+    if hasattr(system, "to_tf"):  # of SciPy
+        system = system.to_tf()
+    if hasattr(system, "num") and hasattr(system, "den"):
+        return tuple(_only(system.num)), tuple(_only(system.den)), _sampling_time(system)
+    raise TypeError(
+        f"controlled_element must be a ControlledElement, a text such as {EXAMPLES}, or a transfer "
+        f"function or state space of python-control or SciPy; got {system!r}."
+    )
+
+
+def _only(coefficients: Any) -> np.ndarray:
+    """The coefficients of one input and one output, which python-control nests in lists."""
+    while len(coefficients) == 1 and np.ndim(coefficients[0]) > 0:
+        coefficients = coefficients[0]
+    if np.ndim(coefficients[0]) > 0:
+        raise ValueError(
+            "controlled_element has several inputs or outputs. Give the part from u to x."
+        )
+    return np.asarray(coefficients, dtype=float)
+
+
+def _sampling_time(system: Any) -> float | None:
+    dt = getattr(system, "dt", None)
+    if dt is True:
+        raise ValueError(
+            "controlled_element is discrete but has no sampling time. Make it with "
+            "dt=..., in seconds."
+        )
+    return float(dt) if dt else None
+
+
+def _of_state_space(system: Any) -> Coefficients:
+    A, B, C, D = (np.atleast_2d(np.asarray(getattr(system, name), dtype=float)) for name in "ABCD")
+    if D.shape != (1, 1):
+        raise ValueError(
+            f"controlled_element has {D.shape[1]} inputs and {D.shape[0]} outputs. Give the part "
+            "from u to x."
+        )
+    if not A.size:
+        return (D[0, 0],), (1.0,), _sampling_time(system)
+    top, bottom = ss2tf(A, B, C, D)
+    poles = np.linalg.eigvals(A)
+    if np.any(np.abs(poles) < TINY * max(1.0, np.abs(poles).max())):
+        # Integrators, to which the characteristic polynomial gives the rounding of the others.
+        poles = np.where(np.abs(poles) < TINY * max(1.0, np.abs(poles).max()), 0.0, poles)
+        bottom = np.real(np.poly(poles))
+    top = np.where(np.abs(top[0]) < TINY * np.abs(top).max(), 0.0, top[0])
+    return tuple(top), tuple(bottom), _sampling_time(system)
+
 
 SAME_CLOCK = 1e-6  # relative difference of two sampling times that are the same
 CLOSE_TO_ONE = 1e-5  # of a pole in z that is an integrator

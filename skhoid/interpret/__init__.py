@@ -1,12 +1,10 @@
 """Interpret models and recordings: operator parameters, frequency responses, crossover."""
 
-from .arx_responses import arx_response, arx_response_covariance
+from .arx_channel import arx_response, arx_response_covariance
 from .conversion import arx_to_operator, operator_parameters
-from .crossing import crossover_path
-from .fourier import fourier_coefficients
+from .fourier import auto_psd, fourier_coefficients
 from .references import reference_fits
-from .response import FrequencyResponse
-from .spectrum import auto_psd
+from .response import FrequencyResponse, crossover_path
 
 __all__ = [
     "FrequencyResponse",

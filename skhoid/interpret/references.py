@@ -18,8 +18,7 @@ from ..arx.base import BaseARX
 from ..exceptions import MissingDataWarning
 from ..pipelines import final_step, raw_layout, trimmed_rows, unwrapped
 from ..preprocessing.gate import as_output
-from .conversion import operator_parameters
-from .operator_fit import NAMES
+from .conversion import NAMES, operator_parameters
 
 SHARED = ("na", "nb", "nk", "inputs", "fit_intercept", "roles", "dt", "run")
 

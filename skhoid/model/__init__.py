@@ -1,8 +1,7 @@
 """Grey-box models: physical parameters and effects, estimated in simulation."""
 
-from .base import GreyBox
+from .estimator import GreyBox
 from .operator_regressor import OperatorRegressor
-from .prepared import SimulatedCore
-from .protocol import SimulatedModel
+from .prepared import SimulatedCore, SimulatedModel
 
 __all__ = ["GreyBox", "OperatorRegressor", "SimulatedCore", "SimulatedModel"]

@@ -10,24 +10,45 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 
 from .. import _kernels
-from ..effects.core_kind import CoreKind
 from ..effects.record import Record
-from .prior import NO_PRIOR, Prior
+from .cores import Prior
 from .simulator import Simulator
+
+# From many starting points, fits of all runs would mostly repeat what a few runs already show:
+# minima are sought on some, and then all runs decide where they are.
+MOST_ROWS = 200_000  # known samples, up to which all runs are taken
+
+
+def some_runs(record: Record, most: int) -> np.ndarray | None:
+    """Columns spread evenly over a record, which together have at most so many known samples.
+
+    At least two; None where all have no more.
+    """
+    known = record.known.sum(axis=0)
+    if known.sum() <= most:
+        return None
+    columns = np.flatnonzero(known)
+    count = min(max(2, int(most / known[columns].mean())), columns.size)
+    if count == columns.size:
+        return None
+    return columns[np.round(np.linspace(0, columns.size - 1, count)).astype(int)]
+
+
+def record_of_some(record: Record) -> Record | None:
+    """The record of some runs with ``MOST_ROWS``; None where these are all runs."""
+    columns = some_runs(record, MOST_ROWS)
+    return None if columns is None else record.part(columns, 1)
+
 
 AR_ORDER = 6  # what the kernel is written for
 WHITE_FLOOR = 3e-3  # least share of the residual's variance that is white
 NOISE_FLOOR = 1e-5  # the same where the noise model is estimated along with the parameters
-UNKNOWN_DELAY = 12**-0.5  # of a sample, the rms of anything up to a half
 EXPLORED_RUNS = 3
 EXPLORED_STEP = 0.04  # s
 STEP = 1e-4  # of finite differences, relative
 COARSE_STEP = 5e-3  # where the response is not smooth
 WORTHWHILE = 1e-4  # share of the squares that a common scale must save
-SOFT_CORNERS = 0.2  # in steps, of slopes where the response jumps
-SEARCHED = 0.02  # relative accuracy of parameters where the response is not smooth
 FAR = 3.0  # times what a step promises, that it may save
-MEMORY = 2.0  # s, over which scores may correlate
 NO_CHANGE = 1e-14  # of the squares that the most influential parameter changes
 ALL = slice(None)
 
@@ -377,177 +398,6 @@ def felt(simulator: Simulator, theta: np.ndarray, diagonal: np.ndarray) -> np.nd
     size = np.array([simulator.size(i, value) for i, value in enumerate(theta)])
     moved = diagonal * size**2
     return moved > NO_CHANGE * moved.max(initial=0.0)
-
-
-def covariance_of(
-    simulator: Simulator, criterion: Criterion, fit: Fit, prior: Prior | None = None
-) -> np.ndarray:
-    """Covariance of an operator's parameters; NaN for those at a bound or without effect.
-
-    It has these parts. Derivatives are differences over about a standard deviation, which are more
-    meaningful than the tangent of a stepped or jagged response; of an output in steps the corners
-    are softened, since each row that jumps would tell more than any noise allows. The noise model
-    is estimated from the same rows: in a closed loop the remnant is in the error too, and what one
-    of both takes the other lacks. Where whitened residuals are not white, a long-run covariance of
-    the scores enlarges the variances. How far the estimates would move at twice the sampling time
-    counts as a further standard deviation, and so does what is between samples
-    (:func:`change_if_later`): the accuracy of the simulation limits them whatever the noise. So do
-    the last step of a search where the response is not smooth, and what other choices in the fit
-    would have changed.
-    """
-    theta = fit.theta
-    free = (theta > simulator.low) & (theta < simulator.high)
-    covariance = np.full((theta.size, theta.size), np.nan)
-    diagonal = np.diag(fit.normal)
-    if not free.any():
-        return covariance
-    sigma = np.sqrt(sse_at(simulator, criterion, theta) / max(criterion.n - free.sum(), 1))
-    sloped = simulator.with_soft_corners(SOFT_CORNERS)
-    if not simulator.smooth:
-        diagonal = np.diag(_wide_sums(sloped, criterion, theta, sigma, diagonal).gram)
-    sums = _wide_sums(sloped, criterion, theta, sigma, diagonal)
-    free &= felt(simulator, theta, np.diag(sums.gram)[: theta.size])
-    known, _ = (prior or NO_PRIOR).weighing(sigma**2).normal_equations(theta)
-    normal = sums.gram.copy()
-    normal[: theta.size, : theta.size] += known
-    n_noise = len(normal) - theta.size
-    noise = theta.size + np.arange(n_noise)
-    white = sums.gram[noise, noise].sum() / max(n_noise, 1)
-    normal[noise, noise] += NOISE_FLOOR * white
-    kept = np.r_[np.flatnonzero(free), noise]
-    both = np.ix_(kept, kept)
-    inverse = scaled_inverse(normal[both])[: free.sum()]
-    block = sigma**2 * inverse[:, : free.sum()]
-    robust = inverse @ sums.scores[both] @ inverse.T
-    more = np.diag(robust) / np.maximum(np.diag(block), 1e-300)
-    more = np.sqrt(np.clip(more, 1.0, None))
-    block *= np.outer(more, more)
-    for along in sums.along:
-        moved = inverse @ along[kept]
-        block += np.outer(moved, moved)
-    if fit.beside is not None:
-        block += fit.beside[np.ix_(free, free)]
-    covariance[np.ix_(free, free)] = block
-    for name, effect in simulator.effects:
-        if not effect.smooth:
-            own = [i for i, n in enumerate(simulator.names) if n.startswith(f"{name}__")]
-            covariance[own, own] += (SEARCHED * theta[own]) ** 2
-    return covariance
-
-
-class _WideSums(NamedTuple):
-    """Sums over rows of slopes over about a standard deviation, for all parameters.
-
-    Products of pairs, the long-run covariance of scores, and products with what a coarser
-    simulation and later channels would change. Those of the noise model come last.
-    """
-
-    gram: np.ndarray
-    scores: np.ndarray
-    along: np.ndarray
-
-
-def _wide_sums(
-    simulator: Simulator,
-    criterion: Criterion,
-    theta: np.ndarray,
-    sigma: float,
-    diagonal: np.ndarray,
-) -> _WideSums:
-    lags = round(MEMORY / (criterion.thin * simulator.record.dt))
-    size = theta.size + criterion.noise.ar.size
-    gram, scores = np.zeros((2, size, size))
-    along = np.zeros((2, size))
-    for runs, part in simulator.parts():
-        output = part.run(theta)
-        rows = wide_derivatives(part, criterion, theta, output, runs, sigma, diagonal)
-        slopes, residual = rows[:-1], rows[-1]
-        slopes = np.concatenate([slopes, by_noise(criterion, output, runs)])
-        gram += slopes @ slopes.T
-        by_row = (slopes * residual).reshape(size, *criterion.y[:, runs].shape)
-        scores += long_run(by_row, lags)
-        if simulator.core.kind == CoreKind.ARX:  # of samples, whatever is between them
-            continue
-        changes = [
-            change_if_coarser(part, criterion, theta, output, runs),
-            change_if_later(part, criterion, output, runs),
-        ]
-        along += criterion.whitened(np.stack(changes), runs) @ slopes.T
-    return _WideSums(gram, scores, along)
-
-
-def by_noise(criterion: Criterion, output: np.ndarray, runs: slice) -> np.ndarray:
-    """Derivatives of the whitened residual by the noise model, less their sign, as rows.
-
-    Those of the output by its parameters have that sign too.
-    """
-    residual = criterion.residual(output, runs)
-    earlier = np.zeros((criterion.noise.ar.size, *residual.shape))
-    for i in range(len(earlier)):
-        earlier[i, i + 1 :] = -residual[: -i - 1]
-    return (earlier * criterion.weight[:, runs]).reshape(len(earlier), residual.size)
-
-
-def wide_derivatives(
-    part: Simulator,
-    criterion: Criterion,
-    theta: np.ndarray,
-    output: np.ndarray,
-    runs: slice,
-    sigma: float,
-    diagonal: np.ndarray,
-) -> np.ndarray:
-    """Whitened differences over the standard deviation that each parameter has on its own."""
-    rows = np.empty((theta.size + 1, *criterion.y[:, runs].shape))
-    for i, value in enumerate(theta):
-        size = part.size(i, value)
-        width = sigma / np.sqrt(max(diagonal[i], 1e-300))
-        width = min(max(width, STEP * size), size)
-        above = min(value + width, part.high[i])
-        below = max(value - width, part.low[i])
-        rows[i] = part.run_with_change(i, above)[:: criterion.thin]
-        rows[i] -= part.run_with_change(i, below)[:: criterion.thin]
-        rows[i] /= above - below
-    rows[-1] = criterion.residual(output, runs)
-    return criterion.whitened(rows, runs)
-
-
-def long_run(scores: np.ndarray, n_lags: int) -> np.ndarray:
-    """Covariance of sums of scores (count, n, runs) that correlate in time (Newey and West)."""
-    n_lags = min(n_lags, scores.shape[1] - 1)
-    total = np.tensordot(scores, scores, axes=([1, 2], [1, 2]))
-    for lag in range(1, n_lags + 1):
-        cross = np.tensordot(scores[:, lag:], scores[:, :-lag], axes=([1, 2], [1, 2]))
-        total += (1 - lag / (n_lags + 1)) * (cross + cross.T)
-    return total
-
-
-def change_if_coarser(
-    part: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray, runs: slice
-) -> np.ndarray:
-    """Change of the output of some runs at twice the sampling time, on the criterion's rows."""
-    half = part.record.part(np.arange(part.record.n_runs), 2)
-    change = Simulator(part.core, part.effects, half).run(theta) - output[::2]
-    if not np.isfinite(change).all():
-        return np.zeros_like(criterion.y[:, runs])
-    at = np.minimum(np.arange(0, len(output), criterion.thin) / 2, len(change) - 1)
-    before = at.astype(int)
-    after = np.minimum(before + 1, len(change) - 1)
-    share = (at - before)[:, None]
-    change = (1 - share) * change[before] + share * change[after]
-    return np.where(criterion.known[:, runs], change, 0.0)
-
-
-def change_if_later(
-    part: Simulator, criterion: Criterion, output: np.ndarray, runs: slice
-) -> np.ndarray:
-    """Change of the output of some runs if all channels came later, on the criterion's rows.
-
-    By the rms of what is not recorded: between two samples a channel may go straight to the next or
-    hold its value, or anything between, which is late by up to half a sample. The output is too.
-    """
-    late = part.record.delayed(output, part.record.dt * UNKNOWN_DELAY)
-    return np.where(criterion.known[:, runs], (late - output)[:: criterion.thin], 0.0)
 
 
 def scaled_inverse(matrix: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..effects.core_kind import CoreKind
+from .cores import Prior
 from .fitting import (
     AR_ORDER,
     NOISE_FLOOR,
@@ -16,6 +17,7 @@ from .fitting import (
     RemnantModel,
     minimise,
     normal_equations,
+    record_of_some,
     remnant_model,
     residual_at,
     scaled_inverse,
@@ -24,9 +26,7 @@ from .fitting import (
 from .jumps import SOFT, evolved, wandered
 from .loop import LoopSimulator, loop_of
 from .model import Model
-from .prior import Prior
 from .simulator import Simulator
-from .some_runs import record_of_some
 
 # Rounds of noise model and refinement, at most.
 N_LIKELIHOOD = {

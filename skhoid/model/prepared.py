@@ -1,28 +1,30 @@
-"""Data for a model with effects, read and checked: errors for data that cannot determine it."""
+"""Data read and checked for a model with effects, and what a search asks of such a model."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import partial
+from typing import Any, Literal, Protocol
 
 import numpy as np
+import pandas as pd
 
-from ..effects.record import Record
+from ..effects.record import LARGE, Record, few_runs
+from ..effects.row_channels import RowChannels
 from ..exceptions import RankDeficiencyError, ShortRunError
+from ..human import LinearElement
 from ..human.controlled_element import simplest
 from ..preprocessing.grid import ModelGrid
-from ..regression import DataToFit, bad_output, still
+from ..preprocessing.held_inputs import HeldInputs
+from ..regression import DataToFit, bad_output, segments, still
 from ..runs import run_column
-from ..runs.roles import EXACT, roles_of
+from ..runs.roles import EXACT, roles_of, target_is_sum
 from .cores import Core
-from .element import estimate_element
-from .element_timing import given_element
-from .fitting import AR_ORDER, Criterion, RemnantModel
+from .element import estimate_element, given_element
+from .fitting import AR_ORDER, Criterion, RemnantModel, record_of_some
 from .initial import ESTIMATE, FORGOTTEN, HELD, REST
 from .model import Model
-from .side_by_side import SegmentColumns, build_record, measured
-from .some_runs import record_of_some
 
 
 @dataclass(frozen=True)
@@ -180,3 +182,208 @@ def check_moving(record: Record, values: np.ndarray, name: str, output: str) -> 
             found += ": it excites nothing. Use data in which it moves; is it the right column?"
     if found is not None:
         raise RankDeficiencyError(f"The parameters cannot be estimated. {found}")
+
+
+@dataclass(frozen=True)
+class SegmentColumns:
+    """Begin and end of the gapless stretches of rows; each becomes a column of a record."""
+
+    begin: np.ndarray
+    end: np.ndarray
+
+    @classmethod
+    def of(cls, grid: ModelGrid) -> SegmentColumns:
+        begin, end = np.array(segments(grid)).T
+        return cls(begin, end)
+
+    @property
+    def length(self) -> int:
+        return int((self.end - self.begin).max())
+
+    def beside(self, rows: np.ndarray, fill: Any = 0.0, dtype: Any = None) -> np.ndarray:
+        """Values of rows as an array of shape (length, n_columns).
+
+        The runs of a large table lie one after the other in memory, so that a few of them are a
+        piece of it.
+        """
+        shape = (self.length, self.begin.size)
+        order: Literal["C", "F"] = "F" if np.prod(shape) > LARGE else "C"
+        out = np.full(shape, fill, dtype=rows.dtype if dtype is None else dtype, order=order)
+        for j, (a, b) in enumerate(zip(self.begin, self.end, strict=True)):
+            out[: b - a, j] = rows[a:b]
+        return out
+
+    def rows(self, beside: np.ndarray) -> np.ndarray:
+        """The reverse."""
+        out = np.empty(int(self.end[-1]), dtype=beside.dtype)
+        for j, (a, b) in enumerate(zip(self.begin, self.end, strict=True)):
+            out[a:b] = beside[: b - a, j]
+        return out
+
+
+def build_record(
+    grid: ModelGrid,
+    names: Sequence[str],
+    values: HeldInputs,
+    roles: Mapping[str, str],
+    inputs: Sequence[str],
+    *,
+    output: np.ndarray | None = None,
+    settling: float = 0.0,
+    controlled_element: LinearElement | None = None,
+) -> tuple[Record, SegmentColumns]:
+    """Put the rows of a grid side by side."""
+    columns = SegmentColumns.of(grid)
+    known = measured(grid, columns, output)
+    channels, roles = _channels(columns, names, values, dict(roles))
+    y = None
+    if output is not None:
+        y = np.nan_to_num(columns.beside(output, dtype=np.float64), copy=False)
+        for j, (a, b) in enumerate(zip(columns.begin, columns.end, strict=True)):
+            known[: min(round(settling / grid.dt), (b - a) // 4), j] = False
+    record = Record(
+        dt=grid.dt,
+        t=_times(columns, grid),
+        channels=channels,
+        roles=roles,
+        inputs=tuple(inputs),
+        known=known,
+        y=y,
+        controlled_element=controlled_element,
+    )
+    return record, columns
+
+
+def _channels(
+    columns: SegmentColumns, names: Sequence[str], values: HeldInputs, roles: dict[str, str]
+) -> tuple[RowChannels, dict[str, str]]:
+    """All channels, with the target where it is the sum of two, and their roles."""
+    of_role = {role: name for name, role in roles.items() if role in EXACT}
+    sums = {}
+    if target_is_sum(of_role):
+        sums, roles = {"f_t": (of_role["e"], of_role["x"])}, {**roles, "f_t": "f_t"}
+    channels = RowChannels(
+        {name: partial(values.column, i) for i, name in enumerate(names)},
+        columns.begin,
+        columns.end,
+        columns.length,
+        sums,
+        order="F" if few_runs(columns.length, columns.begin.size) else "C",
+    )
+    return channels, roles
+
+
+def _times(columns: SegmentColumns, grid: ModelGrid) -> np.ndarray:
+    """Time in the runs, in one column where they share it; it continues behind short ones."""
+    time = grid.layout.time if grid.rows is None else grid.layout.time[grid.rows]
+    more = grid.dt * np.arange(1, columns.length + 1)
+    runs = list(zip(columns.begin.tolist(), columns.end.tolist(), strict=True))
+
+    def of_run(a: int, b: int) -> np.ndarray:
+        return np.concatenate([time[a:b], time[b - 1] + more[: columns.length - (b - a)]])
+
+    first = of_run(*runs[0])
+    low, high = first.copy(), first.copy()
+    for run in runs[1:]:
+        here = of_run(*run)
+        np.minimum(low, here, out=low)
+        np.maximum(high, here, out=high)
+    if (high - low).max() < 0.5 * grid.dt:
+        return first[:, None]
+    t = columns.beside(time)
+    for j, run in enumerate(runs):
+        t[:, j] = of_run(*run)
+    return t
+
+
+def measured(grid: ModelGrid, columns: SegmentColumns, output: np.ndarray | None) -> np.ndarray:
+    """Samples (length, n_columns) outside run-ins in which the output is a number."""
+    rows = np.ones(int(columns.end[-1]), dtype=bool) if output is None else ~np.isnan(output)
+    for begin, end in zip(grid.begin[~grid.measured], grid.end[~grid.measured], strict=True):
+        rows[begin:end] = False
+    return columns.beside(rows, fill=False)
+
+
+DOCUMENTED = 'docs/add-an-effect.md, "A model of your own", and skhoid.model.SimulatedModel'
+
+
+class SimulatedModel(Protocol):
+    """A scikit-learn regressor that simulates a core with effects, and that can be searched.
+
+    ``OperatorRegressor`` and ``ARXRegressor`` are such models. The easiest way to a model of your
+    own is a subclass of :class:`skhoid.model.GreyBox`, which has all of these but ``__init__``;
+    any other class that has them will do. A search calls ``prepare`` and ``first_fit`` once, on a
+    clone, tries effects on the record that it gets, and calls ``with_fit`` with what it found.
+
+    Attributes
+    ----------
+    effects : Effect, Effects, str, list of these, or None
+        Parameter: the model's effects.
+    settling : float
+        Parameter: seconds at the start of each run that do not count in the fit.
+    parameters_ : DataFrame
+        After a fit: value, sd, low, high, unit and meaning of each parameter.
+    n_features_in_ : int
+        After ``prepare``: number of columns of X.
+
+    See Also
+    --------
+    EffectSearchCV : The search.
+    """
+
+    effects: Any
+    settling: float
+    parameters_: pd.DataFrame
+    n_features_in_: int
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Parameters, as in scikit-learn; the search clones the model."""
+
+    def set_params(self, **params: Any) -> Any:
+        """Set parameters; a search that is given a controlled element sets it in this way."""
+
+    def fit(self, X: Any, y: Any) -> Any:
+        """Estimate all parameters."""
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Free run: one value for each row of X."""
+
+    def score(self, X: Any, y: Any) -> float:
+        """VAF of the free run in percent."""
+
+    def with_effect(self, effect: Any) -> Any:
+        """A new, unfitted model with one more effect."""
+
+    def prepare(self, X: Any, y: Any) -> Prepared:
+        """Read and check data: runs side by side as a record, and the core to simulate."""
+
+    def first_fit(self, prepared: Prepared) -> Model:
+        """The core with ``effects``, at the minimum of the plain simulation error."""
+
+    def with_fit(self, prepared: Prepared, fitted: Model, noise: RemnantModel) -> Any:
+        """A new estimator with the same settings and the estimates of ``fitted``."""
+
+    def free_run(self, prepared: Prepared) -> np.ndarray:
+        """The same as ``predict`` of the X that ``prepare`` read."""
+
+
+METHODS = tuple(name for name in vars(SimulatedModel) if not name.startswith("_"))
+PARAMETERS = ("effects", "settling")
+
+
+def check_simulated_model(estimator: Any, purpose: str) -> None:
+    """Refuse anything but a :class:`SimulatedModel`, and say what it lacks."""
+    kind = estimator.__name__ if isinstance(estimator, type) else type(estimator).__name__
+    if isinstance(estimator, type):
+        raise TypeError(f"{purpose} takes a model, but got the class {kind}: pass {kind}().")
+    lacking = [f"{name}()" for name in METHODS if not callable(getattr(estimator, name, None))]
+    if "get_params()" not in lacking:
+        known = estimator.get_params(deep=False)
+        lacking += [f"the parameter {name}" for name in PARAMETERS if name not in known]
+    if lacking:
+        raise TypeError(
+            f"{purpose} takes an OperatorRegressor, an ARXRegressor, or another model that "
+            f"simulates effects; {kind} lacks {', '.join(lacking)}. For what such a model needs, "
+            "see "
+            f"{DOCUMENTED}."
+        )

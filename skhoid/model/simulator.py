@@ -15,9 +15,8 @@ from ..effects.dimension import Dimension
 from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import Parameter
 from ..effects.record import Record
-from .cores import ARXCore, Core, neutral_gains
+from .cores import ARXCore, Core, Prior, Usual, neutral_gains
 from .initial import HELD, REST, free_responses, horizon, with_fitted_pulses, with_fitted_start
-from .prior import Prior, Usual
 
 
 class StageSignals(NamedTuple):

@@ -17,8 +17,8 @@ from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.operator_signals import Command
 from ..effects.record import Record
-from ..model.base import labelled_covariance
 from ..model.cores import neutral_gains
+from ..model.estimator import labelled_covariance
 from ..model.simulator import Simulator
 
 LONGEST = 2**15  # samples

@@ -14,7 +14,7 @@ import pandas as pd
 
 from ..interpret.conversion import FROM_POLES, UNITS
 from ._axes import parameter_symbol, with_unit
-from .operator_parameters import SYMBOLS
+from .conversion import SYMBOLS
 
 REPLICATION = "replication"
 LISTED = 8  # values in a message

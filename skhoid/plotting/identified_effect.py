@@ -14,14 +14,14 @@ from sklearn.utils.validation import check_is_fitted
 from ..effects.record import Record
 from ..effects.registry import title_of
 from ..human import LinearElement
-from ..model.estimates import parameter_text
+from ..model.parameters import parameter_text
 from ..runs.roles import target_is_sum
 from ._axes import letters, letters_above, letters_across, plain_logarithmic, wrapped
 from ._display import Display
 from ._effect_bench import Bench, EffectCurves
 from ._effect_curves import effect_curves
 from ._roles import GREY, PALETTE, dimmed, foreground, scaled, veil
-from .operator_parameters import SYMBOLS
+from .conversion import SYMBOLS
 
 WITHOUT = "without the effect"
 BAND = "95 % band"

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 
-from ..interpret.channel import is_arx
+from ..interpret.arx_channel import is_arx
 from ._axes import parameter_symbol
 from ._checks import check_option, check_some_column, fitted_end
 from ._estimates import DEVIATION, EstimatesDisplay, check_references, in_one_row, times_of

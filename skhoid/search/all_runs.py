@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..effects.record import Record
-from ..model.base import vaf_of_output
+from ..model.estimator import vaf_of_output
+from ..model.extend import on_all_runs
 from ..model.model import Model
 from ..model.simulator import Simulator
-from ..model.some_runs import on_all_runs
 from .candidates import SearchStep
 from .forward import Search
 

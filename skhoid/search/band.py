@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 
 from ..effects.free_variation import TIME
-from ..model.fitting import Criterion, covariance_of
+from ..model.fitting import Criterion
 from ..model.model import Model
 from ..model.smoothing import CROWDED, change_if_finer, change_if_rougher, posterior_of
+from ..model.uncertainty import covariance_of
 
 N_POINTS = 101
 N_DRAWS = 4000

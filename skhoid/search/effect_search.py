@@ -19,12 +19,10 @@ from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
 from ..human import ELEMENT
-from ..model.estimates import parameter_text
-from ..model.operator_summary import delay_notes
-from ..model.prepared import Prepared
-from ..model.protocol import check_simulated_model
-from ..model.some_runs import MOST_ROWS, some_runs
-from ..model.two_estimates import difference_notes
+from ..model.estimator import delay_notes
+from ..model.fitting import MOST_ROWS, some_runs
+from ..model.parameters import difference_notes, parameter_text
+from ..model.prepared import Prepared, check_simulated_model
 from ..preprocessing.base import as_fitted, keep_parameters
 from ..preprocessing.gate import as_output, as_table
 from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, sentences_of

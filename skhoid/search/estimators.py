@@ -7,8 +7,7 @@ from typing import Any
 from ..model.fitting import Criterion, RemnantModel
 from ..model.likelihood import likelihood_fit
 from ..model.model import Model
-from ..model.prepared import Prepared
-from ..model.protocol import SimulatedModel
+from ..model.prepared import Prepared, SimulatedModel
 from .all_runs import on_rows_of
 from .forward import output_error_fit
 

@@ -16,8 +16,8 @@ from .._machine import ended_by_signals
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
-from ..model.base import vaf_of_output
 from ..model.cores import Core
+from ..model.estimator import vaf_of_output
 from ..model.extend import beside_each_other, explored_from, extended
 from ..model.fitting import Criterion, Fit, minimise, sse_at
 from ..model.model import Model, in_order, without

@@ -11,8 +11,7 @@ from ..effects.composition import Effects
 from ..model.cores import OperatorCore
 from ..model.extend import extended
 from ..model.model import Model, without
-from ..model.prepared import Prepared
-from ..model.protocol import SimulatedModel
+from ..model.prepared import Prepared, SimulatedModel
 from ..model.simulator import Simulator
 from .candidates import LEAST_DELTA_BIC, Candidate, SearchStep
 from .forward import (

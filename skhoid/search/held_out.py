@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ..model.extend import refitted, shared_derivatives
 from ..model.fitting import Criterion, whitened_derivatives
-from ..model.held_out import refitted, shared_derivatives
 from ..model.model import Model
 
 TAKEN_BACK = (0.9, 0.8, 0.5)  # shares of the way
@@ -65,7 +65,7 @@ def refitted_prediction(
 ) -> np.ndarray:
     """Free runs of each fold's rows with parameters fitted anew without them, to the end.
 
-    Fits end as those of :func:`~skhoid.model.held_out.refitted` do, which ``ends`` may set. A fit
+    Fits end as those of :func:`~skhoid.model.extend.refitted` do, which ``ends`` may set. A fit
     in a loop may end at the brink of what settles, where the loop is not solved again: it is taken
     back towards where it began. NaN where that has no solution either. Curves over a channel hold
     their last value beyond what the rows that were fitted have of it.

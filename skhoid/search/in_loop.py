@@ -12,8 +12,8 @@ import numpy as np
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
-from ..model.base import vaf_of_output
 from ..model.cores import Core
+from ..model.estimator import vaf_of_output
 from ..model.fitting import Criterion, minimise
 from ..model.loop import Loop, LoopSimulator, drawn, loop_of
 from ..model.model import Model

@@ -9,8 +9,8 @@ import pandas as pd
 
 from ..effects.registry import title_of
 from ..effects.static_map import StaticMap
-from ..model.base import vaf_of_output
-from ..model.estimates import parameter_table, parameter_text
+from ..model.estimator import vaf_of_output
+from ..model.parameters import parameter_table, parameter_text
 from ..model.prepared import Prepared
 from ..text import DASH, p_text
 from .candidates import LEAST_DELTA_BIC, Candidate

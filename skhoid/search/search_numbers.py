@@ -11,9 +11,8 @@ from ..diagnosis.ceiling import consistent_ceiling, noise_ceiling
 from ..diagnosis.run_signals import RunsRead, sorted_signals
 from ..effects.base import Effect
 from ..effects.traces import Signature
-from ..model.base import vaf_of_output
-from ..model.prepared import Prepared
-from ..model.protocol import SimulatedModel
+from ..model.estimator import vaf_of_output
+from ..model.prepared import Prepared, SimulatedModel
 from .all_runs import AllRuns
 from .forward import Path, Search, SearchStep, further_changes
 from .leftover import REPEATS, Leftover, leftovers

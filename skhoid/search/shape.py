@@ -11,13 +11,12 @@ import pandas as pd
 
 from ..effects.free_form import FreeForm
 from ..effects.registry import titles_of
-from ..model.base import vaf_of_output
-from ..model.estimates import effects_with_values
+from ..model.estimator import vaf_of_output
 from ..model.fitting import Criterion, RemnantModel
 from ..model.likelihood import TOLERATED, settled
 from ..model.model import Model
-from ..model.prepared import Prepared
-from ..model.protocol import SimulatedModel
+from ..model.parameters import effects_with_values
+from ..model.prepared import Prepared, SimulatedModel
 from ..model.smoothing import N_FINE, crowded, in_detail
 from ..text import Summary, TextTable, number
 from .all_runs import on_rows_of

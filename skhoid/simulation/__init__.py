@@ -1,12 +1,10 @@
 """Simulation of the closed loop: forcing functions, remnant, conditions, runs."""
 
-from .conditions import Condition, mixed_condition, tracking_condition
+from .conditions import Condition, Remnant, mixed_condition, tracking_condition
+from .engine import TrackingRecord
 from .forcing import Multisine
-from .remnant import Remnant
-from .task import CompensatoryTask
-from .tracking_record import TrackingRecord
+from .task import CompensatoryTask, tune_remnant
 from .tracking_runs import make_tracking_runs
-from .tuning import tune_remnant
 
 __all__ = [
     "CompensatoryTask",

@@ -1,7 +1,14 @@
-"""Running the kernel of the loop: blocks of runs, noise, forcing functions, unstable loops."""
+"""The simulated loop: rows of physics for the kernel, effects in the loop, blocks of runs.
+
+The operator's response to a known error moves the error only after the delay. So a loop with
+effects is closed stretch by stretch: response and error are computed in turn until neither changes,
+which takes a few sweeps for a stretch of a few delays. In this way effects are simulated by their
+own ``apply``, including those of users.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
@@ -11,19 +18,415 @@ from joblib import Parallel, delayed
 
 from .. import _kernels
 from .._machine import check_memory
+from ..effects.base import Effect
 from ..effects.composition import Effects
+from ..effects.operator_signals import Gains
+from ..effects.record import Record
 from ..exceptions import UnstableLoopError
-from ..human.checks import as_floats
-from ..human.variation import evaluate
+from ..human import HumanOperator, LinearElement
+from ..human.operator import PURSUIT
+from ..human.variation import Transition, as_floats, evaluate, span_of_changes
+from ..interpret.arx_channel import ARXChannel
+from ..model.cores import OperatorCore
+from ..model.simulator import Simulator
+from ..pipelines import taken_apart
+from ..preprocessing.base import as_fitted
+from ..runs.roles import role_of
 from .forcing import Multisine
-from .physics import ARXResponse, Delay, operator_response, physics_rows
-from .tracking_record import TrackingRecord
-from .with_effects import track_with_effects
 
 if TYPE_CHECKING:
     from .task import CompensatoryTask
 
+DISPLAYS = {"compensatory": 0.0, "pursuit": 1.0}
+# Largest step times fastest rate: the neuromuscular mode then has 12 samples a period.
+COARSEST = 0.52
+SIGNED = set(PURSUIT)
+
+
+@dataclass(frozen=True)
+class Delay:
+    """A delay of the operator's output: whole samples, and weights for the fraction of one."""
+
+    samples: int
+    weights: np.ndarray
+    delay_time: float
+
+    @classmethod
+    def of(cls, task: CompensatoryTask) -> Delay:
+        tau, rate = task.operator.tau_e, task.sampling_rate
+        exact = tau * rate
+        if exact >= task.n_samples:
+            raise ValueError(
+                f"CompensatoryTask: the delay tau_e = {tau} s is longer than the run of "
+                f"{task.n_samples / rate:g} s."
+            )
+        whole = abs(exact - round(exact)) <= 1e-6
+        held = task.transport == "held" or (task.transport is None and whole)
+        if held and not whole:
+            raise ValueError(
+                f"CompensatoryTask: tau_e = {tau} s is {exact:g} samples at {rate:g} Hz; a held "
+                "delay must be a whole number of samples. Use transport='interpolated', or "
+                "another rate."
+            )
+        samples = round(exact) if whole else int(exact)
+        part = 0.0 if whole else exact - samples
+        if held:
+            return cls(samples, np.tile([0.0, 1.0, 0.0], (3, 1)), tau)
+        if samples < 1:
+            raise ValueError(
+                f"CompensatoryTask: tau_e = {tau} s is less than one sample at {rate:g} Hz, too "
+                "short to interpolate. Use a higher sampling rate, or transport='held'."
+            )
+        if part <= 0.5:
+            middle = [0.0, 0.5 + part, 0.5 - part]
+        else:
+            middle = [part - 0.5, 1.5 - part, 0.0]
+        return cls(samples, np.array([[part, 1 - part, 0.0], middle, [0.0, part, 1 - part]]), tau)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        return self.samples, self.weights, np.zeros(0), 0, 0
+
+
+@dataclass(frozen=True)
+class ARXResponse:
+    """A fitted ARX model as the operator."""
+
+    coefficients: np.ndarray
+    na: int
+    nk: int
+    delay_time: float
+
+    @classmethod
+    def of(cls, task: CompensatoryTask) -> ARXResponse:
+        _, model = taken_apart(task.operator)
+        inputs, intercept = getattr(model, "inputs_", ["e"]), getattr(model, "intercept_", 0.0)
+        named = getattr(model, "_names", None) is not None
+        role = role_of(inputs[0], getattr(as_fitted(model), "roles", None))
+        if len(inputs) != 1 or intercept or (named and role != "e"):
+            raise ValueError(
+                f"A model in the loop responds to the error e alone, without intercept; this one "
+                f"has the inputs {inputs} and the intercept {intercept:g}. Fit one with "
+                "inputs=['e']."
+            )
+        if task.display != "compensatory" or task.transport is not None:
+            raise ValueError(
+                "display and transport are those of a HumanOperator; the operator is a "
+                f"{type(model).__name__}, which has its own delay and sees only e."
+            )
+        channel = ARXChannel.of(task.operator, None, "CompensatoryTask(operator=...)")
+        if channel.time is not None:
+            raise ValueError(
+                "The model's parameters vary over time; only constant models can be put into the "
+                "loop."
+            )
+        dt = 1 / task.sampling_rate
+        if abs(channel.dt_recording - channel.dt) > 1e-6 * dt:
+            raise ValueError(
+                f"The model was fitted to decimated recordings (dt = {channel.dt:g} s, of "
+                f"{channel.dt_recording:g} s); fit it without the Decimator for the loop."
+            )
+        if abs(channel.dt - dt) > 1e-6 * dt:
+            raise ValueError(
+                f"The model runs at dt = {channel.dt:g} s and the loop at {dt:g} s. Fit it at the "
+                f"rate of the loop, or use sampling_rate={1 / channel.dt:g}."
+            )
+        nk = channel.nk + round(channel.shift / dt)
+        return cls(_kernels.gate(channel.theta), channel.na, nk, nk * dt)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        return 0, np.zeros((3, 3)), self.coefficients, self.na, self.nk
+
+
+def operator_response(task: CompensatoryTask) -> Delay | ARXResponse:
+    """How the operator's output arises."""
+    return Delay.of(task) if isinstance(task.operator, HumanOperator) else ARXResponse.of(task)
+
+
+def parameters_of(task: CompensatoryTask) -> dict[str, Any]:
+    """Numbers and functions of time on which the loop depends."""
+    element, remnant = task.controlled_element, task.remnant
+    display = DISPLAYS[task.display] if isinstance(task.display, str) else task.display
+    parameters: dict[str, Any] = {"K_c": element.K_c, "omega_b": element.omega_b}
+    parameters["K_n"] = 0.0 if remnant is None or remnant.gain is None else remnant.gain
+    if isinstance(task.operator, HumanOperator):
+        parameters |= task.operator.adaptable | {"display": display}
+    return parameters
+
+
+def physics_rows(task: CompensatoryTask) -> tuple[np.ndarray, int]:
+    """Rows of physics every half step while something varies, and the sample where they begin.
+
+    See ``_kernels.loop``.
+    """
+    parameters = parameters_of(task)
+    n_steps = task.n_run_in + task.n_samples
+    varies = np.array(span_of_changes(*parameters.values())) * task.sampling_rate + task.n_run_in
+    if varies[0] > varies[1]:  # never
+        varies = np.zeros(2)
+    # One more sample on each side, for parameters that jump between two.
+    begin = int(np.clip(np.floor(varies[0]) - 1, 0, n_steps))
+    end = int(np.clip(np.ceil(varies[1]) + 1, begin, n_steps))
+    half_steps = np.arange(1 if task.is_constant else 2 * (end - begin) + 1)
+    t = (half_steps / 2 + begin - task.n_run_in) / task.sampling_rate
+    # Constants stay scalars, which broadcast; parameters with one transition share its progress.
+    progress: dict[Any, np.ndarray] = {}
+    p = {name: _checked_values(name, value, t, progress) for name, value in parameters.items()}
+    _check_rate(task, p)
+    rows = np.zeros((t.size, _kernels.loop.N_PHYSICS))
+    rows[:, 6], rows[:, 7], rows[:, 8] = p["K_c"], p["omega_b"], p["K_n"]
+    if isinstance(task.operator, HumanOperator):
+        K_e = p["K_e"]
+        K_edot = p["K_edot"] if "K_edot" in p else K_e * p["T_L"]
+        stiffness, shown = p["omega_nm"] ** 2, p["display"]
+        rows[:, 0] = 2 * p["zeta_nm"] * p["omega_nm"]
+        rows[:, 1] = stiffness
+        rows[:, 2] = stiffness * (K_e + shown * p["K_t"])
+        rows[:, 3] = stiffness * (K_edot + shown * p["K_tdot"])
+        rows[:, 4] = stiffness * (shown * p["K_x"] - K_e)
+        rows[:, 5] = stiffness * (shown * p["K_xdot"] - K_edot)
+    return rows, begin
+
+
+def _checked_values(
+    name: str, parameter: Any, t: np.ndarray, progress: dict[Any, np.ndarray]
+) -> Any:
+    if not callable(parameter):
+        return float(parameter)
+    if isinstance(parameter, Transition):
+        key = parameter.unit()
+        if key not in progress:
+            progress[key] = key.progress(t)
+        values = parameter.along(progress[key])
+    else:
+        values = evaluate(parameter, t)
+    wrong = ~np.isfinite(values)
+    if name not in SIGNED:
+        wrong |= values <= 0 if name in ("omega_nm", "zeta_nm") else values < 0
+    if name == "display":
+        wrong |= values > 1
+    if wrong.any():
+        i = int(np.flatnonzero(wrong)[0])
+        what = "finite" if name in SIGNED else "finite and positive"
+        what += ", at most 1" if name == "display" else ""
+        raise ValueError(
+            f"CompensatoryTask: {name} is {values[i]:g} at t = {t[i]:g} s (0 is the beginning of "
+            f"the measurement window); it must be {what}, in the run-in too."
+        )
+    return values
+
+
+def _check_rate(task: CompensatoryTask, p: dict[str, Any]) -> None:
+    """Refuse a step too long for the fastest mode."""
+    modes = {"controlled element (omega_b)": np.max(p["omega_b"])}
+    if isinstance(task.operator, HumanOperator):
+        zeta = np.asarray(p["zeta_nm"])
+        fastest = p["omega_nm"] * (zeta + np.sqrt(np.maximum(zeta**2 - 1, 0)))
+        speed = np.where(zeta > 1, fastest, p["omega_nm"])
+        modes["neuromuscular mode (omega_nm, zeta_nm)"] = speed.max()
+    if (remnant := task.remnant) is not None:
+        is_nm = isinstance(remnant.order, str)
+        modes["remnant filter"] = remnant.omega_nm if is_nm else 1 / remnant.time_constant
+    what = max(modes, key=lambda name: modes[name])
+    if modes[what] > COARSEST * task.sampling_rate:
+        raise ValueError(
+            f"CompensatoryTask: {task.sampling_rate:g} Hz is too slow for the {what} of "
+            f"{modes[what]:.4g} rad/s. Use sampling_rate={np.ceil(modes[what] / COARSEST):g} Hz or "
+            "more."
+        )
+
+
+RUN_IN = 20.0  # s; the default of seven windows is for loops with little damping
+STRETCH = 2.0  # delays
+SHORTEST = 0.1  # s, of a stretch
+AHEAD = 3.0  # s of the forcing functions that a preview may ask for
+SWEEPS = 100
+SAME = 1e-9  # of the forcing functions
 LOST = 1e2  # times the forcing functions: an error this large is not tracking
+OPERATOR_GAINS = range(2, 6)  # columns of the physics, see _kernels.loop
+
+
+class _Operator(Effect):
+    """The gains of a HumanOperator, which may vary over time, as factors on gains of 1."""
+
+    name = "operator"
+    place = "gain"
+
+    def __init__(self, *, operator: HumanOperator):
+        self.operator = operator
+
+    def apply(self, signal: Gains, record: Record, **values: float) -> Gains:
+        given = self.operator.over_time(record.t[:, 0])
+        error, rate, omega, zeta = (
+            given[name][:, None] for name in ("K_e", "K_edot", "omega_nm", "zeta_nm")
+        )
+        return Gains(error, rate, omega, zeta)
+
+
+def check_effects(task: CompensatoryTask) -> None:
+    """Refuse effects without numbers, and operators that cannot have effects."""
+    effects = Effects.of(task.effects)
+    if not isinstance(task.operator, HumanOperator):
+        raise ValueError(
+            "CompensatoryTask: effects need a HumanOperator; the operator is a "
+            f"{type(task.operator).__name__}."
+        )
+    if task.display != "compensatory":
+        raise ValueError(
+            "CompensatoryTask: with effects the display must be 'compensatory'; the effects "
+            "feedforward and output_feedback respond to target and output."
+        )
+    for name, effect in effects:
+        if effect.noise:
+            raise ValueError(
+                f"CompensatoryTask: {effect.name} is noise; add {effect.noise} of your own to y."
+            )
+        if effect.free:
+            missing = ", ".join(f"{p.name}=" for p in effect.free)
+            raise ValueError(
+                f"CompensatoryTask: the effect {name} needs numbers to be simulated: "
+                f"{type(effect).__name__}({missing})."
+            )
+
+
+def with_first_choices(
+    task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray
+) -> Effects:
+    """The effects with open choices (form, channel) made: the first option of each."""
+    window = t[:, 0] > -0.5 / task.sampling_rate
+    record = _record(task, {n: c[window] for n, c in channels.items()}, t[window])
+    steps = []
+    for name, effect in Effects.of(task.effects):
+        reason = effect.refusal(record, OperatorCore(task.operator.tau_e).kind)
+        if reason is not None:
+            raise ValueError(f"CompensatoryTask: the effect {name} does not apply: {reason}.")
+        steps.append((name, effect.variants(record)[0]))
+    return Effects(steps)
+
+
+def track_with_effects(
+    task: CompensatoryTask,
+    track: Callable[..., tuple[np.ndarray, np.ndarray]],
+    f_t: np.ndarray,
+    f_d: np.ndarray,
+    white: np.ndarray,
+    physics: np.ndarray,
+) -> np.ndarray:
+    """Signals e, u, x, n of runs of a task with effects, of shape (4, n_total, n_runs).
+
+    ``track(f_t, f_d, white, physics)`` runs the loop of ``_kernels.loop`` from its first sample.
+    """
+    n_total, dt = white.shape[0], 1 / task.sampling_rate
+    t = (np.arange(-task.n_run_in, task.n_samples) * dt)[:, None]
+    out = track(f_t, f_d, white, physics)[0]
+    silent = physics.copy()
+    silent[:, OPERATOR_GAINS] = 0.0
+    channels = {"e": out[0], "x": out[2], "f_t": np.broadcast_to(f_t, out[0].shape)}
+    if f_d.any():
+        channels["dist"] = np.broadcast_to(f_d, out[0].shape)
+    effects = Effects([("operator", _Operator(operator=task.operator))])
+    effects = Effects([*effects.steps, *with_first_choices(task, channels, t).steps])
+    core, ones = OperatorCore(task.operator.tau_e), np.ones(4)
+
+    answer = np.zeros(out[0].shape)
+    size = max(np.abs(f_t).max(), np.abs(f_d).max()) or 1.0
+    step = max(round(STRETCH * task.operator.tau_e / dt), round(SHORTEST / dt), 1)
+    for end in [*range(step, n_total, step), n_total]:
+        shown = min(end + round(AHEAD / dt), n_total)
+        for _ in range(SWEEPS):
+            record = _record(task, {n: c[:shown] for n, c in channels.items()}, t[:shown])
+            new = Simulator(core, effects, record).run(ones)[:end]
+            change = np.abs(new - answer[:end]).max()
+            answer[:end] = new
+            moved = answer[:end] + (f_d[:end] if f_d.shape[1] > 1 else f_d[:end, :1])
+            out = track(f_t[:end], moved, white[:end], silent)[0]
+            channels["e"][:end], channels["x"][:end] = out[0], out[2]
+            if not change > SAME * size:
+                break
+        else:
+            raise ValueError(
+                f"The loop with the effects {effects.names[1:]} cannot be solved at "
+                f"t = {t[end - 1, 0]:.2f} s: they respond without delay to signals that they move."
+            )
+        if not np.abs(out[0]).max() < LOST * size:
+            raise UnstableLoopError(
+                f"The loop with the effects {effects.names[1:]} is unstable: its error passes "
+                f"{LOST:g} times the forcing functions by t = {t[end - 1, 0]:.2f} s."
+            )
+    out[1] += answer
+    return out
+
+
+def _record(task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray) -> Record:
+    element = task.controlled_element
+    K_c, omega_b = (float(evaluate(p, np.zeros(1))[0]) for p in (element.K_c, element.omega_b))
+    return Record(
+        dt=1 / task.sampling_rate,
+        t=t,
+        channels=channels,
+        roles={name: name for name in channels},
+        inputs=("e",),
+        known=np.ones(channels["e"].shape, dtype=bool),
+        controlled_element=LinearElement((K_c,), (1.0, omega_b, 0.0)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class TrackingRecord:
+    """Signals of simulated runs.
+
+    Parameters
+    ----------
+    time : ndarray of shape (n_samples,)
+        Time in s; 0 is the beginning of the measurement window.
+    e, u, x, n : ndarray of shape (n_runs, n_samples)
+        Error, control output, output of the controlled element, and remnant (in u).
+    f_t, f_d : ndarray of shape (1 or n_runs, n_samples)
+        Target, and disturbance at the input of the controlled element.
+
+    Examples
+    --------
+    >>> from skhoid import CompensatoryTask
+    >>> record = CompensatoryTask.of_condition("C1").simulate()
+    >>> record.score().round(4)
+    array([0.1778])
+    """
+
+    time: np.ndarray
+    e: np.ndarray
+    u: np.ndarray
+    x: np.ndarray
+    n: np.ndarray
+    f_t: np.ndarray
+    f_d: np.ndarray
+
+    @property
+    def u_without_remnant(self) -> np.ndarray:
+        """The operator's response u - n, of shape (n_runs, n_samples)."""
+        return self.u - self.n
+
+    def intensity(self) -> np.ndarray:
+        """Remnant intensity P_n = var(n) / var(u) of each run (Eq. 5.11), in the window.
+
+        Returns
+        -------
+        P_n : ndarray of shape (n_runs,)
+        """
+        window = self.time >= 0
+        return self.n[:, window].var(axis=1) / self.u[:, window].var(axis=1)
+
+    def score(self) -> np.ndarray:
+        """Performance score var(e) / var(f_t) of each run, in the window.
+
+        Returns
+        -------
+        score : ndarray of shape (n_runs,)
+        """
+        window = self.time >= 0
+        return self.e[:, window].var(axis=1) / self.f_t[:, window].var(axis=1)
+
+
 UNFORCED = 1e9  # the same where remnant alone drives the loop
 ADVICE = (
     "Lower the operator's gain (K_e) or its delay, give it more lead (T_L), or shorten the time "

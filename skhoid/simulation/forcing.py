@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from sklearn.utils import check_random_state
 
-from ..human.checks import as_floats
+from ..human.variation import as_floats
 
 # Table I of the thesis, after Zaal (2016).
 _MULTIPLES = (3, 5, 8, 13, 22, 34, 53, 86, 139, 229)

@@ -14,14 +14,11 @@ from sklearn.utils import Bunch
 
 from .._sklearn import Interval, checked
 from ..human import ControlledElement, HumanOperator
-from ..human.discretisation import delay_samples, zoh_parameters
-from ..human.operator import PURSUIT
+from ..human.operator import PURSUIT, delay_samples, zoh_parameters
 from ..human.variation import Parameter, Shifted, evaluate
-from .conditions import Condition
-from .remnant import Remnant
-from .task import CompensatoryTask
-from .tracking_record import TrackingRecord
-from .tuning import tune_remnant
+from .conditions import Condition, Remnant
+from .engine import TrackingRecord
+from .task import CompensatoryTask, tune_remnant
 
 CHANNELS = {"e": "e", "x": "x", "f_t": "f_t", "dist": "f_d"}
 REMNANT = ("remnant_intensity", "remnant_order", "remnant_gain")

@@ -16,7 +16,7 @@ from ..arx.followed_path import warn_of_times_outside
 from ..arx.orders import Orders
 from ..arx.rls import grid_numbers
 from ..effects.dimension import S
-from ..human.discretisation import held_filter
+from ..human.operator import held_filter
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, RunRegressor, segments
 from ..text import VAF_RULE, ModelSummary, estimates_table, grid_facts, signal_facts

@@ -14,7 +14,7 @@ from scipy.signal.windows import blackmanharris
 from .._sklearn import DT, ROLES, Interval, StrOptions, fit_context
 from ..arx.rls import grid_numbers
 from ..exceptions import RankDeficiencyError, ShortRunError
-from ..human.checks import as_floats
+from ..human.variation import as_floats
 from ..preprocessing.base import as_fitted
 from ..regression import DataToFit
 from ..runs.roles import columns_by_role

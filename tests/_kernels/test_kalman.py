@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 from skhoid import RecursiveARX
 from skhoid._kernels import kalman
-from skhoid.human.discretisation import held_filter
+from skhoid.human.operator import held_filter
 from tests.support import kalman_twin as twin
 
 pytestmark = pytest.mark.slow  # compiles for many seconds, and fits

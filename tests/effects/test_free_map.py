@@ -10,7 +10,7 @@ from support.synthetic import run_time
 from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
 from skhoid.effects import FreeMap, Friction, HardeningStiffness
 from skhoid.effects.operator_signals import Spring
-from skhoid.model.base import vaf_of_output
+from skhoid.model.estimator import vaf_of_output
 from skhoid.model.extend import extended
 from skhoid.model.fitting import Criterion
 from skhoid.model.smoothing import posterior_of

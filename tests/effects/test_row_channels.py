@@ -27,7 +27,7 @@ def both(data, monkeypatch):
     """The record of few runs, and the same read on demand."""
     few = record_of(*data)
     monkeypatch.setattr("skhoid.effects.record.LARGE", 500)
-    monkeypatch.setattr("skhoid.model.side_by_side.LARGE", 500)
+    monkeypatch.setattr("skhoid.model.prepared.LARGE", 500)
     monkeypatch.setattr("skhoid.effects.record.CACHED", 600)
     return few, record_of(*data)
 

@@ -11,7 +11,7 @@ from scipy.signal import cont2discrete
 from support.closed_loop import ZOH_100HZ
 
 from skhoid import HumanOperator, Sigmoid
-from skhoid.human.discretisation import delay_samples, pade, pade_response, zoh_parameters
+from skhoid.human.operator import delay_samples, pade, pade_response, zoh_parameters
 
 STATES = HumanOperator(K_e=0.09, T_L=0.4), HumanOperator(K_e=0.07, T_L=1.2)
 

@@ -23,10 +23,13 @@ from skhoid import (
     RunInTrimmer,
     Sigmoid,
 )
-from skhoid.human.discretisation import zoh_parameters
-from skhoid.human.margins import crossover
-from skhoid.interpret.conversion import NAMES, arx_to_operator, operator_parameters
-from skhoid.interpret.operator_fit import fit_operator
+from skhoid.human.operator import crossover, zoh_parameters
+from skhoid.interpret.conversion import (
+    NAMES,
+    arx_to_operator,
+    fit_operator,
+    operator_parameters,
+)
 
 DT = 0.01
 OPERATORS = {"C1": HumanOperator(K_e=0.09, T_L=0.4), "C2": HumanOperator(K_e=0.07, T_L=1.2)}

@@ -9,8 +9,7 @@ from support.hidden_disturbance import tracked
 
 from skhoid import ControlledElement, LinearElement
 from skhoid.effects.record import Record
-from skhoid.model.element import element_estimate
-from skhoid.model.element_timing import given_element
+from skhoid.model.element import element_estimate, given_element
 
 
 def without(record, *names):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from skhoid.model import fitting
+from skhoid.model.cores import Prior
 from skhoid.model.fitting import AR_ORDER, remnant_model
-from skhoid.model.prior import Prior
 
 
 @pytest.mark.parametrize("known", [True, False])

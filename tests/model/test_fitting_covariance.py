@@ -7,14 +7,8 @@ import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import Quantised
-from skhoid.model.fitting import (
-    UNKNOWN_DELAY,
-    Criterion,
-    RemnantModel,
-    by_noise,
-    change_if_later,
-    covariance_of,
-)
+from skhoid.model.fitting import Criterion, RemnantModel
+from skhoid.model.uncertainty import UNKNOWN_DELAY, by_noise, change_if_later, covariance_of
 
 ALL = slice(None)
 
@@ -54,7 +48,7 @@ def test_parameters_are_less_certain_where_the_noise_model_is_estimated_along(fi
     def given(criterion, output, runs):
         return 0.0 * by_noise(criterion, output, runs)
 
-    monkeypatch.setattr("skhoid.model.fitting.by_noise", given)
+    monkeypatch.setattr("skhoid.model.uncertainty.by_noise", given)
     known = covariance_of(model.simulator, criterion, model.fit)
     assert (np.diag(along) >= np.diag(known) * (1 - 1e-6)).all()
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
+from skhoid.model.extend import refitted, shared_derivatives
 from skhoid.model.fitting import Criterion, derivatives, minimise
-from skhoid.model.held_out import refitted, shared_derivatives
 from skhoid.model.initial import ESTIMATE
 from skhoid.model.model import Model
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
-from skhoid.model.fitting import Criterion, covariance_of, minimise
+from skhoid.model.cores import NO_PRIOR, Prior, Usual
+from skhoid.model.fitting import Criterion, minimise
 from skhoid.model.likelihood import prior_of
-from skhoid.model.prior import NO_PRIOR, Prior, Usual
+from skhoid.model.uncertainty import covariance_of
 
 NAMES = ["gain", "omega", "tau"]
 USUAL = {"omega": Usual(9.0, 0.4, relative=True), "tau": Usual(0.2, 0.1), "other": Usual(1, 1)}

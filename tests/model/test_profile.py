@@ -5,9 +5,9 @@ import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import DeadZone, GainDrift, HardeningStiffness
-from skhoid.model.fitting import Criterion, covariance_of
+from skhoid.model.fitting import Criterion
 from skhoid.model.likelihood import likelihood_fit, prior_of
-from skhoid.model.profile import CHI2_95, NEAR, _Profile, profile_intervals
+from skhoid.model.uncertainty import CHI2_95, NEAR, _Profile, covariance_of, profile_intervals
 
 pytestmark = pytest.mark.slow  # fits many models
 

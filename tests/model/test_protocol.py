@@ -13,7 +13,7 @@ from skhoid.model.cores import OperatorCore
 from skhoid.model.fitting import Criterion
 from skhoid.model.likelihood import likelihood_fit
 from skhoid.model.model import fit_core
-from skhoid.model.protocol import METHODS, PARAMETERS, check_simulated_model
+from skhoid.model.prepared import METHODS, PARAMETERS, check_simulated_model
 
 DT = 0.02
 K_E, LAG, LEVEL = 0.8, 0.4, 0.3

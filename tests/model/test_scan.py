@@ -10,8 +10,8 @@ from skhoid.effects import DeadZone, Effects, ErrorScan, Intermittent, Lapses
 from skhoid.effects.catalogue import CLASSES
 from skhoid.model.cores import ARXCore, OperatorCore
 from skhoid.model.fitting import Criterion
+from skhoid.model.jumps import Scan
 from skhoid.model.model import Model, fit_core
-from skhoid.model.scan import Scan
 from skhoid.model.simulator import Simulator
 from skhoid.testing import synthetic_record
 

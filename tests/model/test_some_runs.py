@@ -7,17 +7,18 @@ import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import Effects
-from skhoid.model import some_runs as module
+from skhoid.model import fitting as module
 from skhoid.model.cores import OperatorCore
 from skhoid.model.fitting import (
     Criterion,
-    covariance_of,
     minimise,
+    record_of_some,
     residual_at,
+    some_runs,
     whitened_derivatives,
 )
 from skhoid.model.simulator import Simulator
-from skhoid.model.some_runs import record_of_some, some_runs
+from skhoid.model.uncertainty import covariance_of
 
 THETA = np.array([0.09, 0.036, 11.0, 0.35, 0.28])
 

@@ -7,7 +7,7 @@ from support.person_in_loop import pursued
 
 from skhoid import EffectSearchCV, OperatorRegressor
 from skhoid.model.fitting import Criterion
-from skhoid.model.two_estimates import difference_notes, that_differ
+from skhoid.model.parameters import difference_notes, that_differ
 
 NAN = np.nan
 

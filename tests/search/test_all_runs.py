@@ -6,7 +6,7 @@ import pytest
 from sklearn.model_selection import LeaveOneGroupOut
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs, run_labels
-from skhoid.model.base import vaf_of_output
+from skhoid.model.estimator import vaf_of_output
 from skhoid.search.all_runs import AllRuns, held_columns
 
 pytestmark = pytest.mark.slow

@@ -20,8 +20,8 @@ from skhoid import (
 from skhoid.diagnosis import run_signals
 from skhoid.diagnosis.ceiling import noise_ceiling
 from skhoid.effects import Bias, DeadZone, Effects, catalogue, title_of
-from skhoid.model.estimates import parameter_text
 from skhoid.model.model import Model, without
+from skhoid.model.parameters import parameter_text
 from skhoid.search import effect_search
 from skhoid.search.search_numbers import gap_of
 from skhoid.search.story import Story

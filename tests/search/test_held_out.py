@@ -7,9 +7,9 @@ from support.searching import search_of
 
 from skhoid.effects import FreeGain
 from skhoid.effects.composition import Effects
-from skhoid.model.base import vaf_of_output
+from skhoid.model.estimator import vaf_of_output
+from skhoid.model.extend import refitted
 from skhoid.model.fitting import Criterion
-from skhoid.model.held_out import refitted
 from skhoid.model.model import Model
 from skhoid.model.simulator import Simulator
 from skhoid.search.held_out import HeldOutRows, held_out, refitted_prediction, within_seen

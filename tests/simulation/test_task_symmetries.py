@@ -14,7 +14,7 @@ from support.loop_twin import (
 )
 
 from skhoid import CompensatoryTask, ControlledElement, HumanOperator, Remnant, Sigmoid, _kernels
-from skhoid.simulation.physics import operator_response, physics_rows
+from skhoid.simulation.engine import operator_response, physics_rows
 
 # Symmetries
 

@@ -14,7 +14,7 @@ from typing import Any
 from ..._version import __version__
 from ...arx.batch import ARXRegressor
 from ...arx.searches import DelaySearchCV
-from ...human.typed_element import element_of
+from ...human.controlled_element import element_of
 from ...io._paths import shown
 from ...io.experiments import read_experiment
 from ...model import OperatorRegressor

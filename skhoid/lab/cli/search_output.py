@@ -14,7 +14,7 @@ from sklearn.callback import ProgressBar
 from ..._version import __version__
 from ...diagnosis import Comparison
 from ...effects.catalogue import BY_NAME
-from ...human.typed_element import element_of
+from ...human.controlled_element import element_of
 from ...io._paths import shown
 from ...search import EffectSearchCV
 from ...search.story import Story, StoryTable

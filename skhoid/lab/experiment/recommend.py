@@ -12,9 +12,8 @@ import numpy as np
 import pandas as pd
 
 from ...arx.forgetting import forgetting_factor
-from ...simulation.change_times import change_times
 from ...simulation.conditions import Condition
-from ...simulation.task import CompensatoryTask
+from ...simulation.task import CompensatoryTask, change_times
 from ...text import Summary
 from ..studies.montecarlo.horizons import SETTING, forgetting_vaf, kept_run_in, succeeded, with_gain
 from ..studies.montecarlo.study import MonteCarloStudy

@@ -19,7 +19,7 @@ from ...simulation import (
     tune_remnant,
 )
 from ...simulation.conditions import RATES, Condition
-from ...simulation.tracking_record import TrackingRecord
+from ...simulation.engine import TrackingRecord
 
 # Spreads of the draws around Table II: standard deviations of logarithms.
 GAIN, LEAD, DELAY, FREQUENCY, DAMPING, NOISE = 0.25, 0.15, 0.10, 0.12, 0.20, 0.40

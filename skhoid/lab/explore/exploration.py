@@ -15,8 +15,8 @@ from sklearn.base import clone
 
 from ...effects.composition import Effects
 from ...exceptions import did_you_mean
-from ...model.base import SimulatedModelMixin
-from ...model.protocol import check_simulated_model
+from ...model.estimator import SimulatedModelMixin
+from ...model.prepared import check_simulated_model
 from ...runs.roles import of_person
 from ...search.effect_search import EffectSearchCV
 from .cards import FOUND, HELPS, Found

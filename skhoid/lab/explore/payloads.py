@@ -13,7 +13,7 @@ import numpy as np
 
 from ...diagnosis.comparison import Comparison
 from ...effects.composition import Effects
-from ...model.base import SimulatedModelMixin
+from ...model.estimator import SimulatedModelMixin
 from ...runs import RunLayout, read_layout, run_name
 from ...search.effect_search import EffectSearchCV
 from .exploration import Exploration

@@ -14,7 +14,7 @@ from ...diagnosis.comparison import Comparison
 from ...diagnosis.comparison_text import figures
 from ...effects.catalogue import BY_NAME
 from ...effects.registry import titles_of
-from ...model.estimates import parameter_text
+from ...model.parameters import parameter_text
 from ...pipelines import raw_layout, taken_apart
 from ...preprocessing.base import as_fitted
 from ...preprocessing.gate import as_output

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...arx.batch import ARXRegressor
 from ...arx.searches import DelaySearchCV
-from ...human.typed_element import element_of
+from ...human.controlled_element import element_of
 from ...io._column_guess import ColumnGuess
 from ...io.readers import read_guessed
 from ...model import OperatorRegressor

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from skhoid import ControlledElement, load_human_tracking, read_runs
-from skhoid.human.typed_element import element_of
+from skhoid.human.controlled_element import element_of
 from skhoid.lab.cli import main
 from skhoid.lab.cli.options import with_one_element
 from skhoid.lab.cli.parser import make_parsers

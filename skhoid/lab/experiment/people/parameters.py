@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from sklearn.pipeline import Pipeline
 
-from ....interpret.channel import is_arx
+from ....interpret.arx_channel import is_arx
 from ....interpret.conversion import FROM_POLES, UNITS, operator_parameters
 from ....pipelines import taken_apart
 

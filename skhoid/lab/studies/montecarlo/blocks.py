@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ....simulation.engine import RunOptions, simulate
+from ....simulation.engine import RunOptions, TrackingRecord, simulate
 from ....simulation.task import CompensatoryTask
-from ....simulation.tracking_record import TrackingRecord
 from ....simulation.tracking_runs import frames_of, truth_of
 from .store import uniform
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from ....arx.recursive_cv import HORIZONS
-from ....simulation.physics import operator_response
+from ....simulation.engine import operator_response
 from ....simulation.task import CompensatoryTask
 from .blocks import Block
 from .declared import identified_as

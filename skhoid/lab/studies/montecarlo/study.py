@@ -16,9 +16,8 @@ from ...._machine import ended_by_signals
 from ...._version import __version__
 from ....exceptions import RemnantIntensityError, StudyWarning
 from ....simulation.engine import entropy_of
-from ....simulation.task import CompensatoryTask
+from ....simulation.task import CompensatoryTask, tune_remnant
 from ....simulation.tracking_runs import check_channel_names
-from ....simulation.tuning import tune_remnant
 from .blocks import ERROR, REPLICATION, DataSet, Job, compute, joined
 from .cells import labels_of, read_cell, rows_of
 from .identity import FORMAT, described, digest, spawn_key

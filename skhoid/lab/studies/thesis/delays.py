@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.signal import lfilter
 
-from ....human.discretisation import delay_samples, zoh_parameters
+from ....human.operator import delay_samples, zoh_parameters
 from ....interpret.conversion import FROM_POLES, arx_to_operator
 from ..montecarlo.blocks import Block
 from ..montecarlo.declared import identified_as

@@ -13,7 +13,7 @@ import pandas as pd
 
 from ....io.figures import save_figure
 from ....io.tables import check_table_format, write_tables
-from ....simulation.remnant import ORDERS
+from ....simulation.conditions import ORDERS
 
 CONDITIONS = ("C1", "C2", "C3", "C4", "C5", "C6")
 STATES = ("C1", "C2")  # constant dynamics

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ....simulation.change_times import change_times
+from ....simulation.task import change_times
 
 WINDOWS = ("all", "before", "around", "after")
 START = 15 / 81.92  # of the duration, which is left to methods to begin

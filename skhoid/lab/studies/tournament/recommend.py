@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from ...._sklearn import Interval, StrOptions, checked
-from ....human.discretisation import delay_samples
+from ....human.operator import delay_samples
 from ....simulation.conditions import Condition
 from ....simulation.task import CompensatoryTask
 from ....text import Summary, wrapped
