@@ -1,31 +1,68 @@
 """Named physical effects, which models include and searches try."""
 
-from .actuator import Backlash, HardeningStiffness, Quantised, RateLimit, Saturation, Stiction
 from .base import Effect
 from .catalogue import catalogue  # which fills the registry of ids
 from .composition import Effects
-from .core_kind import CoreKind
-from .dimension import Dimension
-from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
 from .error_scan import ErrorScan
 from .free_form import FreeForm
-from .free_hysteresis import FreeHysteresis
-from .free_map import FreeMap
-from .free_path import FreeDynamics, FreePath
-from .free_variation import FreeDelay, FreeGain, FreeOffset
-from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
-from .inside import Friction, RootFlow, Stops
-from .intermittent import Intermittent
-from .offsets import Bias, Drift, Integral
-from .parameter import Parameter
-from .paths import CrossAxis, Disturbance, Feedforward, MotionFeedback, OutputFeedback, Preview
-from .reflex import RateReflex
+from .free_forms import (
+    FreeDelay,
+    FreeDynamics,
+    FreeGain,
+    FreeHysteresis,
+    FreeMap,
+    FreeOffset,
+    FreePath,
+)
+from .in_time import (
+    GainDrift,
+    Intermittent,
+    Lapses,
+    ScheduledGain,
+    TimeVaryingDelay,
+    TimeVaryingGain,
+    WrongDelay,
+)
+from .machines import (
+    Friction,
+    InputFilter,
+    RateReflex,
+    RootFlow,
+    ScheduledDynamics,
+    SensorMagnitude,
+    Stops,
+)
+from .maps import (
+    AbsoluteValue,
+    AsymmetricGain,
+    Backlash,
+    CubicGain,
+    DeadZone,
+    HardeningStiffness,
+    Quantised,
+    RateLimit,
+    Rectified,
+    Saturation,
+    Stiction,
+)
+from .parameter import CoreKind, Dimension, Parameter
+from .paths import (
+    Bias,
+    CrossAxis,
+    Disturbance,
+    Drift,
+    ExtraLag,
+    ExtraLead,
+    Feedforward,
+    HigherOrder,
+    Integral,
+    MotionFeedback,
+    NeuromuscularMode,
+    OutputFeedback,
+    Preview,
+)
+from .record import Signature
 from .registry import effect, title_of, titles_of
-from .scheduled import InputFilter, ScheduledDynamics
-from .sensor import SensorMagnitude
-from .time_variation import GainDrift, Lapses, ScheduledGain, TimeVaryingGain
-from .timing import TimeVaryingDelay, WrongDelay
-from .traces import Signature
 from .tremor import Tremor
 
 __all__ = [

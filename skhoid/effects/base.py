@@ -9,12 +9,9 @@ import numpy as np
 from sklearn.base import BaseEstimator, clone
 
 from .composition import Composable
-from .core_kind import CoreKind
-from .dimension import Dimension
 from .error_scan import ErrorScan
-from .parameter import Parameter
-from .record import Record
-from .traces import Signature
+from .parameter import CoreKind, Dimension, Parameter
+from .record import Record, Signature
 
 
 class Effect(Composable, BaseEstimator):

@@ -4,25 +4,64 @@ from __future__ import annotations
 
 import pandas as pd
 
-from .actuator import Backlash, HardeningStiffness, Quantised, RateLimit, Saturation, Stiction
 from .base import Effect
-from .dynamics import ExtraLag, ExtraLead, HigherOrder, NeuromuscularMode
 from .free_form import FreeForm
-from .free_hysteresis import FreeHysteresis
-from .free_map import FreeMap
-from .free_path import FreeDynamics, FreePath
-from .free_variation import FreeDelay, FreeGain, FreeOffset
-from .input_maps import AbsoluteValue, AsymmetricGain, CubicGain, DeadZone, Rectified
-from .inside import Friction, RootFlow, Stops
-from .intermittent import Intermittent
-from .offsets import Bias, Drift, Integral
-from .paths import CrossAxis, Disturbance, Feedforward, MotionFeedback, OutputFeedback, Preview
-from .reflex import RateReflex
+from .free_forms import (
+    FreeDelay,
+    FreeDynamics,
+    FreeGain,
+    FreeHysteresis,
+    FreeMap,
+    FreeOffset,
+    FreePath,
+)
+from .in_time import (
+    GainDrift,
+    Intermittent,
+    Lapses,
+    ScheduledGain,
+    TimeVaryingDelay,
+    TimeVaryingGain,
+    WrongDelay,
+)
+from .machines import (
+    Friction,
+    InputFilter,
+    RateReflex,
+    RootFlow,
+    ScheduledDynamics,
+    SensorMagnitude,
+    Stops,
+)
+from .maps import (
+    AbsoluteValue,
+    AsymmetricGain,
+    Backlash,
+    CubicGain,
+    DeadZone,
+    HardeningStiffness,
+    Quantised,
+    RateLimit,
+    Rectified,
+    Saturation,
+    Stiction,
+)
+from .paths import (
+    Bias,
+    CrossAxis,
+    Disturbance,
+    Drift,
+    ExtraLag,
+    ExtraLead,
+    Feedforward,
+    HigherOrder,
+    Integral,
+    MotionFeedback,
+    NeuromuscularMode,
+    OutputFeedback,
+    Preview,
+)
 from .registry import register, title_of
-from .scheduled import InputFilter, ScheduledDynamics
-from .sensor import SensorMagnitude
-from .time_variation import GainDrift, Lapses, ScheduledGain, TimeVaryingGain
-from .timing import TimeVaryingDelay, WrongDelay
 from .tremor import Tremor
 
 CLASSES: tuple[type[Effect], ...] = (

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from .. import _kernels
+
+if TYPE_CHECKING:
+    from .record import Record
 
 STOPS, SHARP, TABLE, SPRING = 2.0, 3.0, 4.0, 5.0  # kinds of terms, as ``arx_inside`` has them
 N_PLACES = 513  # at which a force of any shape is given
@@ -133,3 +136,21 @@ class Command(NamedTuple):
         """The command with an additional response."""
         added = self._replace(position=self.position + position)
         return added if rate is None else added._replace(rate=self.rate + rate)
+
+
+def shaped(command: Any, record: Record, b: list[float], a: list[float]) -> Any:
+    """A command through b(s) / a(s), both with s^2, s and 1."""
+    numerator, denominator = bilinear(b, a, record.dt)
+
+    def through(x: np.ndarray) -> np.ndarray:
+        return _kernels.greybox.filtered(_kernels.gate(x), numerator, denominator)
+
+    return command._replace(position=through(command.position), rate=through(command.rate))
+
+
+def bilinear(b: Any, a: Any, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients b0, b1, b2 and a1, a2 of b(s) / a(s), both of s^2, s and 1, by Tustin's rule."""
+    c = 2.0 / dt
+    to_z = np.array([[c * c, c, 1.0], [-2 * c * c, 0.0, 2.0], [c * c, -c, 1.0]])
+    numerator, denominator = to_z @ np.asarray(b, float), to_z @ np.asarray(a, float)
+    return numerator / denominator[0], denominator[1:] / denominator[0]

@@ -1,4 +1,4 @@
-"""Responses to other channels: target, preview, x, motion, disturbance."""
+"""What is added: offsets, answers to other channels, further linear dynamics."""
 
 from __future__ import annotations
 
@@ -9,13 +9,202 @@ import numpy as np
 from .. import _kernels
 from ..runs.roles import OTHER
 from .base import Effect
-from .core_kind import CoreKind
-from .dimension import ONE, Dimension, E, S, U
-from .dynamics import bilinear
 from .error_scan import ErrorScan
-from .parameter import Parameter
-from .record import Record, differentiated
-from .time_variation import needs_channel
+from .in_time import with_middle
+from .operator_signals import bilinear, shaped
+from .parameter import ONE, RAD, CoreKind, Dimension, E, Parameter, S, T, U
+from .record import Record, differentiated, needs_channel
+
+
+class Bias(Effect):
+    """A constant offset of the output.
+
+    Parameters
+    ----------
+    level : float or None, default=None
+        In units of the output; None estimates it.
+
+    References
+    ----------
+    Ljung, System identification (1999), section 14.1.
+
+    Examples
+    --------
+    >>> from skhoid.effects import Bias
+    >>> Bias(level=0.1).fixed
+    {'level': 0.1}
+    """
+
+    name = "bias"
+    place = "sum"
+    physics = "The output has an offset: trim, or a sensor's zero error."
+    machine_physics = "The output has an offset: a sensor's zero error, or a constant load."
+    formula = "u + level"
+    tex = r"u' = u + \mathrm{level}"
+    source = "Ljung (1999)"
+    parameters = (Parameter("level", U, -20.0, 20.0, (0.1,), "offset"),)
+    neutral = {"level": 0.0}
+    within = ("drift",)  # that has settled
+
+    def __init__(self, *, level: float | None = None):
+        self.level = level
+
+    def apply(self, signal: np.ndarray, record: Record, level: float) -> np.ndarray:
+        return signal + level
+
+
+class Drift(Effect):
+    """An offset of the output that changes during the run.
+
+    ``"linear"``: rate (t - reference); ``"settling"``: level - rate tau exp(-(t - reference) /
+    tau), which comes to rest at the level, with the reference at the start.
+
+    Parameters
+    ----------
+    rate : float or None, default=None
+        In units of the output per second (at the start, for ``"settling"``); None estimates it.
+    tau : float or None, default=None
+        Time constant of ``"settling"`` in seconds; None estimates it.
+    level : float or None, default=None
+        Where ``"settling"`` comes to rest, in units of the output; None estimates it.
+    reference : float or None, default=None
+        Time in the run, in seconds, at which it is zero (``"linear"``) or begins
+        (``"settling"``); None takes the middle, and the start.
+    form : {"linear", "settling"} or None, default=None
+        None tries both.
+
+    References
+    ----------
+    Ljung (1999), section 14.1.
+
+    Examples
+    --------
+    >>> from skhoid.effects import Drift
+    >>> Drift().name
+    'drift'
+    """
+
+    name = "drift"
+    place = "sum"
+    physics = "The output drifts steadily, or settles after the start."
+    formula = "u + rate (t - reference), or u + level - rate tau exp(-(t - reference) / tau)"
+    tex = (
+        r"u' = u + \begin{cases} \mathrm{rate}\,(t - \mathrm{reference}) & \text{linear} \\"
+        r" \mathrm{level} - \mathrm{rate}\;\mathrm{tau}\; e^{-(t - \mathrm{reference}) /"
+        r" \mathrm{tau}}"
+        r" & \text{settling} \end{cases}"
+    )
+    source = "Ljung (1999)"
+    choices = {"form": ("linear", "settling")}
+
+    def __init__(
+        self,
+        *,
+        rate: float | None = None,
+        tau: float | None = None,
+        level: float | None = None,
+        reference: float | None = None,
+        form: str | None = None,
+    ):
+        self.rate = rate
+        self.tau = tau
+        self.level = level
+        self.reference = reference
+        self.form = form
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        rate = Parameter("rate", U / S, -20.0, 20.0, (0.5,), "rate of the drift", U / T)
+        if self.form != "settling":
+            return (rate,)
+        steep = Parameter("rate", U / S, -100.0, 100.0, (2.0, -2.0), "rate at the start", U / T)
+        level = Parameter("level", U, -20.0, 20.0, (0.0,), "level where it settles")
+        return (steep, Parameter("tau", S, 0.05, 1.0, (0.15, 0.4), "time constant", T), level)
+
+    @property
+    def neutral(self) -> dict[str, float]:  # type: ignore[override]
+        return {"rate": 0.0, "level": 0.0} if self.form == "settling" else {"rate": 0.0}
+
+    def variants(self, record: Record) -> list[Effect]:
+        made: list[Effect] = []
+        formed: list[Any] = super().variants(record)
+        for chosen in formed:
+            if chosen.form == "settling" and self.reference is None:
+                chosen.set_params(reference=float(record.t[0].mean()))
+            made.append(with_middle(chosen, record))
+        return made
+
+    def apply(
+        self,
+        signal: np.ndarray,
+        record: Record,
+        rate: float,
+        tau: float = 1.0,
+        level: float = 0.0,
+    ) -> np.ndarray:
+        since = record.t - self.reference
+        if self.form == "settling":
+            return signal + level - rate * tau * np.exp(-since / tau)
+        return signal + rate * since
+
+
+class Integral(Effect):
+    """Trim: the operator responds to the integral of the error.
+
+    ``"pure"``: the integral from the start of the run; ``"leaky"``: 1 / (s + leak), which forgets.
+
+    Parameters
+    ----------
+    gain : float or None, default=None
+        In units of the output per unit of the error and second; None estimates it.
+    leak : float or None, default=None
+        Rate of forgetting in 1/s of ``"leaky"``; None estimates it.
+    form : {"pure", "leaky"} or None, default=None
+        None tries both.
+
+    References
+    ----------
+    McRuer and Krendel (1974), low-frequency trim.
+
+    Examples
+    --------
+    >>> from skhoid.effects import Integral
+    >>> Integral().place
+    'path'
+    """
+
+    name = "integral"
+    title = "integral action"
+    place = "path"
+    physics = "A standing error is trimmed away slowly."
+    machine_physics = "The machine also integrates its input."
+    formula = "command + gain * integral of e(t - tau_e)"
+    tex = r"c' = c + \mathrm{gain} \int e(t - \tau_e)\,\mathrm{d}t"
+    source = "McRuer and Krendel (1974)"
+    neutral = {"gain": 0.0}
+    within = ("higher_order",)  # with a slow pole and a zero; its other pair cancels
+    choices = {"form": ("pure", "leaky")}
+
+    def __init__(
+        self, *, gain: float | None = None, leak: float | None = None, form: str | None = None
+    ):
+        self.gain = gain
+        self.leak = leak
+        self.form = form
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        gain = Parameter("gain", U / (E * S), 0.0, 20.0, (0.1, 0.5), "gain on the integral")
+        if self.form != "leaky":
+            return (gain,)
+        return (gain, Parameter("leak", ONE / S, 0.001, 0.6, (0.1,), "rate of forgetting"))
+
+    def apply(self, signal: Any, record: Record, gain: float, leak: float = 0.0) -> Any:
+        dt = record.dt
+        b, a = np.array([dt, 0.0, 0.0]), np.array([leak * dt - 1.0, 0.0])
+        total = _kernels.greybox.filtered(_kernels.gate(signal.error), b, a)
+        return signal.plus(gain * total)
+
 
 X = Dimension.of_role("x")  # is the target less the error: of the same size as the error
 FASTEST_REFLEX = 0.02  # s, from a perturbation of the arm to its muscles
@@ -564,3 +753,213 @@ def not_at_once(
 ) -> dict[str, tuple[float, float]]:
     """Bounds whose delay is at least that of the record: a faster response is the loop itself."""
     return limits | {"delay": (record.least_delay, limits["delay"][1])}
+
+
+class ExtraLag(Effect):
+    """Equalisation lag: 1 / (time s + 1).
+
+    Parameters
+    ----------
+    time : float or None, default=None
+        T_I in seconds; None estimates it.
+
+    References
+    ----------
+    McRuer and Krendel (1974), the precision model.
+
+    Examples
+    --------
+    >>> from skhoid.effects import ExtraLag
+    >>> ExtraLag(time=0.2).name
+    'extra_lag'
+    """
+
+    name = "extra_lag"
+    place = "command"
+    physics = "The operator low-pass filters what is seen."
+    machine_physics = "The input passes through an additional lag."
+    formula = "1 / (time s + 1)"
+    tex = r"H(s) = \frac{1}{\mathrm{time}\; s + 1}"
+    source = "McRuer and Krendel (1974)"
+    parameters = (Parameter("time", S, 0.0, 20.0, (0.1, 1.0), "lag time constant T_I"),)
+    neutral = {"time": 0.0}
+    within = ("higher_order",)  # with a zero and a pole that cancel
+
+    def __init__(self, *, time: float | None = None):
+        self.time = time
+
+    def apply(self, signal: Any, record: Record, time: float) -> Any:
+        return shaped(signal, record, [0.0, 0.0, 1.0], [0.0, time, 1.0])
+
+
+class ExtraLead(Effect):
+    """A second lead: time s + 1.
+
+    Parameters
+    ----------
+    time : float or None, default=None
+        In seconds; None estimates it.
+
+    References
+    ----------
+    McRuer and Krendel (1974).
+
+    Examples
+    --------
+    >>> from skhoid.effects import ExtraLead
+    >>> ExtraLead().place
+    'command'
+    """
+
+    name = "extra_lead"
+    place = "command"
+    physics = "The operator also responds to the acceleration of the error."
+    machine_physics = "The input passes through an additional lead."
+    formula = "time s + 1"
+    tex = r"H(s) = \mathrm{time}\; s + 1"
+    source = "McRuer and Krendel (1974)"
+    parameters = (Parameter("time", S, 0.0, 2.0, (0.05, 0.3), "time constant of the second lead"),)
+    neutral = {"time": 0.0}
+    within = ("higher_order",)  # whose other zero and poles are fast
+
+    def __init__(self, *, time: float | None = None):
+        self.time = time
+
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        return "an ARX model has its own zeros: raise nb" if core == CoreKind.ARX else None
+
+    def apply(self, signal: Any, record: Record, time: float) -> Any:
+        faster = signal.position + differentiated(signal.rate, record.dt)
+        return signal._replace(rate=signal.rate + time * faster)
+
+
+class NeuromuscularMode(Effect):
+    """A second mode of limb and stick, behind the neuromuscular system.
+
+    omega^2 / (s^2 + 2 zeta omega s + omega^2).
+
+    Parameters
+    ----------
+    omega : float or None, default=None
+        In rad/s; None estimates it.
+    zeta : float or None, default=None
+        Damping ratio; None estimates it.
+
+    References
+    ----------
+    Magdaleno and McRuer, Experimental validation of neuromuscular models (1971).
+
+    Examples
+    --------
+    >>> from skhoid.effects import NeuromuscularMode
+    >>> NeuromuscularMode(zeta=0.3).fixed
+    {'zeta': 0.3}
+    """
+
+    name = "nm_mode"
+    title = "second neuromuscular mode"
+    place = "command"
+    physics = "The limb and the stick together have a second mode."
+    machine_physics = "There is a second mode."
+    formula = "omega^2 / (s^2 + 2 zeta omega s + omega^2)"
+    tex = r"H(s) = \frac{\omega^2}{s^2 + 2 \zeta \omega s + \omega^2}"
+    source = "Magdaleno and McRuer (1971)"
+    parameters = (
+        Parameter("omega", RAD / S, 4.0, 60.0, (15.0, 25.0), "frequency of the mode"),
+        Parameter("zeta", ONE, 0.03, 2.0, (0.3,), "its damping ratio"),
+    )
+    within = ("higher_order",)  # whose zeros are fast
+
+    def __init__(self, *, omega: float | None = None, zeta: float | None = None):
+        self.omega = omega
+        self.zeta = zeta
+
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        if core == CoreKind.ARX:
+            return "an ARX model has no neuromuscular system; higher_order adds poles and zeros"
+        return None
+
+    def apply(self, signal: Any, record: Record, omega: float, zeta: float) -> Any:
+        poles = [1.0, 2 * zeta * omega, omega**2]
+        return shaped(signal, record, [0.0, 0.0, omega**2], poles)
+
+
+class HigherOrder(Effect):
+    """Two more poles and zeros, with gain 1 at low frequency.
+
+    Parameters
+    ----------
+    zero_frequency, zero_damping, pole_frequency, pole_damping : float or None, default=None
+        Frequencies in rad/s and damping ratios; None estimates one.
+
+    References
+    ----------
+    Ljung (1999), order selection.
+
+    Examples
+    --------
+    >>> from skhoid.effects import HigherOrder
+    >>> len(HigherOrder().free)
+    4
+    """
+
+    name = "higher_order"
+    title = "higher-order dynamics"
+    place = "command"
+    physics = "The linear dynamics are of higher order."
+    formula = "(s^2/w_z^2 + 2 z_z s/w_z + 1) / (s^2/w_p^2 + 2 z_p s/w_p + 1)"
+    tex = (
+        r"H(s) = \frac{s^2 / \omega_z^2 + 2 \zeta_z s / \omega_z + 1}"
+        r"{s^2 / \omega_p^2 + 2 \zeta_p s / \omega_p + 1}"
+    )
+    source = "Ljung (1999)"
+    parameters = (
+        Parameter("zero_frequency", RAD / S, 0.3, 40.0, (1.5, 6.0, 15.0), "of the zeros"),
+        Parameter("zero_damping", ONE, 0.0, 5.0, (0.6,), "of the zeros"),
+        Parameter("pole_frequency", RAD / S, 0.3, 40.0, (1.5, 6.0, 15.0), "of the poles"),
+        Parameter("pole_damping", ONE, 0.02, 5.0, (0.6,), "of the poles"),
+    )
+
+    def __init__(
+        self,
+        *,
+        zero_frequency: float | None = None,
+        zero_damping: float | None = None,
+        pole_frequency: float | None = None,
+        pole_damping: float | None = None,
+    ):
+        self.zero_frequency = zero_frequency
+        self.zero_damping = zero_damping
+        self.pole_frequency = pole_frequency
+        self.pole_damping = pole_damping
+
+    def starts(self, record: Record) -> list[dict[str, float]]:
+        """Zeros and poles at the same places (shifted a little, so that they can part)."""
+        found = []
+        for p in super().starts(record):
+            if p["zero_frequency"] == p["pole_frequency"]:
+                found.append({**p, "zero_frequency": 1.1 * p["zero_frequency"]})
+        return found
+
+    def limits(self, record: Record) -> dict[str, tuple[float, float]]:
+        """Wider for an ARX model: machines ring longer than people, and over more octaves."""
+        limits = super().limits(record)
+        if record.core != CoreKind.ARX:
+            return limits
+        for name in ("zero_frequency", "pole_frequency"):
+            low, high = limits[name]
+            limits[name] = (0.1 * low, 5 * high)
+        return {**limits, "zero_damping": (-5.0, 5.0), "pole_damping": (1e-3, 5.0)}
+
+    def apply(
+        self,
+        signal: Any,
+        record: Record,
+        zero_frequency: float,
+        zero_damping: float,
+        pole_frequency: float,
+        pole_damping: float,
+    ) -> Any:
+        zeros = [zero_frequency**-2, 2 * zero_damping / zero_frequency, 1.0]
+        poles = [pole_frequency**-2, 2 * pole_damping / pole_frequency, 1.0]
+        return shaped(signal, record, zeros, poles)

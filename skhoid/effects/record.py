@@ -2,20 +2,103 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from .. import _kernels
 from ..runs.roles import EXACT, OTHER
-from .core_kind import CoreKind
-from .dimension import RoleName
-from .row_channels import RowChannels
+from .parameter import CoreKind, RoleName
 
 if TYPE_CHECKING:
     from ..human.linear_element import LinearElement
+
+
+@dataclass(frozen=True, eq=False)
+class RowChannels(Mapping[str, np.ndarray]):
+    """Channels of runs side by side that are put together when they are asked for.
+
+    ``rows`` gives some rows of each channel, ``begin`` and ``end`` are the first and the last + 1
+    of the runs, and ``length`` is the number of samples of the record. ``sums`` are channels that
+    are the sum of two others. Of the samples every ``step``-th is taken; 0 takes all, with those
+    of a run one after the other. ``given`` are channels with other values. What was ``found`` is
+    kept; a part of the runs has its own, and other processes get a plain dict. ``order`` is how
+    samples lie in memory: those of very many runs one run after the other, "F".
+    """
+
+    rows: Mapping[str, Callable[[slice], np.ndarray]]
+    begin: np.ndarray
+    end: np.ndarray
+    length: int
+    sums: Mapping[str, tuple[str, str]]
+    step: int = 0
+    given: Mapping[str, np.ndarray] = field(default_factory=dict)
+    found: dict[str, np.ndarray] = field(default_factory=dict)
+    order: Literal["C", "F"] = "F"
+
+    def __iter__(self) -> Iterator[str]:
+        yield from dict.fromkeys([*self.rows, *self.sums])
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.rows or name in self.sums
+
+    def __len__(self) -> int:
+        return len({*self.rows, *self.sums})
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self.given and name not in self.found:
+            self.found[name] = self.read(name)
+        return self.read(name)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (dict(self),)  # kept, so that joblib writes each once for all workers
+
+    def read(self, name: str) -> np.ndarray:
+        """The same, and nothing more is kept."""
+        if name in self.given:
+            return self.given[name]
+        if name in self.found:
+            return self.found[name]
+        one, *other = self.sums.get(name, (name,))
+        out = self._beside(one)
+        for more in other:
+            out += self._beside(more)
+        return np.ascontiguousarray(out[:: self.step]) if self.step else out
+
+    def _beside(self, name: str) -> np.ndarray:
+        rows = self.rows[name]
+        out = np.zeros((self.length, self.begin.size), order=self.order)
+        for j, (a, b) in enumerate(zip(self.begin.tolist(), self.end.tolist(), strict=True)):
+            out[: b - a, j] = rows(slice(a, b))
+        return out
+
+    def of_runs(self, runs: slice | np.ndarray) -> RowChannels:
+        """The channels of some of the runs."""
+        given = {name: values[:, runs] for name, values in self.given.items()}
+        return replace(self, begin=self.begin[runs], end=self.end[runs], given=given, found={})
+
+    def thinned(self, step: int) -> RowChannels:
+        """The channels at every ``step``-th sample."""
+        given = {n: np.ascontiguousarray(values[::step]) for n, values in self.given.items()}
+        return replace(self, step=max(self.step, 1) * step, given=given, found={})
+
+    def beginning(self, n: int) -> RowChannels:
+        """The channels at the first ``n`` samples."""
+        length = min(self.length, max((n - 1) * max(self.step, 1) + 1, 0))
+        return replace(
+            self,
+            end=np.minimum(self.end, self.begin + length),
+            length=length,
+            given={name: values[:n] for name, values in self.given.items()},
+            found={},
+        )
+
+    def changed(self, channels: Mapping[str, np.ndarray]) -> RowChannels:
+        """The same with other values of some channels; it shares what is found of the others."""
+        return replace(self, given={**self.given, **channels})
+
 
 LARGE = 150_000  # samples, above which runs are simulated a few at a time
 CACHED = 80_000  # samples of these few: their signals stay in a processor's cache
@@ -253,3 +336,136 @@ def few_runs(n_samples: int, n_runs: int) -> list[slice]:
 def differentiated(signal: np.ndarray, dt: float) -> np.ndarray:
     """Central differences along time."""
     return _kernels.greybox.differentiated(_kernels.gate(signal), dt)
+
+
+PILED = 0.02  # least share of the samples that lie at a stop
+AT_STOP = 1e-3  # standard deviations of the output within which a sample lies at a stop
+NEAR_STOP = 0.05  # the same for samples a little below
+PILED_RATES = 0.10  # least share of the rates that lie at the greatest rate
+RECURRING = 0.02  # distinct values are levels if fewer than this share of the samples
+COARSE = 0.1  # least step, in standard deviations of the output
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What a residual shows of an effect that is noise to the free run.
+
+    Parameters
+    ----------
+    where : str
+        Over what it shows, such as ``"frequency"``.
+    share : float
+        Of the output's variance.
+    words : str
+        What is seen, for tables.
+    parameters : str
+        Values of the effect's parameters with their units, for tables.
+
+    See Also
+    --------
+    Effect : Its ``signature`` returns one.
+
+    Examples
+    --------
+    >>> from skhoid.effects import Signature
+    >>> Signature("frequency", 0.02, "a line at 9.0 Hz", "frequency = 9.00 Hz").share
+    0.02
+    """
+
+    where: str
+    share: float
+    words: str
+    parameters: str
+
+
+def step_of(record: Record) -> float | None:
+    """Typical distance between the levels that the output takes; None where it takes too many."""
+    return record.once("step", lambda: _step(record))
+
+
+def _step(record: Record) -> float | None:
+    y, spread = _output(record)
+    if spread == 0.0:
+        return None
+    rounded = np.unique(np.round(y / spread, 6))
+    if rounded.size < 2 or rounded.size > RECURRING * y.size:
+        return None
+    step = float(np.median(np.diff(rounded)))
+    return step * spread if step > COARSE else None
+
+
+class Stop(NamedTuple):
+    """Samples of the output at a stop.
+
+    Attributes
+    ----------
+    share : float
+        Of all samples.
+    limit : float
+        Size of the output there.
+    where : str
+        The stop in words, with its sign: both where the output stops to either side.
+    """
+
+    share: float
+    limit: float
+    where: str
+
+
+def stop_of(record: Record) -> Stop | None:
+    """Where samples of the output pile up; None where they do not."""
+    return record.once("stop", lambda: _stop(record))
+
+
+def _stop(record: Record) -> Stop | None:
+    y, spread = _output(record)
+    if spread == 0.0 or step_of(record) is not None:
+        return None
+    found = []
+    for side in (1.0, -1.0):
+        top = float(np.max(side * y))
+        below = top - side * y
+        there = float(np.mean(below < AT_STOP * spread))
+        near = float(np.mean(below < NEAR_STOP * spread)) - there
+        # A wave that turns is slow at its top too, but as many samples are a little below.
+        if top > 0.0 and there > PILED / 2 and there > near:
+            found.append((there, top, side))
+    if not found:
+        return None
+    share, limit, side = max(found)
+    where = f"{side * limit:.3g}"
+    if len(found) == 2 and abs(found[0][1] - found[1][1]) < NEAR_STOP * spread:
+        share, where = found[0][0] + found[1][0], f"±{limit:.3g}"
+    return Stop(share, limit, where) if share > PILED else None
+
+
+def fastest_of(record: Record) -> tuple[float, float] | None:
+    """Share of the rates that lie at the greatest rate, and that rate per second."""
+    return record.once("fastest", lambda: _fastest(record))
+
+
+def _fastest(record: Record) -> tuple[float, float] | None:
+    if record.y is None or step_of(record) is not None:
+        return None
+    rates = np.abs(np.diff(record.y, axis=0))[record.known[1:] & record.known[:-1]] / record.dt
+    top = float(np.quantile(rates, 0.998)) if rates.size else 0.0
+    if not top > 0.0:
+        return None
+    share = float(np.mean(np.abs(rates - top) < 2e-3 * top))
+    return (share, top) if share > PILED_RATES else None
+
+
+def _output(record: Record) -> tuple[np.ndarray, float]:
+    if record.y is None:
+        return np.zeros(1), 0.0
+    y = record.y[record.known]
+    return y, float(np.std(y)) if y.size else 0.0
+
+
+def needs_channel(channel: str | None, record: Record, role: str, what: str) -> str | None:
+    """Why a channel that an effect needs is not there."""
+    if channel is not None and channel not in record.channels:
+        return f"X has no channel {channel!r}"
+    if channel is None and not record.with_role(role):
+        return f"X has no {what}"
+    return None

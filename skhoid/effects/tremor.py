@@ -9,10 +9,8 @@ from scipy import fft
 from scipy.special import chdtrc
 
 from .base import Effect
-from .dimension import HZ, U
-from .parameter import Parameter
-from .record import Record
-from .traces import Signature
+from .parameter import HZ, Parameter, U
+from .record import Record, Signature
 
 TREMBLING = (6.5, 14.0)  # Hz
 UNLIKELY = 1e-4  # probability that chance makes such a line anywhere in the band

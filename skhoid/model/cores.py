@@ -10,10 +10,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from .. import _kernels
-from ..effects.core_kind import CoreKind
-from ..effects.dimension import ONE, RAD, Dimension, E, S, U
 from ..effects.operator_signals import Command, Gains, Spring
-from ..effects.parameter import Parameter
+from ..effects.parameter import ONE, RAD, CoreKind, Dimension, E, Parameter, S, U
 from ..effects.record import Record
 from .arx_inside import inside_response
 from .arx_starts import arx_starts, blind_starts, starts_at_rest

@@ -19,7 +19,7 @@ from sklearn.utils.validation import check_is_fitted
 from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..effects.base import Effect
 from ..effects.composition import Effects
-from ..effects.core_kind import CoreKind
+from ..effects.parameter import CoreKind
 from ..effects.record import Record
 from ..exceptions import did_you_mean
 from ..human import ELEMENT, ControlledElement, LinearElement

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
-from ..effects.dimension import Dimension
 from ..effects.free_form import FreeForm
+from ..effects.parameter import Dimension
 from ..effects.record import Record
 from .fitting import Criterion, Fit, derivatives, minimise, sse_at, sums_of
 from .initial import ESTIMATE

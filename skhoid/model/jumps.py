@@ -13,7 +13,7 @@ from scipy.optimize import differential_evolution
 from .. import _kernels
 from ..effects.base import Effect
 from ..effects.composition import Effects
-from ..effects.dimension import U
+from ..effects.parameter import U
 from ..effects.record import differentiated
 from .cores import BOUND
 from .fitting import Criterion, Fit, RemnantModel, minimise, sse_at

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..effects.core_kind import CoreKind
+from ..effects.parameter import CoreKind
 from .cores import Prior
 from .fitting import (
     AR_ORDER,

@@ -23,7 +23,7 @@ from scipy.signal import fftconvolve, lfilter
 
 from .. import _kernels
 from ..effects.composition import Effects
-from ..effects.core_kind import CoreKind
+from ..effects.parameter import CoreKind
 from ..effects.record import Record, differentiated
 from ..human.linear_element import LinearElement
 from .cores import Core

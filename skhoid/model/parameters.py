@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ..effects.composition import Effects
-from ..effects.dimension import Dimension, S, checked
+from ..effects.parameter import Dimension, S, checked
 from ..exceptions import did_you_mean
 from ..text import Estimate
 from .model import Model

@@ -10,8 +10,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 import pandas as pd
 
-from ..effects.record import LARGE, Record, few_runs
-from ..effects.row_channels import RowChannels
+from ..effects.record import LARGE, Record, RowChannels, few_runs
 from ..exceptions import RankDeficiencyError, ShortRunError
 from ..human import LinearElement
 from ..human.controlled_element import simplest

@@ -11,9 +11,8 @@ import numpy as np
 
 from ..effects.base import Effect
 from ..effects.composition import PLACES, Effects
-from ..effects.dimension import Dimension
 from ..effects.operator_signals import Command, Gains, Spring
-from ..effects.parameter import Parameter
+from ..effects.parameter import Dimension, Parameter
 from ..effects.record import Record
 from .cores import ARXCore, Core, Prior, Usual, neutral_gains
 from .initial import HELD, REST, free_responses, horizon, with_fitted_pulses, with_fitted_start

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from ..effects.core_kind import CoreKind
+from ..effects.parameter import CoreKind
 from .cores import NO_PRIOR, Prior
 from .fitting import (
     NOISE_FLOOR,

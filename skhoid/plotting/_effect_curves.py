@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from ..effects.composition import Effects
+from ..effects.maps import StaticMap
 from ..effects.operator_signals import Command, Spring
 from ..effects.record import Record
-from ..effects.static_map import StaticMap
 from ..model.cores import neutral_gains
 from ..model.simulator import Simulator
 from ._axes import with_unit

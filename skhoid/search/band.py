@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..effects.free_variation import TIME
+from ..effects.free_forms import TIME
 from ..model.fitting import Criterion
 from ..model.model import Model
 from ..model.smoothing import CROWDED, change_if_finer, change_if_rougher, posterior_of

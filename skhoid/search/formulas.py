@@ -12,8 +12,8 @@ import pandas as pd
 from scipy.special import expit
 from scipy.stats import norm
 
-from ..effects.dimension import ONE, Dimension
 from ..effects.free_form import FreeForm
+from ..effects.parameter import ONE, Dimension
 from ..effects.record import Record
 from .likeness import Likeness
 

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
-from ..effects.free_path import shakes
+from ..effects.free_forms import shakes
 from ..effects.operator_signals import Gains
 from ..effects.record import Record, differentiated
 from ..model.fitting import Criterion, derivatives

@@ -15,11 +15,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from ..effects.base import Effect
-from ..effects.core_kind import CoreKind
-from ..effects.free_form import TAIL, FreeForm
+from ..effects.free_form import LEVEL, SLOPE, TAIL, FreeForm
 from ..effects.operator_signals import Command, Gains, Spring
+from ..effects.parameter import CoreKind
 from ..effects.record import Record, differentiated
-from ..effects.smooth_curve import LEVEL, SLOPE
 
 N_POINTS = 60
 MOST_STEPS = 25

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 import pandas as pd
 
+from ..effects.maps import StaticMap
 from ..effects.registry import title_of
-from ..effects.static_map import StaticMap
 from ..model.estimator import vaf_of_output
 from ..model.parameters import parameter_table, parameter_text
 from ..model.prepared import Prepared

@@ -10,7 +10,7 @@ import pandas as pd
 from ..diagnosis.ceiling import consistent_ceiling, noise_ceiling
 from ..diagnosis.run_signals import RunsRead, sorted_signals
 from ..effects.base import Effect
-from ..effects.traces import Signature
+from ..effects.record import Signature
 from ..model.estimator import vaf_of_output
 from ..model.prepared import Prepared, SimulatedModel
 from .all_runs import AllRuns

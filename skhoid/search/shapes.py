@@ -12,7 +12,7 @@ from ..effects.base import Effect
 from ..effects.catalogue import FREE_FORMS
 from ..effects.composition import Effects
 from ..effects.free_form import FEWEST, FreeForm
-from ..effects.free_map import one_sided
+from ..effects.free_forms import one_sided
 from ..effects.record import Record
 from ..model.extend import extended
 from ..model.fitting import Criterion, derivatives, scaled_inverse

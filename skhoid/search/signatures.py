@@ -9,8 +9,7 @@ import numpy as np
 
 from ..effects.base import Effect
 from ..effects.catalogue import CLASSES
-from ..effects.record import Record
-from ..effects.traces import Signature, fastest_of, step_of, stop_of
+from ..effects.record import Record, Signature, fastest_of, step_of, stop_of
 
 
 def traces_of(record: Record) -> dict[str, str]:

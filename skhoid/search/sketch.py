@@ -15,9 +15,9 @@ import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
 from ..effects.catalogue import BY_NAME, FREE_FORMS
-from ..effects.dimension import Dimension
 from ..effects.free_form import FreeForm
 from ..effects.operator_signals import N_PLACES
+from ..effects.parameter import Dimension
 from ..effects.registry import titles_of
 from .formulas import Fitted
 from .shape import Shape

@@ -11,13 +11,19 @@ import pandas as pd
 from sklearn.base import clone
 
 from ..diagnosis.comparison import Comparison, compare
-from ..effects.actuator import Backlash, Quantised, RateLimit, Saturation
 from ..effects.base import Effect
-from ..effects.input_maps import AsymmetricGain, CubicGain, DeadZone
-from ..effects.offsets import Bias, Drift
-from ..effects.paths import Feedforward, OutputFeedback
+from ..effects.in_time import GainDrift, TimeVaryingGain
+from ..effects.maps import (
+    AsymmetricGain,
+    Backlash,
+    CubicGain,
+    DeadZone,
+    Quantised,
+    RateLimit,
+    Saturation,
+)
+from ..effects.paths import Bias, Drift, Feedforward, OutputFeedback
 from ..effects.registry import title_of, titles_of
-from ..effects.time_variation import GainDrift, TimeVaryingGain
 from ..preprocessing.base import as_fitted
 from ..recordings.loss_of_control import sentences_of
 from ..regression import units_of

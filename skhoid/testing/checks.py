@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..effects.base import Effect
-from ..effects.core_kind import CoreKind
+from ..effects.parameter import CoreKind
 from .application import check_apply, check_neutral, check_symmetries
 from .descriptions import check_description, check_estimator, check_starts, expect, name_of
 from .fits import check_recovery, check_simulation

@@ -12,8 +12,8 @@ from sklearn.base import clone
 from ..arx.batch import ARXRegressor
 from ..effects.base import Effect
 from ..effects.composition import Effects
-from ..effects.core_kind import CoreKind
-from ..effects.offsets import Bias
+from ..effects.parameter import CoreKind
+from ..effects.paths import Bias
 from ..effects.record import Record
 from ..model.cores import ARXCore, OperatorCore
 from ..model.operator_regressor import OperatorRegressor

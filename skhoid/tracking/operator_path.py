@@ -15,7 +15,7 @@ from ..arx.base import free_run_output
 from ..arx.followed_path import warn_of_times_outside
 from ..arx.orders import Orders
 from ..arx.rls import grid_numbers
-from ..effects.dimension import S
+from ..effects.parameter import S
 from ..human.operator import held_filter
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, RunRegressor, segments

@@ -19,7 +19,7 @@ from skhoid.effects import (
     effect,
 )
 from skhoid.effects.catalogue import CLASSES
-from skhoid.effects.sensor import signs_by_minima, smooth_signs
+from skhoid.effects.machines import signs_by_minima, smooth_signs
 from skhoid.testing import synthetic_record
 
 pytestmark = pytest.mark.slow  # fits many models

@@ -5,8 +5,8 @@ import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import FreeDynamics, FreePath, TimeVaryingDelay
-from skhoid.effects.free_path import convolved, shakes
-from skhoid.effects.smooth_curve import SmoothCurve
+from skhoid.effects.free_form import SmoothCurve
+from skhoid.effects.free_forms import convolved, shakes
 
 
 def test_a_convolution_is_the_sum_over_lags_and_holds_at_the_ends():

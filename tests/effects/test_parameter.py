@@ -7,8 +7,8 @@ import pytest
 
 from skhoid import LinearElement
 from skhoid.effects import CoreKind, Dimension, HardeningStiffness, Parameter, catalogue
-from skhoid.effects.dimension import HZ, ONE, RAD, E, S, T, U
 from skhoid.effects.operator_signals import Command, Spring
+from skhoid.effects.parameter import HZ, ONE, RAD, E, S, T, U
 from skhoid.effects.registry import effect
 from skhoid.testing import synthetic_record
 from skhoid.testing.records import parts_of, signal_at

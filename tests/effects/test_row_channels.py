@@ -8,7 +8,7 @@ import pytest
 from support.synthetic import arx_runs
 
 from skhoid import OperatorRegressor
-from skhoid.effects.row_channels import RowChannels
+from skhoid.effects.record import RowChannels
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from skhoid.effects.smooth_curve import LEVEL, SLOPE, SmoothCurve
+from skhoid.effects.free_form import LEVEL, SLOPE, SmoothCurve
 
 KNOTS = (-2.0, -0.9, -0.2, 0.1, 0.4, 1.1, 3.0)
 

@@ -7,10 +7,10 @@ import pytest
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import AsymmetricGain, CubicGain, DeadZone, Quantised, Saturation
-from skhoid.effects.core_kind import CoreKind
+from skhoid.effects.maps import mean_within
 from skhoid.effects.operator_signals import Command
+from skhoid.effects.parameter import CoreKind
 from skhoid.effects.record import differentiated
-from skhoid.effects.static_map import mean_within
 from skhoid.testing import check_effect, synthetic_record
 
 MAPS = [DeadZone, AsymmetricGain, CubicGain, Saturation, Quantised]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skhoid.effects.traces import stop_of
+from skhoid.effects.record import stop_of
 from skhoid.search.signatures import traces_of
 from skhoid.testing import synthetic_record
 

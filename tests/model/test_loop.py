@@ -10,7 +10,7 @@ from support.person_in_loop import Person, sampled_loop
 
 from skhoid import LinearElement
 from skhoid.effects import DeadZone, Effects
-from skhoid.effects.core_kind import CoreKind
+from skhoid.effects.parameter import CoreKind
 from skhoid.effects.record import Record
 from skhoid.model.cores import OperatorCore
 from skhoid.model.fitting import Criterion, minimise

@@ -27,7 +27,7 @@ from skhoid.effects import (
     Saturation,
     TimeVaryingDelay,
 )
-from skhoid.effects.smooth_curve import SmoothCurve
+from skhoid.effects.free_form import SmoothCurve
 from skhoid.search.likeness import departure_of
 from skhoid.search.nearest import nearest_effects, nearest_table, recordings_for
 from skhoid.testing import synthetic_record

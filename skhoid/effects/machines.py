@@ -1,0 +1,807 @@
+"""What machines have: forces in the recursion, sensors, filters, schedules, a joint's reflex."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .. import _kernels
+from .base import Effect
+from .error_scan import ErrorScan
+from .in_time import ScheduledGain
+from .operator_signals import Gains, Spring, bilinear
+from .parameter import ONE, RAD, CoreKind, Dimension, E, Parameter, S, U
+from .record import Record
+
+SHARP = 1e-3  # of the output's (or its rate's) size, the width of a sign function
+SEEN = 0.05  # the same, of a measured speed, which is noisy
+SIZES = np.geomspace(0.03, 10.0, 11)  # of forces, in standard deviations of the input
+N_KEPT = 2  # starts
+LINE = 1e-4  # of the output's size, below which a root is a line
+OF_MACHINES = "for machines: domain='machine'"
+NO_OPERATOR = "for an ARX model: it acts between the lags of the output"
+
+
+class _Inside(Effect):
+    """What forces inside the recursion have in common."""
+
+    place = "inside"
+    domains: ClassVar[tuple[str, ...]] = ("machine",)
+
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        return None if core == CoreKind.ARX else NO_OPERATOR
+
+    def of_measured(
+        self, error_of: ErrorScan, record: Record, one: np.ndarray, key: str, more: dict[str, float]
+    ) -> list[dict[str, float]]:
+        """Sizes of a force with the core fitted beside it, with the force of what was measured.
+
+        ``one`` is the force of size one. Without it the core is bent by what is missing.
+        """
+        assert record.y is not None
+        found = []
+        sizes = SIZES if getattr(self, key) is None else (getattr(self, key) / record.sd("e"),)
+        for size in record.sd("e") * np.asarray(sizes):
+            for core, _ in error_of.refitted(record.y, size * one):
+                values = {key: float(size), **more, **core}
+                found.append((error_of(values, np.inf), values))
+        found.sort(key=lambda item: item[0])
+        return [values for _, values in found[:N_KEPT]]
+
+
+class Friction(_Inside):
+    """Dry friction opposes the motion: a force that depends on the sign of the speed.
+
+    In an operator's limb (``of="limb"``) it sticks where command and spring do not exceed it:
+    u'' + 2 zeta_nm omega_nm u' + omega_nm^2 (u + coulomb sign(u')) = omega_nm^2 command.
+
+    In a machine A(q) y = B(q) (x - F(v)) with v the output (``of="output"``, where that is a speed)
+    or its rate (``"rate"``). ``"coulomb"``: F = coulomb sign(v); ``"smooth"``: F = coulomb
+    tanh(v / width); ``"stribeck"``: F = coulomb sign(v) (1 + excess exp(-(v / fall)^2)), which is
+    greater at rest.
+    Viscous friction, proportional to v, is already in A(q), and a constant force in the intercept.
+
+    Parameters
+    ----------
+    coulomb : float or None, default=None
+        Force that opposes the motion, in units of the input, or of the command to the limb; None
+        estimates it.
+    width : float or None, default=None
+        Speed at which three quarters of the force act (``"smooth"``), in units of v; None estimates
+        it.
+    excess : float or None, default=None
+        Ratio of static to Coulomb friction, minus one (``"stribeck"``); None estimates it.
+    fall : float or None, default=None
+        Speed over which the excess falls (``"stribeck"``), in units of v; None estimates it.
+    form : {"coulomb", "smooth", "stribeck"} or None, default=None
+        None tries all; a limb has ``"coulomb"``.
+    of : {"output", "rate", "limb"} or None, default=None
+        None tries the first two for an ARX model, and takes ``"limb"`` for an operator.
+    reference : float or None, default=None
+        Speed in units of v; the sign function is a thousandth of it wide. None takes the standard
+        deviation of v in the data.
+
+    References
+    ----------
+    Armstrong-Helouvry et al., A survey of models for machines with friction (1994).
+
+    Examples
+    --------
+    >>> from skhoid.effects import Friction
+    >>> Friction(form="coulomb", of="output").place
+    'inside'
+    """
+
+    name = "friction"
+    domains = ("human", "machine")
+    physics = "Dry friction in limb or stick opposes the motion, whatever the speed."
+    machine_physics = "Dry friction opposes the motion, whatever the speed."
+    formula = "A y = B (x - coulomb sign(v) (1 + excess exp(-(v / fall)^2)))"
+    tex = (
+        r"A\,y = B\,(x - F(v)), \quad F = \begin{cases}"
+        r" \mathrm{coulomb}\,\operatorname{sign}(v) & \text{coulomb} \\"
+        r" \mathrm{coulomb}\,\tanh(v / \mathrm{width}) & \text{smooth} \\"
+        r" \mathrm{coulomb}\,\operatorname{sign}(v)\,"
+        r"\bigl(1 + \mathrm{excess}\; e^{-(v / \mathrm{fall})^2}\bigr) & \text{stribeck}"
+        r" \end{cases}"
+    )
+    source = "Armstrong-Helouvry et al. (1994)"
+    shades = True
+    neutral = {"coulomb": 0.0}
+    choices = {"form": ("coulomb", "smooth", "stribeck"), "of": ("output", "rate", "limb")}
+    within = ("stiction",)  # which has another kinetic friction
+
+    def __init__(
+        self,
+        *,
+        coulomb: float | None = None,
+        width: float | None = None,
+        excess: float | None = None,
+        fall: float | None = None,
+        form: str | None = None,
+        of: str | None = None,
+        reference: float | None = None,
+    ):
+        self.coulomb = coulomb
+        self.width = width
+        self.excess = excess
+        self.fall = fall
+        self.form = form
+        self.of = of
+        self.reference = reference
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        if self.of == "limb":
+            return (Parameter("coulomb", U, 0.01, 2.0, (0.1, 0.3), "friction in the limb"),)
+        speed = U / S if self.of == "rate" else U
+        coulomb = Parameter("coulomb", E, 0.0, 5.0, (0.1, 0.4), "force against the motion")
+        if self.form == "smooth":
+            return (coulomb, Parameter("width", speed, 2e-3, 1.0, (0.05,), "speed of its rise"))
+        if self.form == "stribeck":
+            return (
+                coulomb,
+                Parameter("excess", ONE, 0.0, 3.0, (0.3,), "excess of static friction"),
+                Parameter("fall", speed, 5e-3, 0.3, (0.05,), "speed of its fall"),
+            )
+        return (coulomb,)
+
+    def refusal_in(self, record: Record, core: CoreKind) -> str | None:
+        if core == CoreKind.ARX and record.domain == "human":
+            return OF_MACHINES
+        return super().refusal_in(record, core)
+
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        if core == CoreKind.ARX:
+            return "for an operator: of='limb'" if self.of == "limb" else None
+        if self.of in (None, "limb") and self.form in (None, "coulomb"):
+            return None
+        return "an operator has of='limb' and form='coulomb'"
+
+    def variants(self, record: Record) -> list[Effect]:
+        if record.core != CoreKind.ARX and self.of in (None, "limb"):
+            return [self.with_choices(of="limb", form="coulomb")]
+        made: list[Any] = [v for v in super().variants(record) if v.of != "limb"]
+        if self.reference is not None:
+            return made
+        speed = {"output": record.sd("u"), "rate": rate_size(record)}
+        return [v.with_choices(reference=speed[v.of]) for v in made]
+
+    def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
+        if record.y is None or self.of == "limb":
+            return []
+        v = record.y
+        if self.of == "rate":
+            v = np.diff(record.y, axis=0, prepend=record.y[:1]) / record.dt
+        one = np.tanh(v / (SEEN * (self.reference or 1.0)))
+        more = {k: v for k, v in self.starts(record)[0].items() if k != "coulomb"}
+        return self.of_measured(error_of, record, one, "coulomb", more)
+
+    def derived(self, values: dict[str, float]) -> dict[str, tuple[float, Dimension, str]]:
+        """Viscous friction, of an ARX model whose output is a speed."""
+        a = sum(v for n, v in values.items() if n[0] == "a" and n[1:].isdigit())
+        b = sum(v for n, v in values.items() if n[0] == "b" and n[1:].isdigit())
+        if self.of != "output" or b == 0.0:
+            return {}
+        return {"viscous": ((1 + a) / b, E / U, "force by speed")}
+
+    def apply(
+        self,
+        signal: Spring,
+        record: Record,
+        coulomb: float,
+        width: float = 0.0,
+        excess: float = 0.0,
+        fall: float = 1.0,
+    ) -> Spring:
+        if coulomb == 0.0:
+            return signal
+        of_rate = self.of != "output"
+        kind = _kernels.inside.FRICTION
+        if self.form != "smooth":
+            kind, width = _kernels.inside.SHARP, SHARP * (self.reference or 1.0)
+        return signal.resisted(kind, of_rate, coulomb, width, excess, fall)
+
+
+def rate_size(record: Record) -> float:
+    """Standard deviation of the rate of the output per second."""
+    if record.y is None:
+        return 1.0
+    both = record.known[1:] & record.known[:-1]
+    return float(np.std((np.diff(record.y, axis=0) / record.dt)[both])) or 1.0
+
+
+class RootFlow(_Inside):
+    """Outflow proportional to the square root of the level, as from a tank (Torricelli's law).
+
+    A(q) y = B(q) (x - flow sqrt(max(y - level, 0))).
+
+    Parameters
+    ----------
+    flow : float or None, default=None
+        In units of the input per square root of the unit of the output; it is given and estimated
+        as the outflow at a level of one standard deviation of the output, in units of the input.
+        None estimates it.
+    level : float or None, default=None
+        Reading of the output at which nothing flows (``"above"``), in its units; None estimates it.
+    form : {"zero", "above"} or None, default=None
+        Whether the outlet is at a reading of zero; None tries both.
+    reference : float or None, default=None
+        The level that ``flow`` refers to, in units of the output; None takes the standard deviation
+        of the output.
+
+    References
+    ----------
+    Schoukens and Noel, Three benchmarks addressing open challenges in nonlinear system
+    identification (2017): cascaded tanks.
+
+    Examples
+    --------
+    >>> from skhoid.effects import RootFlow
+    >>> RootFlow().name
+    'root_flow'
+    """
+
+    name = "root_flow"
+    title = "square-root flow"
+    physics = "The outflow grows with the square root of the level (or pressure)."
+    formula = "A y = B (x - flow sqrt(max(y - level, 0) / reference))"
+    tex = (
+        r"A\,y = B\,\bigl(x - \mathrm{flow}"
+        r" \sqrt{\max(y - \mathrm{level},\, 0) / \mathrm{reference}}\bigr)"
+    )
+    source = "Schoukens and Noel (2017), cascaded tanks"
+    shades = True
+    neutral = {"flow": 0.0}
+    choices = {"form": ("zero", "above")}
+
+    def __init__(
+        self,
+        *,
+        flow: float | None = None,
+        level: float | None = None,
+        form: str | None = None,
+        reference: float | None = None,
+    ):
+        self.flow = flow
+        self.level = level
+        self.form = form
+        self.reference = reference
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        flow = Parameter("flow", E, 0.0, 50.0, (0.3, 2.0), "outflow at the reference level")
+        if self.form != "above":
+            return (flow,)
+        return (flow, Parameter("level", U, -5.0, 5.0, (-1.0, 0.0), "level of the outlet"))
+
+    def variants(self, record: Record) -> list[Effect]:
+        reference = record.sd("u") if self.reference is None else self.reference
+        return [v.with_choices(reference=reference) for v in super().variants(record)]
+
+    def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
+        if record.y is None:
+            return []
+        reference = record.sd("u") if self.reference is None else self.reference
+        found = []
+        lowest = float(record.y[record.known].min())
+        for level in (0.0, lowest) if self.form == "above" else (0.0,):
+            one = np.sqrt(np.maximum(record.y - level, 0.0) / reference)
+            more = {"level": level} if self.form == "above" else {}
+            found += self.of_measured(error_of, record, one, "flow", more)
+        return found
+
+    def apply(self, signal: Spring, record: Record, flow: float, level: float = 0.0) -> Spring:
+        if flow == 0.0:
+            return signal
+        reference = record.sd("u") if self.reference is None else self.reference
+        size, kind = flow / reference**0.5, _kernels.inside.ROOT
+        return signal.resisted(kind, 0.0, size, LINE * reference, level, 0.0)
+
+
+class Stops(_Inside):
+    """Stops inside the machine: its state is held there, and leaves at once when driven back.
+
+    y = min(max(y, low), high) in the recursion, so that A(q) continues from the limited output. A
+    stop after the dynamics, such as a sensor's range, is :class:`Saturation`.
+
+    Parameters
+    ----------
+    low, high : float or None, default=None
+        Lowest and highest output, in its units; form ``"both"`` has both. None estimates it.
+    form : {"high", "low", "both"} or None, default=None
+        None tries all.
+
+    References
+    ----------
+    Schoukens and Noel (2017), the overflow of cascaded tanks.
+
+    Examples
+    --------
+    >>> from skhoid.effects import Stops
+    >>> Stops(form="high", high=10.0).fixed
+    {'high': 10.0}
+    """
+
+    name = "stops"
+    title = "end stops"
+    physics = "The machine hits a stop, or a tank overflows, and leaves that limit without delay."
+    formula = "y = min(max(y, low), high) in the recursion"
+    tex = r"y = \min(\max(y,\, \mathrm{low}),\, \mathrm{high}) \quad\text{in the recursion}"
+    source = "Schoukens and Noel (2017), cascaded tanks"
+    shades = True
+    choices = {"form": ("both", "high", "low")}
+
+    def __init__(
+        self, *, low: float | None = None, high: float | None = None, form: str | None = None
+    ):
+        self.low = low
+        self.high = high
+        self.form = form
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        low = Parameter("low", U, -1e3, 1e3, (-1.5, -0.8), "lowest output")
+        high = Parameter("high", U, -1e3, 1e3, (1.5, 0.8), "highest output")
+        return {"high": (high,), "low": (low,)}.get(self.form or "both", (low, high))
+
+    def starts(self, record: Record) -> list[dict[str, float]]:
+        """The ends of what was measured, and somewhat inside."""
+        if record.y is None or not record.known.any():
+            return super().starts(record)
+        y = record.y[record.known]
+        names = [p.name for p in self.parameters]
+        return [
+            {
+                n: float(v)
+                for n, v in zip(("low", "high"), np.quantile(y, q), strict=True)
+                if n in names
+            }
+            for q in ((0.005, 0.995), (0.05, 0.95))
+        ]
+
+    def apply(self, signal: Spring, record: Record, low: float = -1e9, high: float = 1e9) -> Spring:
+        return signal.resisted(_kernels.inside.STOPS, 0.0, low, max(low, high), 0.0, 0.0)
+
+
+N_ROUNDS = 8  # of signs and least squares
+KEPT_SIGNS = 3  # starts
+LOW_MINIMA = (0.15, 0.3, 0.5, 0.8)  # standard deviations, below which a minimum may be a crossing
+
+
+class SensorMagnitude(Effect):
+    """The sensor shows the magnitude of the output without its sign: y' = abs(y).
+
+    Pulse counters and rectifying tachometers do this. A search starts from the signs that make the
+    output smooth, then repeats with the signs of the fitted model until they no longer change.
+
+    References
+    ----------
+    Wigren and Schoukens, Coupled electric drives data set and reference models (2017).
+
+    Examples
+    --------
+    >>> from skhoid.effects import SensorMagnitude
+    >>> SensorMagnitude().place
+    'output'
+    """
+
+    name = "sensor_magnitude"
+    title = "sensor without sign"
+    place = "output"
+    physics = "The sensor shows how fast or how far, but not in which direction."
+    formula = "y' = |y|"
+    tex = r"y' = |y|"
+    source = "Wigren and Schoukens (2017)"
+    domains = ("machine",)
+
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        if core != CoreKind.ARX:
+            return "for an ARX model: its signs are found with linear fits"
+        if record.y is not None and (record.y[record.known] < -0.1 * record.sd("u")).any():
+            return "the output takes both signs"
+        return None
+
+    def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
+        """The core fitted to the output with signs that make it smooth, and with its own signs."""
+        return cores_by_signs(error_of, record)
+
+    def apply(self, signal: np.ndarray, record: Record) -> np.ndarray:
+        return np.abs(signal)
+
+
+def cores_by_signs(error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
+    """Changes of a core that is linear in its parameters, fitted to an output without its signs.
+
+    From signs that make it smooth, then with the signs of the free run until they stay.
+    """
+    if record.y is None:
+        return []
+    known = record.known
+
+    def error(free_run: np.ndarray) -> float:
+        return float(np.sum((np.abs(free_run) - record.y)[known] ** 2))
+
+    found = []
+    lows = [share * record.sd("u") for share in LOW_MINIMA]
+    guesses = [smooth_signs(record.y), *(signs_by_minima(record.y, low) for low in lows)]
+    for signs in guesses:
+        signed = signs * record.y
+        for _ in range(N_ROUNDS):
+            rounds = error_of.refitted(signed)
+            if not rounds:
+                return []
+            values, free_run = min(rounds, key=lambda one: error(one[1]))
+            found.append((error(free_run), values))
+            again = np.where(free_run < 0.0, -record.y, record.y)
+            if np.array_equal(again, signed):
+                break
+            signed = again
+    found.sort(key=lambda one: one[0])
+    return [values for _, values in found[:KEPT_SIGNS]]
+
+
+def smooth_signs(y: np.ndarray) -> np.ndarray:
+    """Signs of samples (n_samples, n_runs) at which the second differences are least.
+
+    The first is positive. By Viterbi's algorithm, over the signs of two neighbours.
+    """
+    n, runs = y.shape
+    signs = np.ones((n, runs))
+    if n < 3:
+        return signs
+    pairs = [(a, b) for a in (1.0, -1.0) for b in (1.0, -1.0)]  # of the sample before and this one
+    cost = np.array([[0.0 if a > 0 else np.inf for a, _ in pairs]] * runs).T
+    came = np.zeros((n, 4, runs), dtype=int)
+    for k in range(2, n):
+        new = np.empty_like(cost)
+        for i, (b, c) in enumerate(pairs):
+            before = [j for j, pair in enumerate(pairs) if pair[1] == b]
+            bends = np.stack(
+                [
+                    cost[j] + (c * y[k] - 2 * b * y[k - 1] + pairs[j][0] * y[k - 2]) ** 2
+                    for j in before
+                ]
+            )
+            least = np.argmin(bends, axis=0)
+            came[k, i] = np.array(before)[least]
+            new[i] = bends.min(axis=0)
+        cost = new
+    at = np.argmin(cost, axis=0)
+    columns = np.arange(runs)
+    for k in range(n - 1, 1, -1):
+        signs[k] = np.array([pair[1] for pair in pairs])[at]
+        signs[k - 1] = np.array([pair[0] for pair in pairs])[at]
+        at = came[k, at, columns]
+    return signs
+
+
+def signs_by_minima(y: np.ndarray, low: float) -> np.ndarray:
+    """Signs of samples (n_samples, n_runs) that change at each minimum below a value."""
+    before, after = y[:-2] >= y[1:-1], y[1:-1] < y[2:]
+    flips = np.ones_like(y)
+    flips[1:-1] = np.where(before & after & (y[1:-1] < low), -1.0, 1.0)
+    return np.cumprod(flips, axis=0)
+
+
+SLOWEST, FASTEST = 0.05, 20.0  # times the frequency at the reference
+
+
+class ScheduledDynamics(ScheduledGain):
+    """Natural frequencies that follow a measured channel, with constant damping ratios.
+
+    Poles exp(s dt) of A(q) become exp(factor s dt) with factor = 1 + slope (channel - reference);
+    B(q) is scaled so that the static gain stays. A gain that follows the channel as well is
+    :class:`ScheduledGain`.
+
+    Parameters
+    ----------
+    slope : float or None, default=None
+        Relative change of the frequencies per unit of the channel; None estimates it.
+    channel : str or None, default=None
+        Column to follow; None tries each that has no role.
+    reference : float or None, default=None
+        Value of the channel at which the dynamics are those of A(q); None takes its mean.
+
+    References
+    ----------
+    Toth, Modeling and identification of linear parameter-varying systems (2010).
+
+    Examples
+    --------
+    >>> from skhoid.effects import ScheduledDynamics
+    >>> ScheduledDynamics(channel="angle").place
+    'gain'
+    """
+
+    name = "scheduled_dynamics"
+    place = "gain"
+    physics = "The dynamics become faster or slower with a measured condition, such as position."
+    machine_physics = physics
+    formula = "omega (1 + slope (channel - reference)) in place of omega, for all poles"
+    tex = (
+        r"\omega(t) = \omega\,\bigl(1 + \mathrm{slope}\,(\mathrm{channel}(t) -"
+        r" \mathrm{reference})\bigr)"
+        r" \quad\text{of all poles}"
+    )
+    source = "Toth (2010)"
+    domains = ("machine",)
+
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        if core != CoreKind.ARX:
+            return "for an ARX model: its poles follow the channel"
+        return super().refusal(record, core)
+
+    def apply(self, signal: Gains, record: Record, slope: float) -> Gains:
+        away = record.channel(self.channel) - self.reference
+        return signal._replace(omega=signal.omega * np.clip(1 + slope * away, SLOWEST, FASTEST))
+
+
+class InputFilter(Effect):
+    """A filter ahead of a static nonlinearity, which no filter after it can replace.
+
+    w is the input filtered by 1 / (time s + 1) (``order="first"``) or omega^2 / (s^2 + 2 zeta omega
+    s + omega^2) (``"second"``), and e' = map(w): ``"dead_zone"`` sign(w) max(abs(w) - width, 0);
+    ``"clipped"`` min(max(w, -width (1 - skew)), width (1 + skew)); ``"cubic"`` w + hardening w^3;
+    ``"square"`` w + hardening w abs(w).
+
+    Parameters
+    ----------
+    time : float or None, default=None
+        Time constant in seconds (``"first"``); None estimates it.
+    omega : float or None, default=None
+        Natural frequency in rad/s (``"second"``); None estimates it.
+    zeta : float or None, default=None
+        Damping ratio (``"second"``); None estimates it.
+    width : float or None, default=None
+        Threshold or limit of w in units of the input; None estimates it.
+    skew : float or None, default=None
+        Half the relative difference between the limits (``"clipped"``); None estimates it.
+    hardening : float or None, default=None
+        In the unit of the input to the power -2 (``"cubic"``) or -1; None estimates it.
+    form : {"dead_zone", "clipped", "cubic", "square"} or None, default=None
+        None tries all.
+    order : {"first", "second"}, default="first"
+        A search tries ``"first"``: the two poles of ``"second"`` make up for poles that a linear
+        model lacks, whatever the map.
+
+    References
+    ----------
+    Schoukens, Suykens and Ljung, Wiener-Hammerstein benchmark (2009).
+
+    Examples
+    --------
+    >>> from skhoid.effects import InputFilter
+    >>> InputFilter(form="dead_zone", order="first", time=0.1).fixed
+    {'time': 0.1}
+    """
+
+    name = "input_filter"
+    place = "input"
+    physics = "The input passes through a filter before a threshold, a limit or a curve."
+    formula = "e' = map(H(s) e), where the map is a dead zone, limits, a cube or a square"
+    tex = (
+        r"w = \frac{e}{\mathrm{time}\; s + 1}, \quad e' = \begin{cases}"
+        r" \operatorname{sign}(w)\max(|w| - \mathrm{width},\, 0) & \text{dead\_zone} \\"
+        r" \min(\max(w, -\mathrm{width}),\, \mathrm{width}) & \text{clipped} \\"
+        r" w + \mathrm{hardening}\; w^3 & \text{cubic} \\"
+        r" w + \mathrm{hardening}\; w\,|w| & \text{square} \end{cases}"
+    )
+    source = "Schoukens, Suykens and Ljung (2009)"
+    domains = ("machine",)
+    shades = True
+    choices = {"form": ("dead_zone", "clipped", "cubic", "square")}
+
+    def __init__(
+        self,
+        *,
+        time: float | None = None,
+        omega: float | None = None,
+        zeta: float | None = None,
+        width: float | None = None,
+        skew: float | None = None,
+        hardening: float | None = None,
+        form: str | None = None,
+        order: str = "first",
+    ):
+        self.time = time
+        self.omega = omega
+        self.zeta = zeta
+        self.width = width
+        self.skew = skew
+        self.hardening = hardening
+        self.form = form
+        self.order = order
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        filtered: tuple[Parameter, ...] = (
+            Parameter("time", S, 0.0, 20.0, (0.03, 0.3), "time constant of the filter"),
+        )
+        if self.order == "second":
+            filtered = (
+                Parameter("omega", RAD / S, 0.3, 200.0, (3.0, 15.0), "frequency of the filter"),
+                Parameter("zeta", ONE, 0.02, 5.0, (0.7,), "damping ratio of the filter"),
+            )
+        growth = "increase of the gain with amplitude"
+        if self.form == "cubic":
+            return (*filtered, Parameter("hardening", ONE / E**2, -0.3, 20.0, (-0.02, 0.1), growth))
+        if self.form == "square":
+            return (*filtered, Parameter("hardening", ONE / E, -1.0, 20.0, (-0.1, 0.3), growth))
+        if self.form == "clipped":
+            width = Parameter("width", E, 0.02, 3.3, (0.7, 1.5), "limit after the filter")
+            skew = Parameter("skew", ONE, -0.95, 0.95, (-0.3, 0.3), "asymmetry of the limits")
+            return (*filtered, width, skew)
+        width = Parameter("width", E, 0.0, 3.0, (0.25, 0.7), "threshold after the filter")
+        return (*filtered, width)
+
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        if core != CoreKind.ARX:
+            return "for an ARX model: an operator has extra_lag and the maps of the error"
+        return None
+
+    def apply(
+        self,
+        signal: Any,
+        record: Record,
+        time: float = 0.0,
+        omega: float = 1.0,
+        zeta: float = 1.0,
+        width: float = 0.0,
+        skew: float = 0.0,
+        hardening: float = 0.0,
+    ) -> Any:
+        if self.order == "second":
+            poles = bilinear([0.0, 0.0, omega**2], [1.0, 2 * zeta * omega, omega**2], record.dt)
+        else:
+            poles = bilinear([0.0, 0.0, 1.0], [0.0, time, 1.0], record.dt)
+        w = _kernels.greybox.filtered(_kernels.gate(signal), *poles)
+        if self.form == "clipped":
+            return np.clip(w, -width * (1 - skew), width * (1 + skew))
+        if self.form in ("cubic", "square"):
+            power = 2 if self.form == "cubic" else 1
+            if hardening < 0.0:  # where it softens, it stays at its greatest
+                greatest = (-1 / ((power + 1) * hardening)) ** (1 / power)
+                w = np.clip(w, -greatest, greatest)
+            return w * (1 + hardening * np.abs(w) ** power)
+        return w - np.clip(w, -width, width)
+
+
+DELAYS = np.linspace(0.015, 0.15, 28)  # s, scanned
+FREQUENCIES = (15.0, 30.0, 60.0)  # rad/s, scanned
+KEPT = 2
+COARSEST = 0.05  # s of sampling time
+
+
+class RateReflex(Effect):
+    """A delayed path from the rate of the input, rectified: the stretch reflex of a joint.
+
+    u' = u + sense gain H(s) p, where p is the rate de/dt(t - delay) while it is positive
+    (``side="positive"``) or negative, else zero, and H(s) = omega^2 / (s^2 + 2 zeta omega s +
+    omega^2). In addition to the intrinsic stiffness, which is linear and responds at once, a muscle
+    responds to being stretched, not to being released, and like the stiffness it resists.
+
+    Parameters
+    ----------
+    gain : float or None, default=None
+        In units of the output times seconds per unit of the input, not negative; None estimates it.
+    delay : float or None, default=None
+        In seconds; None estimates it.
+    omega : float or None, default=None
+        Natural frequency of the path in rad/s; None estimates it.
+    zeta : float or None, default=None
+        Its damping ratio; None estimates it.
+    side : {"positive", "negative"} or None, default=None
+        Sign of the rates that get a response; None tries both.
+    sense : {1, -1} or None, default=None
+        Sign of the output that resists a positive input, by the recording's convention; None takes
+        that of the covariance of output and input.
+
+    References
+    ----------
+    Mirbagheri, Barbeau and Kearney, Intrinsic and reflex contributions to human ankle stiffness,
+    Experimental Brain Research 135 (2000).
+
+    Examples
+    --------
+    >>> from skhoid.effects import RateReflex
+    >>> RateReflex(side="negative", delay=0.04).fixed
+    {'delay': 0.04}
+    """
+
+    name = "rate_reflex"
+    place = "sum"
+    physics = "A delayed reflex responds to stretch, but not to release, in proportion to its rate."
+    machine_physics = "A delayed response to the rate of the input, in one direction only."
+    formula = "u +- gain H(s) max(+-de/dt(t - delay), 0)"
+    tex = (
+        r"u' = u \pm \mathrm{gain}\; H(s) \max(\pm \dot e(t - \mathrm{delay}),\, 0),"
+        r" \quad H(s) = \frac{\omega^2}{s^2 + 2 \zeta \omega s + \omega^2}"
+    )
+    source = "Mirbagheri et al. (2000)"
+    neutral = {"gain": 0.0}
+    choices = {"side": ("positive", "negative")}
+    parameters = (
+        Parameter("gain", U * S / E, 0.0, 1e3, (0.03, 0.3), "gain on the rate"),
+        Parameter("delay", S, 0.015, 0.3, (0.04,), "delay of the response", scale=ONE),
+        Parameter("omega", RAD / S, 2.0, 200.0, (30.0,), "frequency of the path", scale=ONE),
+        Parameter("zeta", ONE, 0.2, 5.0, (1.0,), "its damping ratio"),
+    )
+
+    def __init__(
+        self,
+        *,
+        gain: float | None = None,
+        delay: float | None = None,
+        omega: float | None = None,
+        zeta: float | None = None,
+        side: str | None = None,
+        sense: int | None = None,
+    ):
+        self.gain = gain
+        self.delay = delay
+        self.omega = omega
+        self.zeta = zeta
+        self.side = side
+        self.sense = sense
+
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        if core != CoreKind.ARX:
+            return "for an ARX model of a joint: position to torque"
+        if record.dt > COARSEST:
+            return f"sampled every {record.dt:g} s: a reflex of about 0.04 s does not show"
+        return None
+
+    def variants(self, record: Record) -> list[Effect]:
+        made: list[Any] = super().variants(record)
+        if self.sense is not None or record.y is None:
+            return made
+        x, y = record.input[record.known], record.y[record.known]
+        sense = -1 if float(np.sum((x - x.mean()) * y)) < 0.0 else 1
+        return [v.with_choices(sense=sense) for v in made]
+
+    def limits(self, record: Record) -> dict[str, tuple[float, float]]:
+        """Frequencies to a third of the sampling rate, where less is slow."""
+        limits = super().limits(record)
+        low, high = limits["omega"]
+        return {**limits, "omega": (low, max(min(high, 2.0 / record.dt), 2 * low))}
+
+    def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
+        """Delays and frequencies with the gain that explains most of what the model leaves."""
+        left, known = error_of.residual, record.known
+        fastest = self.limits(record)["omega"][1]
+        delays = DELAYS if self.delay is None else (self.delay,)
+        tried = []
+        for omega in (w for w in FREQUENCIES if w < fastest):
+            shaped = self._answer(record, 0.0, omega, 1.0)
+            for delay in delays:
+                answer = record.delayed(shaped, float(delay))[known]
+                power = float(answer @ answer)
+                product = float(answer @ left[known])
+                if power > 0.0 and product > 0.0:
+                    values = {"gain": product / power, "delay": float(delay)}
+                    tried.append((-(product**2) / power, {**values, "omega": omega, "zeta": 1.0}))
+        tried.sort(key=lambda one: one[0])
+        return [values for _, values in tried[:KEPT]]
+
+    def _answer(self, record: Record, delay: float, omega: float, zeta: float) -> np.ndarray:
+        """What the path makes of the input with a gain of one."""
+        rate = record.rate(record.inputs[0])
+        one_way = np.minimum if self.side == "negative" else np.maximum
+        seen = (self.sense or 1) * one_way(rate, 0.0)
+        late = record.delayed(seen, delay)
+        poles = [1.0, 2 * zeta * omega, omega**2]
+        filtered = bilinear([0.0, 0.0, omega**2], poles, record.dt)
+        return _kernels.greybox.filtered(_kernels.gate(late), *filtered)
+
+    def apply(
+        self,
+        signal: np.ndarray,
+        record: Record,
+        gain: float,
+        delay: float,
+        omega: float,
+        zeta: float,
+    ) -> np.ndarray:
+        return signal + gain * self._answer(record, delay, omega, zeta)
