@@ -8,7 +8,6 @@ from ._roles import PALETTE, ROLES
 from .bode import BodeDisplay
 from .comparison import ComparisonDisplay
 from .condition_means import ConditionMeansDisplay
-from .conversion import OperatorParametersDisplay
 from .delay_loss import DelayLossDisplay
 from .effect_ranking import EffectRankingDisplay
 from .effect_steps import EffectStepsDisplay
@@ -20,6 +19,7 @@ from .identified_effect import IdentifiedEffectDisplay
 from .memory_horizon import MemoryHorizonDisplay
 from .noise_ceiling import NoiseCeilingDisplay
 from .operating_point import OperatingPointDisplay
+from .operator_parameters import OperatorParametersDisplay
 from .parameter_forest import ParameterForestDisplay
 from .parameter_path import ParameterPathDisplay
 from .people import PeopleDisplay

@@ -11,7 +11,7 @@ from scipy import stats
 from ..lab.experiment.statistics.mixed import mixed_model
 from ..lab.experiment.statistics.result import MixedModelResult
 from ._axes import parameter_symbol, with_unit
-from .conversion import SYMBOLS
+from .operator_parameters import SYMBOLS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

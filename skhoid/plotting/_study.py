@@ -14,7 +14,7 @@ import pandas as pd
 
 from ..interpret.conversion import FROM_POLES, UNITS
 from ._axes import parameter_symbol, with_unit
-from .conversion import SYMBOLS
+from .operator_parameters import SYMBOLS
 
 REPLICATION = "replication"
 LISTED = 8  # values in a message

@@ -14,7 +14,7 @@ from ._display import Display
 from ._estimates import MARGIN, MUCH, typical_range
 from ._layout import page_width
 from ._roles import GREY, ORANGE, PALETTE, foreground, scaled
-from .conversion import SYMBOLS
+from .operator_parameters import SYMBOLS
 
 if TYPE_CHECKING:
     from ..lab.experiment.result import ExperimentResult

@@ -21,7 +21,7 @@ from ._display import Display
 from ._effect_bench import Bench, EffectCurves
 from ._effect_curves import effect_curves
 from ._roles import GREY, PALETTE, dimmed, foreground, scaled, veil
-from .conversion import SYMBOLS
+from .operator_parameters import SYMBOLS
 
 WITHOUT = "without the effect"
 BAND = "95 % band"
