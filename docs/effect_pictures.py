@@ -12,9 +12,7 @@ import pandas as pd
 
 from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
 from skhoid.effects import Effect
-from skhoid.plotting._effect_bench import Bench, EffectCurves
-from skhoid.plotting._effect_curves import effect_curves
-from skhoid.plotting.identified_effect import _runs
+from skhoid.model.effect_curves import EffectCurves, effect_curves
 
 WIDTH, HEIGHT = 240, 150
 LEFT, RIGHT, TOP, BOTTOM = 10, 230, 26, 128
@@ -43,8 +41,8 @@ def curves_of(effect: Effect) -> EffectCurves:
     found, X = models()
     model = found[effect.domains[0]]
     scheduled = effect.place == "gain" and hasattr(effect, "channel")
-    record, _ = _runs(model, X if scheduled else None, None)  # for the values of the channel
-    return effect_curves(Bench(model, effect.name, effect, record, None), 0, 0)
+    of_runs = X if scheduled else None  # for the values of the channel
+    return effect_curves(model, effect.name, of_runs, effect=effect)
 
 
 def picture(effect: Effect, labels: bool = True) -> str:

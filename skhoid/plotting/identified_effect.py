@@ -11,15 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from sklearn.utils.validation import check_is_fitted
 
-from ..effects.record import Record
 from ..effects.registry import title_of
-from ..human import LinearElement
+from ..model.effect_curves import EffectCurves, effect_curves
 from ..model.parameters import parameter_text
-from ..runs.roles import target_is_sum
 from ._axes import letters, letters_above, letters_across, plain_logarithmic, wrapped
 from ._display import Display
-from ._effect_bench import Bench, EffectCurves
-from ._effect_curves import effect_curves
 from ._roles import GREY, PALETTE, dimmed, foreground, scaled, veil
 from .operator_parameters import SYMBOLS
 
@@ -152,12 +148,10 @@ class IdentifiedEffectDisplay(Display):
         name = next(iter(effects)) if effect is None else effect
         if name not in effects:
             raise ValueError(f"This model has no effect {name!r}; it has {', '.join(effects)}.")
-        record, output = _runs(model, X, y)
-        bench = Bench(model, name, effects[name], record, output)
         return cls(
             name=name,
-            curves=effect_curves(bench, n_draws, random_state),
-            physics=effects[name].physics_in(record.domain),
+            curves=effect_curves(model, name, X, y, n_draws=n_draws, random_state=random_state),
+            physics=effects[name].physics_in("human"),
             parameters=parameter_text(model.parameters_, name),
         ).plot(ax, **styles)
 
@@ -295,32 +289,3 @@ class IdentifiedEffectDisplay(Display):
 def _with_symbols(label: str) -> str:
     """The same with parameters as symbols."""
     return SYMBOL.sub(lambda found: SYMBOLS[found[0]], label)
-
-
-def _runs(model: Any, X: Any, y: Any) -> tuple[Record, np.ndarray | None]:
-    """Channels of runs as the model takes them, and their output; both empty where X is None."""
-    if X is None:
-        return empty_record(model), None
-    simulation = model._simulation
-    record, _ = simulation.record_of(model, *model._read_X(X, reset=False))
-    output = np.asarray(model.predict(X) if y is None else y, dtype=float)
-    return record, output[np.isfinite(output)]
-
-
-def empty_record(model: Any) -> Record:
-    """The roles and the controlled element of a model's data, without any rows."""
-    simulation = model._simulation
-    element = model.controlled_element_
-    roles = dict(simulation.roles)
-    if target_is_sum(roles.values()):
-        roles["f_t"] = "f_t"
-    empty = np.zeros((0, 0))
-    return Record(
-        dt=model.dt_,
-        t=empty,
-        channels={},
-        roles=roles,
-        inputs=tuple(model.inputs_),
-        known=empty.astype(bool),
-        controlled_element=None if element is None else LinearElement.of(element),
-    )

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...effects.base import Effect
 from ...effects.registry import title_of
+from ...model.effect_curves import effect_curves
 from ...model.model import AT_BOUND
 
 SPAN = 3.0  # times a value, and
@@ -53,14 +54,9 @@ def others_of(model: Any) -> list[dict[str, Any]]:
 
 def curve_of(model: Any, name: str) -> dict[str, Any] | None:
     """What an effect does, as lines; None where it cannot be drawn."""
-    from ...plotting._effect_bench import Bench
-    from ...plotting._effect_curves import effect_curves
-    from ...plotting.identified_effect import empty_record
-
-    bench = Bench(model, name, dict(model.effects_.steps)[name], empty_record(model), None)
     try:
         with np.errstate(all="ignore"):
-            found = effect_curves(bench, 0, 0)
+            found = effect_curves(model, name)
     except (ValueError, FloatingPointError):
         return None
     lines = [
