@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 __all__ = [
+    "Hinted",
     "IrregularSamplingError",
     "MissingDataWarning",
     "PooledRunsWarning",
@@ -21,11 +22,55 @@ __all__ = [
     "StudyFolderError",
     "StudyWarning",
     "UnstableLoopError",
+    "UsageError",
     "WorkersLostError",
 ]
 
 
-class RunIndexError(ValueError):
+class Hinted(Exception):
+    """What all errors and warnings of the package carry.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong, where, and what was got.
+    hint : str, default=""
+        What one writes in Python about it; ``str(error)`` is the message and the hint.
+    options : sequence of str or of (str, str), default=()
+        Options of the command line that do the same, some with their values.
+
+    Examples
+    --------
+    >>> from skhoid.exceptions import UsageError
+    >>> error = UsageError("There is no clock.", hint="Give dt=0.01.", options=["dt"])
+    >>> error.message, str(error)
+    ('There is no clock.', 'There is no clock. Give dt=0.01.')
+    """
+
+    def __init__(
+        self, message: str = "", hint: str = "", options: Sequence[str | tuple[str, str]] = ()
+    ) -> None:
+        super().__init__(f"{message} {hint}".strip())
+        self.message = message
+        self.hint = hint
+        self.options = tuple(options)
+
+
+class UsageError(Hinted, ValueError):
+    """Arguments do not fit the data or one another; the hint says what to give.
+
+    Examples
+    --------
+    >>> from skhoid import make_tracking_runs, performance_scores
+    >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    >>> performance_scores(X[["x"]])
+    Traceback (most recent call last):
+        ...
+    skhoid.exceptions.UsageError: There is nothing to score: ...
+    """
+
+
+class RunIndexError(Hinted, ValueError):
     """Rows, runs or indexes of ``X`` and ``y`` violate the data convention.
 
     Examples
@@ -39,7 +84,7 @@ class RunIndexError(ValueError):
     """
 
 
-class IrregularSamplingError(ValueError):
+class IrregularSamplingError(Hinted, ValueError):
     """The clock of a run is too irregular, or differs from the one of the fit.
 
     Examples
@@ -53,7 +98,7 @@ class IrregularSamplingError(ValueError):
     """
 
 
-class ShortRunError(ValueError):
+class ShortRunError(Hinted, ValueError):
     """A run has fewer rows than the model's lags need.
 
     Examples
@@ -67,7 +112,7 @@ class ShortRunError(ValueError):
     """
 
 
-class RankDeficiencyError(ValueError):
+class RankDeficiencyError(Hinted, ValueError):
     """The regressors are linearly dependent; the message names the cause.
 
     Examples
@@ -81,7 +126,7 @@ class RankDeficiencyError(ValueError):
     """
 
 
-class UnstableLoopError(ValueError):
+class UnstableLoopError(Hinted, ValueError):
     """A simulated loop is unstable.
 
     Examples
@@ -94,7 +139,7 @@ class UnstableLoopError(ValueError):
     """
 
 
-class RemnantIntensityError(ValueError):
+class RemnantIntensityError(Hinted, ValueError):
     """No remnant gain gives the requested intensity, or the realisations do not determine it.
 
     Examples
@@ -107,7 +152,7 @@ class RemnantIntensityError(ValueError):
     """
 
 
-class StudyFolderError(ValueError):
+class StudyFolderError(Hinted, ValueError):
     """A folder belongs to a different study, or to none.
 
     Examples
@@ -127,7 +172,7 @@ class StudyFolderError(ValueError):
     """
 
 
-class WorkersLostError(RuntimeError):
+class WorkersLostError(Hinted, RuntimeError):
     """The workers of a study died repeatedly; what was finished is kept.
 
     Examples
@@ -146,7 +191,7 @@ class WorkersLostError(RuntimeError):
     """
 
 
-class StudyWarning(UserWarning):
+class StudyWarning(Hinted, UserWarning):
     """Part of a study had to be recomputed, or data sets failed.
 
     Examples
@@ -166,7 +211,7 @@ class StudyWarning(UserWarning):
     """
 
 
-class SamplingJitterWarning(UserWarning):
+class SamplingJitterWarning(Hinted, UserWarning):
     """The sampling instants jitter, but within the tolerance.
 
     Examples
@@ -189,7 +234,7 @@ class SamplingJitterWarning(UserWarning):
     """
 
 
-class MissingDataWarning(UserWarning):
+class MissingDataWarning(Hinted, UserWarning):
     """Rows with missing values were left out, or held, and counted.
 
     Examples
@@ -207,7 +252,7 @@ class MissingDataWarning(UserWarning):
     """
 
 
-class PoorExcitationWarning(UserWarning):
+class PoorExcitationWarning(Hinted, UserWarning):
     """The data do not determine all parameters; some keep their previous values.
 
     Examples
@@ -226,7 +271,7 @@ class PoorExcitationWarning(UserWarning):
     """
 
 
-class RunCutWarning(UserWarning):
+class RunCutWarning(Hinted, UserWarning):
     """A cross-validation split has rows of one run on both sides.
 
     Examples
@@ -245,7 +290,7 @@ class RunCutWarning(UserWarning):
     """
 
 
-class PooledRunsWarning(UserWarning):
+class PooledRunsWarning(Hinted, UserWarning):
     """Runs of several subjects or conditions are fitted as if from one operator.
 
     Examples
@@ -265,7 +310,7 @@ class PooledRunsWarning(UserWarning):
     """
 
 
-class SlowClockWarning(UserWarning):
+class SlowClockWarning(Hinted, UserWarning):
     """The clock is too slow for a person: it may count milliseconds, or rows.
 
     Examples
@@ -284,7 +329,7 @@ class SlowClockWarning(UserWarning):
     """
 
 
-class RunTimeWarning(UserWarning):
+class RunTimeWarning(Hinted, UserWarning):
     """Runs that should share a time axis do not.
 
     Examples
@@ -302,15 +347,6 @@ class RunTimeWarning(UserWarning):
         ...
     skhoid.exceptions.RunTimeWarning: Rows from run 0, t = 100 s (row 0) on lie outside ...
     """
-
-
-PYTHON_ONLY: set[str] = set()  # parts of messages that help only those who write Python
-
-
-def python_only(part: str) -> str:
-    """Register a part of a message that the command line leaves out."""
-    PYTHON_ONLY.add(part)
-    return part
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

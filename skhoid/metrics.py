@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from ._sklearn import DT, RUN_IN, WINDOW, StrOptions, checked
-from .exceptions import MissingDataWarning
+from .exceptions import MissingDataWarning, UsageError
 from .pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
 from .preprocessing.gate import as_output, check_not_too_small, unmasked
 from .preprocessing.run_in import run_in_rows
@@ -188,7 +188,7 @@ def vaf_of_sums(
     measured output of runs that were ``scored``.
     """
     if not scored.any():
-        raise ValueError(
+        raise UsageError(
             "No row is left to score: the run-in, the window and missing values exclude all rows."
         )
     power = np.where(scored, power, np.nan)
@@ -219,10 +219,11 @@ def scored_signals(
         raise ValueError(f"The prediction is NaN in {layout.where(row)}.")
     keep = keep & ~np.isnan(y)
     if not keep.any():
-        raise ValueError(
+        raise UsageError(
             "No row is left to score: the run-in, the window and missing values exclude all "
-            f"{y.size} rows. A run in which nothing was measured has no score: leave it out of X "
-            "and y (skhoid.select_runs)."
+            f"{y.size} rows. A run in which nothing was measured has no score.",
+            hint="Leave it out of X and y (skhoid.select_runs).",
+            options=["files"],
         )
     run = layout.run_of(np.flatnonzero(keep))
     signal, error = y[keep], y[keep] - prediction[keep]

@@ -130,10 +130,12 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         self.jitter_ = grid.layout.jitter
         if self.jitter_ > NOTED_JITTER:
             warnings.warn(
-                f"The sampling instants jitter by up to {100 * self.jitter_:.1f} % of "
-                f"{grid.layout.dt:.6g} s. The model treats them as regular; "
-                "skhoid.resample_runs(X, y) puts them on a regular grid.",
-                SamplingJitterWarning,
+                SamplingJitterWarning(
+                    f"The sampling instants jitter by up to {100 * self.jitter_:.1f} % of "
+                    f"{grid.layout.dt:.6g} s. The model treats them as regular.",
+                    hint="skhoid.resample_runs(X, y) puts them on a regular grid.",
+                    options=["resample"],
+                ),
                 stacklevel=4,
             )
         thinned = grid.thin_inputs(values)

@@ -1,15 +1,15 @@
-"""Summaries, as text and as HTML; and the words that all of them share.
+"""The one printer: documents as text, HTML and JSON; and the words that all of them share.
 
-It defines how a summary looks in a notebook, and how a VAF, a p-value, a gap or an estimate is
-written.
+A result is told as a :class:`Document`, once; how it looks in a console, a notebook, a report or
+JSON is decided here, and so is how a VAF, a p-value, a gap or an estimate is written.
 """
 
 from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from html import escape
 from typing import Any, NamedTuple
 
@@ -32,7 +32,6 @@ IN_SHORT = (
 DASH = "-"
 VAF_RULE = "VAF is about zero and not clipped unless it says otherwise."
 LONGEST_UNIT = 16  # columns
-LEFT_ALIGNED = ("", "unit")
 TITLES = {"": "parameter", "[0.025": "95 % from", "0.975]": "to"}  # of columns, in HTML
 STYLE = """<style>
 .skhoid-summary {color: inherit; font-size: 0.9em; margin-top: 0.5em; overflow-x: auto}
@@ -50,31 +49,54 @@ pre.skhoid-summary {background: none; line-height: 1.4; margin: 0.5em 0; padding
 
 @dataclass(frozen=True)
 class TextTable:
-    """Rows of text under a header; the first column names the rows."""
+    """Cells of text under a header; the first column names the rows.
+
+    Parameters
+    ----------
+    caption : str
+        What the table shows.
+    header : sequence of str
+        Titles of the columns.
+    rows : sequence of sequences of str
+        Cells.
+    left : sequence of str, default=("", "unit")
+        Titles of the columns that are aligned left.
+    kind : str, default=""
+        What it is, such as ``"parameters"``, for who shows it in a way of their own.
+    """
 
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
+    left: Sequence[str] = ("", "unit")
+    kind: str = ""
 
-    def lines(self) -> list[str]:
-        """Lines of at most ``WIDTH`` columns, for which the widest cells are cut in the middle."""
+    @classmethod
+    def of(cls, frame: pd.DataFrame, caption: str, **options: Any) -> TextTable:
+        """The rows of a frame, its index named in the first column; numbers to four digits."""
+        header = ["", *map(str, frame.columns)]
+        rows = [[str(label), *map(_cell, row)] for label, *row in frame.itertuples(name=None)]
+        return cls(caption, header, rows, **options)
+
+    def lines(self, width: int = WIDTH) -> list[str]:
+        """Lines of at most ``width`` columns, for which the widest cells are cut in the middle."""
         widths = [max(map(len, column)) for column in zip(self.header, *self.rows, strict=True)]
         widths = [
-            min(width, LONGEST_UNIT) if title == "unit" else width
-            for title, width in zip(self.header, widths, strict=True)
+            min(wide, LONGEST_UNIT) if title == "unit" else wide
+            for title, wide in zip(self.header, widths, strict=True)
         ]
-        while sum(widths) + 2 * (len(widths) - 1) > WIDTH:
+        while sum(widths) + 2 * (len(widths) - 1) > width:
             widths[widths.index(max(widths))] -= 1
         return [
             "  ".join(
-                f"{_shortened(cell, width):{'<' if title in LEFT_ALIGNED else '>'}{width}}"
-                for title, cell, width in zip(self.header, row, widths, strict=True)
+                f"{_shortened(cell, wide):{'<' if title in self.left else '>'}{wide}}"
+                for title, cell, wide in zip(self.header, row, widths, strict=True)
             ).rstrip()
             for row in (self.header, *self.rows)
         ]
 
-    def html(self, of: str) -> str:
-        left = ["left" if title in LEFT_ALIGNED else "" for title in self.header]
+    def html(self, of: str = "") -> str:
+        left = ["left" if title in self.left else "" for title in self.header]
         head = "".join(
             f'<th scope="col" class="{side}">{escape(TITLES.get(title, title))}</th>'
             for title, side in zip(self.header, left, strict=True)
@@ -88,8 +110,9 @@ class TextTable:
             + "</tr>"
             for row in self.rows
         )
+        caption = escape(self.caption) + (f" of {escape(of)}" if of else "")
         return (
-            f"<table><caption>{escape(self.caption)} of {escape(of)}</caption>"
+            f"<table><caption>{caption}</caption>"
             f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
         )
 
@@ -121,6 +144,151 @@ class Summary(str):
 
 
 @dataclass(frozen=True)
+class Note:
+    """A remark beside a result: what it is about, in a word, and what it says.
+
+    Parameters
+    ----------
+    kind : str
+        What it is about, such as ``"settling"``: what code asks, never the text.
+    text : str
+        What it says, without a capital and a full stop.
+    hint : str, default=""
+        What one writes in Python about it.
+    options : sequence of str or of (str, str), default=()
+        Options of the command line that do the same, some with their values.
+
+    Examples
+    --------
+    >>> from skhoid.text import Note
+    >>> note = Note("settling", "the first 2 s are left out", hint="run_in=0 keeps them")
+    >>> note.kind, str(note)
+    ('settling', 'the first 2 s are left out')
+    """
+
+    kind: str
+    text: str
+    hint: str = ""
+    options: Sequence[str | tuple[str, str]] = ()
+
+    def __str__(self) -> str:
+        return self.text
+
+    @property
+    def with_hint(self) -> str:
+        """The text and what one writes in Python about it."""
+        return self.text + (f" ({self.hint})" if self.hint else "")
+
+    def as_dict(self) -> dict[str, str]:
+        return {"kind": self.kind, "text": self.text}
+
+
+@dataclass(frozen=True)
+class Heading:
+    """The title of a part."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Paragraph:
+    """A paragraph; ``role`` is what it is there for, such as ``"verdict"``, "" for nothing more."""
+
+    text: str
+    role: str = ""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """Short facts, each under a label."""
+
+    facts: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Notes:
+    """Remarks, numbered where the text above refers to them by number."""
+
+    notes: Sequence[Note]
+    numbered: bool = False
+
+
+Block = Heading | Paragraph | Facts | TextTable | Notes
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a result says, neutral to where it is shown.
+
+    Each structure of results has one function that tells it as a document; the summary, the
+    notebook, the command line, the report and JSON show that.
+
+    Parameters
+    ----------
+    title : str
+        What the document is about.
+    blocks : sequence of blocks
+        Headings, paragraphs, facts, tables and notes, in order.
+    ruled : bool, default=False
+        Whether its text has a centred title and rules between the blocks.
+
+    Examples
+    --------
+    >>> from skhoid.text import Document, Note, Notes, Paragraph, TextTable
+    >>> document = Document(
+    ...     "Two runs",
+    ...     [
+    ...         Paragraph("The second is better."),
+    ...         TextTable("", ["run", "VAF"], [["1", "61.0"], ["2", "74.5"]]),
+    ...         Notes([Note("settling", "the first 2 s are left out")]),
+    ...     ],
+    ... )
+    >>> document.text()
+    Two runs
+    The second is better.
+    run   VAF
+      1  61.0
+      2  74.5
+    Note: the first 2 s are left out.
+    >>> document.as_dict()["blocks"][0]
+    {'kind': 'paragraph', 'text': 'The second is better.', 'role': ''}
+    """
+
+    title: str
+    blocks: Sequence[Block]
+    ruled: bool = False
+
+    def text(self, width: int = WIDTH) -> Summary:
+        """Lines of at most ``width`` columns."""
+        if not self.ruled:
+            lines = wrapped(self.title, width=width)
+            for block in self.blocks:
+                lines += _lines(block, width)
+            return Summary("\n".join(lines))
+        lines = [_shortened(self.title, width).center(width).rstrip(), "=" * width]
+        for number, block in enumerate(self.blocks):
+            if number:
+                lines += [("=" if isinstance(block, Notes) else "-") * width]
+            lines += _lines(block, width)
+        if not any(isinstance(block, Notes) for block in self.blocks):
+            lines += ["=" * width]
+        return Summary("\n".join(lines))
+
+    def html(self) -> str:
+        """A part of a page, with its style."""
+        body = "".join(map(_html, self.blocks))
+        return (
+            f'{STYLE}<div class="skhoid-summary" role="region" tabindex="0" '
+            f'aria-label="{escape(self.title)}"><p><strong>{escape(self.title)}</strong></p>'
+            f"{body}</div>"
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """What can be written as JSON."""
+        return {"title": self.title, "blocks": list(map(_dict, self.blocks))}
+
+
+@dataclass(frozen=True)
 class ModelSummary:
     """The summary of a fitted model: facts, tables and notes."""
 
@@ -131,18 +299,10 @@ class ModelSummary:
     more: Sequence[TextTable] = field(default=())
 
     def text(self) -> Summary:
-        lines = [
-            _shortened(self.title, WIDTH).center(WIDTH).rstrip(),
-            "=" * WIDTH,
-            *_in_two_columns(self.facts),
-        ]
-        lines += ["-" * WIDTH, *self.estimates.lines()]
-        for table in self.more:
-            lines += ["-" * WIDTH, table.caption, *table.lines()]
-        lines += ["=" * WIDTH]
-        for number, note in enumerate(self.notes, 1):
-            lines += wrapped(f"[{number}] {note}", "    ")
-        return Summary("\n".join(lines))
+        notes = Notes([Note("", note) for note in self.notes], numbered=True)
+        estimates = replace(self.estimates, caption="")
+        blocks = [Facts(self.facts), estimates, *self.more, notes]
+        return Document(self.title, blocks, ruled=True).text()
 
     def html(self, above: str = "") -> str:
         """A table and a line of facts, below a line on what found the model."""
@@ -330,18 +490,76 @@ def counted(n: int, what: str) -> str:
     return f"{n} {what}" if n == 1 else f"{n} {what}s"
 
 
-def wrapped(text: str, indent: str = "") -> list[str]:
-    return textwrap.wrap(text, WIDTH, subsequent_indent=indent)
+def wrapped(text: str, indent: str = "", width: int = WIDTH) -> list[str]:
+    return textwrap.wrap(text, width, subsequent_indent=indent)
 
 
-def _in_two_columns(facts: dict[str, str]) -> list[str]:
+def _lines(block: Block, width: int) -> list[str]:
+    """A block as lines of text."""
+    match block:
+        case Heading(text) | Paragraph(text):
+            return wrapped(text, width=width)
+        case Facts(facts):
+            return _in_two_columns(facts, width)
+        case TextTable(caption):
+            return wrapped(caption, width=width) + block.lines(width)
+        case Notes(notes, numbered):
+            return [
+                line
+                for number, note in enumerate(notes, 1)
+                for line in (
+                    wrapped(f"[{number}] {note}", "    ", width)
+                    if numbered
+                    else wrapped(f"Note: {note.with_hint}.", "  ", width)
+                )
+            ]
+
+
+def _html(block: Block) -> str:
+    match block:
+        case Heading(text):
+            return f"<p><strong>{escape(text)}</strong></p>"
+        case Paragraph(text, role):
+            text = f"<strong>{escape(text)}</strong>" if role else escape(text)
+            return f"<p>{text}</p>"
+        case Facts(facts):
+            return f"<p>{escape(' · '.join(f'{k}: {v}' for k, v in facts.items()))}</p>"
+        case TextTable():
+            return block.html()
+        case Notes(notes):
+            items = "".join(f"<li>{escape(as_sentence(note.with_hint))}</li>" for note in notes)
+            return f"<ul>{items}</ul>" if notes else ""
+
+
+def _dict(block: Block) -> dict[str, Any]:
+    match block:
+        case Heading(text):
+            return {"kind": "heading", "text": text}
+        case Paragraph(text, role):
+            return {"kind": "paragraph", "text": text, "role": role}
+        case Facts(facts):
+            return {"kind": "facts", "facts": dict(facts)}
+        case TextTable(caption, header, rows, _, kind):
+            cells = [list(row) for row in rows]
+            return {"kind": kind or "table", "caption": caption, "header": [*header], "rows": cells}
+        case Notes(notes):
+            return {"kind": "notes", "notes": [note.as_dict() for note in notes]}
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return number(value)
+    return "" if value is None else str(value)
+
+
+def _in_two_columns(facts: Mapping[str, str], width: int) -> list[str]:
     """Facts side by side; one that is too long has a line of its own."""
-    half = WIDTH // 2
+    half = width // 2
     lines, left = [], ""
     for label, value in facts.items():
         cell = f"{label + ':':<{LABEL}}{value}"
         if len(cell) > half - 2:
-            lines += [left] * bool(left) + wrapped(cell, " " * LABEL)
+            lines += [left] * bool(left) + wrapped(cell, " " * LABEL, width)
             left = ""
         elif left:
             lines.append(f"{left:<{half}}{cell}")

@@ -382,8 +382,10 @@ def check_lengths(grid: ModelGrid, orders: Orders) -> None:
     raise ShortRunError(
         f"Run {grid.layout.labels[short[0]]!r}{many} has at most {longest[short[0]]} successive "
         f"rows at {grid.dt:g} s, but lags that reach {needed - 1} samples back need {needed} (X "
-        f"has n_samples = {grid.layout.n_rows}). Leave the run out (skhoid.select_runs), or use "
-        "smaller na, nb and nk, or a smaller decimation factor."
+        f"has n_samples = {grid.layout.n_rows}). Use smaller na, nb and nk, or a smaller "
+        "decimation factor, or leave the run out.",
+        hint="skhoid.select_runs leaves runs out.",
+        options=["files"],
     )
 
 

@@ -24,11 +24,13 @@ def rank_error(
         f"The {n_params} parameters cannot all be estimated: the regressors have rank "
         f"{n_params - len(null_space)}. "
     )
+    bad, relation = _bad_channel(channels, X, orders), _linear_relation(channels, X)
+    if bad is None and relation is not None:
+        return RankDeficiencyError(
+            head + relation, hint="inputs=[...] says which to keep.", options=["input"]
+        )
     cause = (
-        _bad_channel(channels, X, orders)
-        or _linear_relation(channels, X)
-        or (bad_output(output, y) if orders.na else None)
-        or _generic(null_space, names, orders)
+        bad or (bad_output(output, y) if orders.na else None) or _generic(null_space, names, orders)
     )
     return RankDeficiencyError(head + cause)
 
@@ -66,11 +68,11 @@ def _linear_relation(channels: list[str], X: np.ndarray) -> str | None:
         if len(terms) == 1 and abs(terms[0][0] - 1) < 1e-9:
             return (
                 f"Inputs {channels[position]!r} and {terms[0][1]!r} are the same signal. "
-                "Leave one out (inputs=[...])."
+                "Leave one out."
             )
         return (
             f"The inputs are linearly dependent: {channels[position]} = {_formula(terms)}. "
-            "Leave one of them out (inputs=[...])."
+            "Leave one of them out."
         )
     return None
 

@@ -245,12 +245,13 @@ class PartialFit(BaseARX):
     ) -> tuple[np.ndarray, np.ndarray]:
         """theta0 and P0, from the regressors of the first window where they come from data."""
         if table is not None and len(table) < len(self.parameter_names_):
-            clock = "X has no time index, so each row counts as 1 s: give dt=. Or give "
-            advice = "Give " if self._indexed or self.dt is not None else clock
+            clocked = self._indexed or self.dt is not None
+            clock = "" if clocked else " X has no time index, so each row counts as 1 s."
             raise ShortRunError(
                 f"The first {self.init_window:g} s hold {len(table)} usable rows for "
-                f"{len(self.parameter_names_)} parameters (n_samples = {n_samples}). {advice}a "
-                "longer init_window, or init= and p0=."
+                f"{len(self.parameter_names_)} parameters (n_samples = {n_samples}).{clock}",
+                hint=f"Give {'' if clocked else 'dt=, or '}a longer init_window, or init= and p0=.",
+                options=[] if clocked else ["dt"],
             )
         return start_of(self.init, self.p0, self.parameter_names_, table)
 

@@ -10,7 +10,6 @@ from scipy import fft
 from scipy.signal import resample
 from scipy.stats import norm
 
-from ..exceptions import python_only
 from .coherent import coherent_part, lagged_from_rest, on_lines, response_to_target, tap_spacing
 from .noise_density import NoiseDensity, noise_density
 from .repeats import Group
@@ -25,7 +24,6 @@ N_TAPS = 10  # of the finite impulse response that a linear misfit may have
 N_IN_TIME = 3  # order of the polynomials of time that taps may be
 N_AR = 12  # order of the autoregression that describes noise
 SILENT = 1e-12  # of the output power; residuals below are rounding errors
-SAY_REPEATS = python_only(", or say with repeats= which runs share a target")
 
 
 @dataclass(frozen=True)
@@ -350,7 +348,7 @@ def _note(signals: Signals, route: str) -> str:
             "bound: what varies in time or is distorted falls between the lines too"
         )
     if "f_t" not in signals.channels:
-        return "none: the target is not known. Add a channel f_t (or e and x)" + SAY_REPEATS
+        return "none: the target is not known. Add a channel f_t (or e and x)"
     if "disturbance" in signals.decided and "differ" in signals.decided:
         return f"none: {signals.decided}. Record runs that share target and disturbance"
     which = "the only run has a target that" if len(signals.groups) == 1 else "every run has a "

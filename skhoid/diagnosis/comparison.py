@@ -19,7 +19,7 @@ from ..pipelines import taken_apart
 from ..preprocessing.base import as_fitted
 from ..recordings.channels import check_channels
 from ..recordings.findings import Finding
-from ..text import Summary
+from ..text import Note, Summary
 from .advice import advise
 from .ceiling import Ceiling, consistent_ceiling, noise_ceiling
 from .changes import BlockSums, cusum, tests_of_changes
@@ -117,7 +117,7 @@ class Comparison:
         Density over ``omega`` (rad/s) of what does not repeat; described, not tested.
     findings : list of Finding
         What the results mean and what to do next, most important first.
-    notes : list of str
+    notes : list of Note
         What was left out.
 
     Examples
@@ -159,7 +159,7 @@ class Comparison:
     time_frequency: pd.DataFrame
     remnant_spectrum: pd.DataFrame
     findings: list[Finding]
-    notes: list[str]
+    notes: list[Note]
 
     def __repr__(self) -> str:
         ceiling = "" if np.isnan(self.noise_ceiling) else f", ceiling {self.noise_ceiling:.1f} %"

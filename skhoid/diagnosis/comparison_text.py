@@ -32,7 +32,7 @@ def summary(c: Comparison) -> Summary:
         "Costs overlap, and later findings may follow from earlier ones: correct the first, and "
         "compare again.",
     ]
-    lines += [f"Note: {note}." for note in c.notes]
+    lines += [f"Note: {note.with_hint}." for note in c.notes]
     return Summary("\n".join(lines))
 
 

@@ -23,7 +23,7 @@ from ..arx.batch import ARXRegressor
 from ..arx.least_delay import LeastDelay, least_delay_of
 from ..arx.recursive import RecursiveARX
 from ..arx.searches import DelaySearchCV, OrderSearchCV
-from ..exceptions import MissingDataWarning
+from ..exceptions import MissingDataWarning, UsageError
 from ..metrics import VAF_FLOOR, VAFScorer, scored_rows, vaf_of_rows
 from ..pipelines import trimmed_rows
 from ..preprocessing import Decimator, RunInTrimmer
@@ -294,10 +294,13 @@ def identify(
         candidates[without] = {**orders, "nk": shortest}
         longest = int(np.floor(whole_samples(longest_delay, layout.dt * factor)))
         if longest < least.samples:
-            raise ValueError(
+            doubt, hint, options = _doubted(layout.dt * factor, longest_delay)
+            raise UsageError(
                 f"The longest delay to try, {longest_delay:g} s, is below the least, "
                 f"{least.seconds:.3g} s: {least.reason}. Allow a longer one, or a smaller "
-                f"least_delay.{_doubted(layout.dt * factor, longest_delay)}"
+                f"least_delay.{doubt}",
+                hint,
+                options,
             )
         _check_longest(longest_delay, longest - least.samples, layout)
         for how in ("one_step", "vaf"):
@@ -476,14 +479,12 @@ def _check_longest(longest_delay: float, n_candidates: int, layout: RunLayout) -
         )
 
 
-def _doubted(dt: float, longest_delay: float) -> str:
-    """A question about a clock that ticks less often than any delay that is tried."""
+def _doubted(dt: float, longest_delay: float) -> tuple[str, str, list[str]]:
+    """A doubt about a clock that ticks less often than any delay that is tried, and its remedy."""
     if dt <= longest_delay:
-        return ""
-    return (
-        f" The rows are counted as {dt:.3g} s apart: if the times are not in seconds, state their "
-        "unit with units={'time': ...}."
-    )
+        return "", "", []
+    text = f" The rows are counted as {dt:.3g} s apart: if the times are not in seconds, say so."
+    return text, "State their unit with units={'time': ...}.", ["unit"]
 
 
 def _held_out_rows(

@@ -11,7 +11,7 @@ from scipy import fft
 
 from ..runs import RunLayout
 from ..runs.roles import is_external
-from ..text import counted
+from ..text import Note, counted
 from .element_inverse import band_edge, estimated_inverse, low_passed
 from .same_target import runs_in_common
 
@@ -60,7 +60,7 @@ class Grouped:
 
     found: list[Group]
     decided: str
-    notes: list[str]
+    notes: list[Note]
 
 
 def grouped(
@@ -215,7 +215,7 @@ def _disturbances(
 
 def _in_whole_periods(
     group: Group, outside: Mapping[str, np.ndarray], layout: RunLayout
-) -> tuple[Group, list[str]]:
+) -> tuple[Group, list[Note]]:
     """A group with the lines of what drives it, on whole periods where its start is left out."""
     lines = _lines(outside, group.rows[0])
     if lines is not None or "f_t" not in outside:
@@ -236,12 +236,12 @@ def _in_whole_periods(
         return group, []
     if kept == n:
         return replace(group, lines=lines), []
-    note = (
+    text = (
         f"the target has a period of {period * layout.dt:.4g} s: spectra, tests and ceiling use "
         f"the last {counted(kept // period, 'whole period')}, and so begin "
         f"{(n - kept) * layout.dt:.3g} s later than the VAF"
     )
-    return Group(group.runs, rows, lines), [note]
+    return Group(group.runs, rows, lines), [Note("whole periods", text)]
 
 
 def _lines(

@@ -15,7 +15,7 @@ from scipy.signal.windows import tukey
 from sklearn.utils.validation import check_consistent_length
 
 from .._sklearn import safe_indexing
-from ..exceptions import MissingDataWarning, ShortRunError, python_only
+from ..exceptions import MissingDataWarning, ShortRunError
 from ..metrics import scored_rows, scored_signals, warn_of_unscored
 from ..pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import as_fitted
@@ -25,7 +25,7 @@ from ..recordings.loss_of_control import ControlCheck, control_check
 from ..regression import units_of
 from ..runs import RunLayout, check_alignment, output_name, run_column, run_name
 from ..runs.roles import check_named, columns_by_role, is_external, with_target
-from ..text import counted
+from ..text import Note, counted
 from .coherent import TargetResponse
 from .repeats import Group, grouped
 
@@ -35,7 +35,6 @@ MOST_MASKED = 0.05  # of the rows that are bridged; more are cut off, and whole 
 RAMPS = 0.04  # of a run, both ends together
 LEAST_ROWS = 64  # of a run, for spectra and tests
 OUTPUTS = ("y", "predicted", "residual")
-KEEP_SETTLING = python_only(" (run_in=0 keeps them)")
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class Signals:
     groups: list[Group]
     output: str
     units: dict[str, str]
-    notes: list[str]
+    notes: list[Note]
     decided: str = ""
     judged: np.ndarray | None = None
 
@@ -210,7 +209,7 @@ def sorted_signals(
     scored_signals(measured, predicted, used, layout, False)  # for its checks
     missing = np.isnan(measured)
     channels = _channels(read.columns, read.roles, run)
-    notes = []
+    notes: list[Note] = []
     judged, scored = used, used & ~missing
     if missing[used].mean() <= MOST_MASKED:
         # A few missing values do not cut a run: there is no residual in them.
@@ -225,20 +224,31 @@ def sorted_signals(
                 used = scored
             longest = max(np.diff(np.flatnonzero(np.diff(np.r_[0, unsettled, 0])))[::2])
             notes.append(
-                f"the first {longest * layout.dt:.3g} s of each run, in which the free run "
-                f"settles from its start at rest, are left out{KEEP_SETTLING}"
+                Note(
+                    "settling",
+                    f"the first {longest * layout.dt:.3g} s of each run, in which the free run "
+                    "settles from its start at rest, are left out",
+                    hint="run_in=0 keeps them",
+                    options=["run_in"],
+                )
             )
             if not settles:
                 notes.append(
-                    "the free run still shows its start at rest after that, which affects all "
-                    "figures: give a longer run_in"
+                    Note(
+                        "unsettled",
+                        "the free run still shows its start at rest after that, which affects all "
+                        "figures",
+                        hint="give a longer run_in",
+                        options=["run_in"],
+                    )
                 )
             # Spectra and tests go over whole periods of the target; nothing is missing there.
             predicted = np.where(used & unsettled, measured, predicted)
     n_missing = int(missing.sum())
     if n_missing:
         are = "is" if n_missing == 1 else "are"
-        notes.append(f"{counted(n_missing, 'row')} in which the output is missing {are} left out")
+        missed = f"{counted(n_missing, 'row')} in which the output is missing {are} left out"
+        notes.append(Note("missing output", missed))
     stretches = _longest_stretches(layout, used, channels)
     if not stretches:
         if run_in and _longest_stretches(layout, ~missing & ~read.trimmed, channels):
@@ -257,15 +267,22 @@ def sorted_signals(
     beside = int(used.sum()) - covered
     if beside:
         notes.append(
-            f"{counted(beside, 'row')} outside the longest gapless stretch of "
-            f"{'its' if beside == 1 else 'their'} run count{'s' * (beside == 1)} in the VAF, but "
-            "not in spectra and tests"
+            Note(
+                "gaps",
+                f"{counted(beside, 'row')} outside the longest gapless stretch of "
+                f"{'its' if beside == 1 else 'their'} run count{'s' * (beside == 1)} in the VAF, "
+                "but not in spectra and tests",
+            )
         )
     mean, sd = (float(f(measured[scored])) for f in (np.mean, np.std))
     if abs(mean) > sd:
         notes.append(
-            f"the mean of the output ({mean:.4g}) is larger than its spread ({sd:.4g}), and VAF "
-            "counts it as explained: subtract the means of X and y for a VAF about the mean"
+            Note(
+                "mean",
+                f"the mean of the output ({mean:.4g}) is larger than its spread ({sd:.4g}), and "
+                "VAF counts it as explained: subtract the means of X and y for a VAF about the "
+                "mean",
+            )
         )
     groups = grouped(layout, stretches, measured, channels, repeats)
     return Signals(

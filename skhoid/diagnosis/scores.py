@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from .._sklearn import DT, ROLES, checked
-from ..exceptions import RunIndexError, ShortRunError
+from ..exceptions import RunIndexError, ShortRunError, UsageError
 from ..recordings.named_signals import NamedSignals
 from ..runs import RUN, TIME, WHOLE, RunLayout, read_layout
 from ..runs.roles import EXACT, with_error, with_target
@@ -151,10 +151,11 @@ def _scored(signals: NamedSignals) -> tuple[Any, Any, Any, dict[str, str | None]
     if found["e"][0] is None and e is not None:
         of_e = of_f or of_x
     if e is None and signals.output is None:
-        raise ValueError(
+        raise UsageError(
             "There is nothing to score: X has no error (a column of the role 'e', or 'f_t' and "
-            f"'x'), and y is None. The columns are {signals.channels}; give "
-            "roles={column: 'e'}."
+            f"'x'), and y is None. The columns are {signals.channels}.",
+            hint="Give roles={column: 'e'}.",
+            options=["role"],
         )
     of_u = signals.units.get(signals.output_name)
     if of_u is not None:

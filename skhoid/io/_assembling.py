@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..exceptions import UsageError
 from ..runs import RUN, TIME, run_index
 from ._runs import FileRuns
 from ._table import FileTable
@@ -29,9 +30,11 @@ def gather_units(
             continue
         other, path = known.setdefault(channel.name, (unit, table.path))
         if other != unit:
-            raise ValueError(
+            raise UsageError(
                 f"The unit of channel {channel.name!r} is {other!r} in {path} and {unit!r} in "
-                f"{table.path}: convert one file, or state the unit in units=."
+                f"{table.path}: convert one file, or state the unit.",
+                hint="State it in units=.",
+                options=["unit"],
             )
 
 

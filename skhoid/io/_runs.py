@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..exceptions import UsageError
 from ..runs import RUN
 from ._labels import combined_labels, plain_labels
 from ._paths import shown
@@ -130,11 +131,12 @@ def _check_one_run(table: FileTable, labels: tuple[np.ndarray, list[Any]]) -> No
         position = _run_column(table, [])
         assert position is not None
         name = table.names[position]
-        raise ValueError(
+        raise UsageError(
             f"{table.where(name)} has {n_labels} labels, but no column of run labels is given: "
-            f"all rows would be one run, with lags across its parts. Give run={name!r}; if it "
-            "does not label "
-            "runs, give it another name in the file."
+            "all rows would be one run, with lags across its parts. If it does not label runs, "
+            "give it another name in the file.",
+            hint=f"Give run={name!r}.",
+            options=[("run", name)],
         )
 
 
@@ -156,9 +158,11 @@ def per_second_of(table: FileTable, time: str, stated: str | None) -> float:
     """Number of units of the clock per second."""
     unit = stated or table.unit_of(table.find(time)) or "s"
     if unit not in _PER_SECOND:
-        raise ValueError(
+        raise UsageError(
             f"The unit {unit!r} of the time, {table.where(time)}, is not one of "
-            f"{', '.join(_PER_SECOND)}: state it with units={{'time': ...}}."
+            f"{', '.join(_PER_SECOND)}.",
+            hint="State it with units={'time': ...}.",
+            options=["unit"],
         )
     return _PER_SECOND[unit]
 

@@ -213,7 +213,7 @@ def as_numbers(values: Any, where: str) -> np.ndarray:
         elif bad.size == 1 and bad[0] == 0:
             advice = (
                 "If that is a unit, delete the row, and write units into the header, as in 'e "
-                "[deg]', or give them with units=."
+                "[deg]'."
             )
         raise ValueError(
             f"{where} is not numeric: row {bad[0] + 1} (the first sample is row 1) is "

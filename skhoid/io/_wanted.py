@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ..exceptions import UsageError
 from ._table import split_header
 
 __all__ = [
@@ -72,9 +73,11 @@ def checked_clock(time: str | None, dt: float | None) -> str | float:
     if time is not None:
         return time
     if dt is None:
-        raise ValueError(
-            "There is no clock: name the time column (time='t'), or, if the files have none, "
-            "give the sampling time in seconds (dt=0.01)."
+        raise UsageError(
+            "There is no clock: name the time column, or, if the files have none, give the "
+            "sampling time in seconds.",
+            hint="Give time='t' or dt=0.01.",
+            options=["time", "dt"],
         )
     return float(dt)
 

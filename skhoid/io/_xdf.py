@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..exceptions import UsageError
 from ._table import Columns, FileTable, coded, read_as, require
 
 __all__ = ["read_xdf"]
@@ -140,8 +141,10 @@ def _grid(path: Path, streams: list[_Stream], dt: float | None) -> tuple[np.ndar
     fastest = max(streams, key=lambda stream: stream.rate)
     if dt is None:
         if fastest.rate <= 0:
-            raise ValueError(
-                f"No stream of {path} has a nominal rate: give the sampling time in s, dt=0.01."
+            raise UsageError(
+                f"No stream of {path} has a nominal rate: give the sampling time in s.",
+                hint="Give dt=0.01.",
+                options=["dt"],
             )
         dt = 1 / fastest.rate
     start = max(float(stream.time[0]) for stream in streams)

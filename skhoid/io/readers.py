@@ -300,7 +300,7 @@ def _check_labels(pieces: list[FileRuns], run: str | None) -> None:
             if other == piece.path:
                 raise ValueError(f"{piece.path} is named twice in paths.")
             advice = (
-                "rename a file, or give a column with run labels by run="
+                "rename a file, or name a column with run labels"
                 if run is None
                 else "give every run its own label"
             )

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ..effects.record import LARGE, Record, RowChannels, few_runs
-from ..exceptions import RankDeficiencyError, ShortRunError
+from ..exceptions import RankDeficiencyError, ShortRunError, UsageError
 from ..human import LinearElement
 from ..human.controlled_element import simplest
 from ..preprocessing.grid import ModelGrid
@@ -87,9 +87,11 @@ def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
         # None has the role e.
         estimator._columns, estimator.inputs_ = estimator._columns[:1], estimator.inputs_[:1]
     if len(estimator._columns) != 1:
-        raise ValueError(
+        raise UsageError(
             f"{type(estimator).__name__} with effects responds to one channel, but got inputs="
-            f'{estimator.inputs_}. Name it by inputs=["..."]; effects may use the other columns.'
+            f"{estimator.inputs_}. Effects may use the other columns.",
+            hint='Name it by inputs=["..."].',
+            options=["input"],
         )
     columns = estimator._names or list(range(values.shape[1]))
     skipped = None if estimator._run is None else run_column(columns, estimator._run)

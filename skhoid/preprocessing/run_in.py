@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._sklearn import DT, RUN_IN, Interval
-from ..exceptions import RunIndexError, ShortRunError
+from ..exceptions import RunIndexError, ShortRunError, UsageError
 from ..runs import RunLayout, mark_run_in, whole_samples
 from .base import RowPreservingTransformer, as_fitted
 
@@ -87,9 +87,11 @@ class RunInTrimmer(RowPreservingTransformer):
                 "before the Decimator."
             )
         if self.run_in is not None and self.measurement_time is not None:
-            raise ValueError(
-                "Give run_in= (discard the first seconds) or measurement_time= (keep the last "
-                "seconds), not both."
+            raise UsageError(
+                "The run-in (discard the first seconds) and the measurement time (keep the last "
+                "seconds) are both given.",
+                hint="Give run_in= or measurement_time=, not both.",
+                options=["run_in", "measurement_time"],
             )
 
     def transform(self, X: Any) -> Any:

@@ -101,8 +101,10 @@ def typical_step(step: np.ndarray, run_starts: np.ndarray, labels: list[Any]) ->
         if abs(median - first) > JITTER_TOLERANCE * first and min(median, first) > 0:
             raise IrregularSamplingError(
                 f"The runs differ in sampling time: {first:.6g} s in run {label!r}, {median:.6g} "
-                f"s in run {other!r}. Put them on one grid: X, y = skhoid.resample_runs(X, y, "
+                f"s in run {other!r}.",
+                hint="Put them on one grid: X, y = skhoid.resample_runs(X, y, "
                 f"dt={max(first, median):.6g}). If rows are missing because a split shuffled "
-                "them, split by runs instead: LeaveOneGroupOut with groups=run_labels(X)."
+                "them, split by runs instead: LeaveOneGroupOut with groups=run_labels(X).",
+                options=["resample", "dt"],
             )
     return first

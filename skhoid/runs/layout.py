@@ -177,12 +177,15 @@ def _doubt_slow_clock(X: Any, layout: RunLayout, said: float | None) -> None:
     """
     if said is None and layout.dt >= SLOW and of_person(map(str, getattr(X, "columns", ()))):
         warnings.warn(
-            f"The time index advances by {layout.dt:g} a row, which is counted as {layout.dt:g} "
-            "s. The channels are those of a person, who does not steer that slowly. If these are "
-            "milliseconds, divide them by 1000 (read_runs does so with units={'t': 'ms'}); if "
-            "they are row numbers, multiply them by the sampling time. If they are seconds, say "
-            f"so with dt={layout.dt:g}.",
-            SlowClockWarning,
+            SlowClockWarning(
+                f"The time index advances by {layout.dt:g} a row, which is counted as "
+                f"{layout.dt:g} s. The channels are those of a person, who does not steer that "
+                "slowly.",
+                hint="If these are milliseconds, divide them by 1000 (read_runs does so with "
+                "units={'t': 'ms'}); if they are row numbers, multiply them by the sampling time. "
+                f"If they are seconds, say so with dt={layout.dt:g}.",
+                options=["unit", "dt"],
+            ),
             stacklevel=2,
         )
 
@@ -338,8 +341,9 @@ def _layout_from_time(
         typical = dt or fallback_dt
         if typical is None:
             raise IrregularSamplingError(
-                "The sampling time cannot be read from the index: no run has more than one row. "
-                "Give it as dt= (in seconds)."
+                "The sampling time cannot be read from the index: no run has more than one row.",
+                hint="Give it as dt= (in seconds).",
+                options=["dt"],
             )
     starts = _cut(run_starts, within & (step > GAP * typical))
     regular = step[within & (step <= GAP * typical)]
@@ -349,7 +353,9 @@ def _layout_from_time(
         if given is not None and abs(found - given) > 0.01 * given:
             raise IrregularSamplingError(
                 f"Time advances by {found:g} s per row, {whose}{given:g} s. Use data with one "
-                f"sampling time: skhoid.resample_runs(X, dt={given:g}) makes that grid."
+                "sampling time.",
+                hint=f"skhoid.resample_runs(X, dt={given:g}) makes that grid.",
+                options=["resample", "dt"],
             )
     found = dt or fallback_dt or found
     jitter = 0.0
@@ -370,8 +376,10 @@ def _irregular(layout: RunLayout, typical: float) -> IrregularSamplingError:
         f"Irregular sampling: {layout.where(row)} comes {step[row - 1]:.6g} s after the previous "
         f"row, but the sampling time is {snap(typical):.6g} s (largest deviation "
         f"{100 * layout.jitter:.1f} %, rms {100 * np.sqrt(np.nanmean(deviation**2)):.2f} %; "
-        f"{100 * JITTER_TOLERANCE:.0f} % is allowed). Put the runs on a regular grid with "
-        f"X, y = skhoid.resample_runs(X, y, dt={snap(typical):.6g})."
+        f"{100 * JITTER_TOLERANCE:.0f} % is allowed).",
+        hint="Put the runs on a regular grid with X, y = skhoid.resample_runs(X, y, "
+        f"dt={snap(typical):.6g}).",
+        options=["resample", "dt"],
     )
 
 
@@ -391,9 +399,10 @@ def _cut_at_jumps(
         row = int(backwards[0]) + 1
         raise RunIndexError(
             f"The rows are shuffled or hold several runs: the row index goes from "
-            f"{sample[row - 1]} to {sample[row]} at row {row}. Rows must be in time order; label "
-            "runs with an index of levels 'run' and 'time', or with a run column and run=; if the "
-            "index means nothing, call X.reset_index(drop=True)."
+            f"{sample[row - 1]} to {sample[row]} at row {row}. Rows must be in time order.",
+            hint="Label runs with an index of levels 'run' and 'time', or with a run column and "
+            "run=; if the index means nothing, call X.reset_index(drop=True).",
+            options=["run"],
         )
     if within.any() and np.median(step[within]) == 1:
         first = np.repeat(sample[run_starts[:-1]], np.diff(run_starts))

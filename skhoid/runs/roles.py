@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..exceptions import RunIndexError
+from ..exceptions import RunIndexError, UsageError
 from .flat import not_channels
 
 EXACT = ("e", "x", "f_t")
@@ -79,9 +79,11 @@ def column_of_role(names: Sequence[Any], role: str, roles: Any = None) -> int | 
     """Position of the only column of a role; None where there is none."""
     found = columns_of_role(names, role, roles)
     if len(found) > 1:
-        raise ValueError(
+        raise UsageError(
             f"{len(found)} columns of X have the role {role!r}: {[names[i] for i in found]}. Keep "
-            "it for one, and give each other column another role, or none, by roles={column: ''}."
+            "it for one, and give each other column another role, or none.",
+            hint="Write roles={column: ''}.",
+            options=["role"],
         )
     return found[0] if found else None
 

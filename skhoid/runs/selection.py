@@ -104,12 +104,14 @@ def warn_of_pooled(X: Any, stacklevel: int = 4) -> None:
         if len(values) < 2:
             continue
         warnings.warn(
-            f"Runs of {len(values)} {name}s are fitted as those of one: "
-            f"{', '.join(map(str, values[:3]))}{', ...' if len(values) > 3 else ''}. Fit each "
-            f'separately: for name, part in X.groupby(level="{name}"), with y.loc[part.index]; or '
-            "use analyse_experiment. If you want one model for all, give each run its own label "
-            f"and drop the level {name!r} from the index.",
-            PooledRunsWarning,
+            PooledRunsWarning(
+                f"Runs of {len(values)} {name}s are fitted as those of one: "
+                f"{', '.join(map(str, values[:3]))}{', ...' if len(values) > 3 else ''}.",
+                hint=f'Fit each separately: for name, part in X.groupby(level="{name}"), with '
+                "y.loc[part.index]; or use analyse_experiment. If you want one model for all, give "
+                f"each run its own label and drop the level {name!r} from the index.",
+                options=[(str(name), str(values[0]))],
+            ),
             stacklevel=stacklevel,
         )
 

@@ -16,6 +16,7 @@ from ..arx.followed_path import warn_of_times_outside
 from ..arx.orders import Orders
 from ..arx.rls import grid_numbers
 from ..effects.parameter import S
+from ..exceptions import UsageError
 from ..human.operator import held_filter
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, RunRegressor, segments
@@ -54,9 +55,10 @@ class OperatorPath(RunRegressor):
 
     def _check_one_input(self) -> None:
         if len(self._columns) != 1:
-            raise ValueError(
-                f"{type(self).__name__} has one linear input, the error; got {self.inputs_}. Name "
-                "it: inputs=['e'], or roles={column: 'e'}."
+            raise UsageError(
+                f"{type(self).__name__} has one linear input, the error; got {self.inputs_}.",
+                hint="Name it: inputs=['e'], or roles={column: 'e'}.",
+                options=["input", "role"],
             )
 
     def _set_path(

@@ -13,7 +13,7 @@ from scipy.signal.windows import blackmanharris
 
 from .._sklearn import DT, ROLES, Interval, StrOptions, fit_context
 from ..arx.rls import grid_numbers
-from ..exceptions import RankDeficiencyError, ShortRunError
+from ..exceptions import RankDeficiencyError, ShortRunError, UsageError
 from ..human.variation import as_floats
 from ..preprocessing.base import as_fitted
 from ..regression import DataToFit
@@ -105,7 +105,7 @@ class WaveletOperator(OperatorPath):
     ------
     ImportError
         If PyWavelets is missing: ``pip install "skhoid[wavelets]"``.
-    ShortRunError
+    ShortRunError, UsageError
         If no instant has enough frequencies: runs are too short for their wavelets.
     ValueError
         If there is no target, or options do not fit each other.
@@ -239,10 +239,12 @@ class WaveletOperator(OperatorPath):
         if self.instrument is not None and ("f_t" in positions or "x" in positions):
             wanted.append(positions["f_t" if "f_t" in positions else "x"])
         elif self.instrument is not None:
-            raise ValueError(
+            raise UsageError(
                 "WaveletOperator needs the target as its instrument, but X has no column of role "
-                f"'f_t' (nor 'x' beside the error); the columns are {names}. Add it, name it by "
-                "roles={column: 'f_t'}, or pass instrument=None, which the remnant biases."
+                f"'f_t' (nor 'x' beside the error); the columns are {names}.",
+                hint="Add it, name it by roles={column: 'f_t'}, or pass instrument=None, which the "
+                "remnant biases.",
+                options=["role"],
             )
         labels = [str(names[i]) for i in wanted]
         held = self._hold(grid, grid.thin_inputs(data.values), wanted, labels)[:]

@@ -64,7 +64,7 @@ def _twice(one: Part, other: Part, levels: list[str], label: tuple[Any, ...]) ->
     if one.runs.path == other.runs.path:
         return (
             f"{one.runs.path} has two runs of {what}: give each its own label, or name the column "
-            "that tells them apart, run=."
+            "that tells them apart."
         )
     return (
         f"Two files give {what}: {one.runs.path} and {other.runs.path}. Leave one out, or give "
@@ -82,5 +82,5 @@ def _check_clock(part: Part, what: str) -> None:
         raise ValueError(
             f"The time of {what} in {part.runs.path} does not increase at row {row + 2}: "
             f"{time[row]:.10g} s is followed by {time[row + 1]:.10g} s ({back.size} such rows). "
-            "If another run begins there, name the column that labels runs, run=."
+            "If another run begins there, name the column that labels runs."
         )

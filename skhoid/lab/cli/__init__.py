@@ -13,12 +13,13 @@ from importlib import import_module
 from typing import Any
 
 from ..._machine import ended_by_signals
+from ...exceptions import Hinted
 from .at_once import refuse_at_once
 from .commands import Parser
+from .messages import as_option, message_for
 from .options import with_one_element
 from .output import note
 from .parser import make_parsers
-from .wording import as_option, reworded
 
 __all__ = ["main"]
 
@@ -137,7 +138,9 @@ def _explain(error: Exception, options: argparse.Namespace) -> int:
         return UNEXPECTED
     if isinstance(error, OSError) and error.strerror:
         text = f"{error.filename or 'the output'}: {error.strerror}"
-    print(f"skhoid: error: {reworded(text, options)}", file=sys.stderr)
+    if isinstance(error, Hinted):
+        text = message_for(error, options)
+    print(f"skhoid: error: {text}", file=sys.stderr)
     return BAD_INPUT
 
 
@@ -148,6 +151,6 @@ def _show_warning(options: argparse.Namespace) -> Callable[..., None]:
     def show(message: Any, *_: Any, **__: Any) -> None:
         if str(message) not in shown:
             shown.add(str(message))
-            note(reworded(str(message), options))
+            note(message_for(message, options))
 
     return show

@@ -28,12 +28,12 @@ from .files import (
     save_figures,
     without_screen,
 )
+from .messages import message_for
 from .next_steps import after_compare
 from .options import pairs, refuse
 from .output import print_json, print_wrapped, say_files, say_next
 from .search_output import print_source, tables_of_comparison, write_report
 from .tables import check_tables, save_tables
-from .wording import reworded
 
 
 def compare(options: argparse.Namespace) -> int:
@@ -76,8 +76,10 @@ def compare(options: argparse.Namespace) -> int:
         print_json({**head, **_as_dict(found), **files})
     else:
         print_source(options, source)
-        for line in found.summary().splitlines():
-            print_wrapped(reworded(line, options) if line.startswith("Note: ") else line)
+        for line in found.summary().splitlines()[: -len(found.notes) or None]:
+            print_wrapped(line)
+        for each in found.notes:
+            print_wrapped(f"Note: {message_for(each, options)}")
         say_files(files)
         say_next(after_compare(options))
     return 0
@@ -212,5 +214,5 @@ def _as_dict(found: Comparison) -> dict[str, Any]:
         "ceiling_note": found.ceiling_note,
         "leak": None if leak is None else vars(leak),
         "findings": [vars(finding) for finding in found.findings],
-        "notes": found.notes,
+        "notes": list(map(str, found.notes)),
     }

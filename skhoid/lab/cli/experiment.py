@@ -7,7 +7,6 @@ import contextlib
 import io
 import shlex
 import warnings
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +34,6 @@ from .options import pairs, refuse
 from .output import print_bold, print_json, print_wrapped, say, say_files
 from .search_output import shows_progress, wanted_effects
 from .tables import check_tables, save_tables
-from .wording import reworded
 
 SIMULATED = ["dead_zone", "saturation"]  # searched for where nothing else is asked
 OF_SEARCH = ["display", "max_effects", "controlled_element"]
@@ -240,7 +238,7 @@ def _print(text: Any, options: argparse.Namespace) -> None:
     if options.json:
         return
     print()
-    for line in map(partial(reworded, options=options), str(text).splitlines()):
+    for line in str(text).splitlines():
         if len(line) > WIDTH:  # no row of a table
             print_wrapped(line)
         else:

@@ -29,7 +29,6 @@ from .output import (
 )
 from .search_output import figure_folder, print_source
 from .tables import check_tables, save_tables
-from .wording import reworded
 
 PICTURES = ["simulation.png", "delay.png", "delay-vaf.png", "orders.png", "parameters.png"]
 CRITERIA = {"one_step": "lowest one-step error", "vaf": "highest cross-validated VAF"}
@@ -260,7 +259,7 @@ def _print(found: Identification, source: str, criterion: str, options: argparse
         f"({chosen.name}{'; about the mean' if found.centered else ''}): {chosen.verdict}"
     )
     for note in found.notes:
-        print_wrapped(f"  note: {reworded(note, options)}")
+        print_wrapped(f"  note: {note}")
     print()
     _print_models(found)
     if found.delay_searches:

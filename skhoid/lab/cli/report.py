@@ -12,6 +12,7 @@ from ..._version import __version__
 from ...pipelines import prediction_from
 from ...search.story import comparison_dict, parameters_table
 from .files import columns_dict, new_file
+from .messages import message_for
 from .next_steps import after_diagnose
 from .options import refuse
 from .output import print_json, print_wrapped, say_files, say_next
@@ -25,7 +26,6 @@ from .search_output import (
     write_results,
 )
 from .tables import check_tables, save_tables
-from .wording import reworded
 
 OF_SEARCH = ["display", "max_effects", "controlled_element"]
 
@@ -43,7 +43,7 @@ def report(options: argparse.Namespace) -> int:
         if not options.json:
             print_source(options, source)
             for line in story.search_.summary().splitlines():
-                print_wrapped(reworded(line, options))
+                print_wrapped(line)
         write_results(options, story, source, report=path)
         if not options.json:
             say_next(after_diagnose(options, story.search_))
@@ -82,7 +82,7 @@ def _without_search(
         print_source(options, source)
         print_wrapped(f"VAF {vaf:.1f} % of the simulated output on the rows of the fit")
         print_block(parameters_table(model), options, None)
-        for text in compared.notes if compared is not None else []:
-            print_wrapped(reworded(f"  note: {text}", options))
+        for each in compared.notes if compared is not None else []:
+            print_wrapped(f"  note: {message_for(each, options)}")
         say_files(files)
     return 0

@@ -24,7 +24,6 @@ from .files import check_folders, columns_dict, save_figures, without_screen
 from .options import refuse
 from .output import print_bold, print_json, print_table, print_wrapped, say_files
 from .tables import save_tables
-from .wording import reworded
 
 OF_COMPARISON = (
     "by_run",
@@ -103,7 +102,7 @@ def print_block(block: str, options: argparse.Namespace, truth: dict[str, float]
     """Print a line or a table of a story."""
     if not isinstance(block, StoryTable):
         show = print_bold if block.startswith("Verdict: ") else print_wrapped
-        show(reworded(block, options))
+        show(block)
         return
     headings, rows = list(block.headings), [list(row) for row in block.rows]
     if block.kind == "parameters" and truth:

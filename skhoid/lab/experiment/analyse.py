@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
-from ...exceptions import MissingDataWarning, RunTimeWarning
+from ...exceptions import MissingDataWarning, RunTimeWarning, UsageError
 from .cell_analysis import AnalysisPlan, CellTables, analyse_cell
 from .read import Cell, read_cells
 from .result import ExperimentResult, verdicts
@@ -148,9 +148,11 @@ def _check_options(
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"{name} must be a time in s, above 0; got {value!r}.")
     if run_in is not None and measurement_time is not None:
-        raise ValueError(
-            "Give run_in= (leave out the first seconds) or measurement_time= (keep the last "
-            "seconds), not both."
+        raise UsageError(
+            "The run-in (leave out the first seconds) and the measurement time (keep the last "
+            "seconds) are both given.",
+            hint="Give run_in= or measurement_time=, not both.",
+            options=["run_in", "measurement_time"],
         )
 
 

@@ -102,7 +102,7 @@ def content_of(
             "figures": [(name, text) for name, text in figures(found) if ABSENT not in text],
             "findings": list(_findings(found, None if key == "after" else after, added)),
             "remark": _two_fits(search, found) if key == "before" else "",
-            "notes": [as_sentence(note) for note in found.notes],
+            "notes": [as_sentence(note.with_hint) for note in found.notes],
             "false_alarm": f"{100 * found.false_alarm:g}",
             "pictures": gallery.comparison(found),
         }
