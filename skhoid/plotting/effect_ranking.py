@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.offsetbox import AnnotationBbox, HPacker, TextArea
 
 from ..effects.registry import title_of
+from ..search import Status
 from ._axes import letters, letters_above, wrapped
 from ._comparison import say_instead
 from ._display import Display
@@ -19,7 +20,6 @@ from ._effects import attributes_of
 from ._roles import BLUE, ORANGE, background, dimmed, faded, foreground, scaled
 
 TAKEN = ("ranking_",)
-ADDED, REFUSED = "added", "does not apply"
 ROW = 0.235  # inches for each candidate
 LEAST = 1.0  # points on the axis, so that small gains look small
 FURTHEST_LEFT = 0.35  # of the largest gain; bars that lose more are cut
@@ -138,7 +138,7 @@ class EffectRankingDisplay(Display):
             )
         of_step = ranking[ranking["step"] == step]
         if n_candidates is not None:
-            of_step = of_step[of_step["status"] != REFUSED].head(n_candidates)
+            of_step = of_step[of_step["status"] != Status.REFUSED].head(n_candidates)
         return cls(ranking=of_step, step=step).plot(ax, **styles)
 
     def plot(
@@ -160,7 +160,7 @@ class EffectRankingDisplay(Display):
         -------
         self : EffectRankingDisplay
         """
-        refused = (self.ranking["status"] == REFUSED).to_numpy()
+        refused = (self.ranking["status"] == Status.REFUSED).to_numpy()
         table = pd.concat([self.ranking[~refused], self.ranking[refused]])
         size = 7.2, max(2.6, 1.1 + ROW * len(table))
         (self.ax_,) = self._take_axes(ax, "the bars", figsize=size)
@@ -174,11 +174,11 @@ class EffectRankingDisplay(Display):
         self.columns_: dict[str, dict[str, Any]] = {}
         self.margin_ = np.nan
         self.confused_: list[str] = []
-        tried = table[table["status"] != REFUSED]
+        tried = table[table["status"] != Status.REFUSED]
         if not table.empty:
             self._draw_bars(tried)
             self._draw_columns(tried)
-            self._draw_refused(table[table["status"] == REFUSED], len(tried))
+            self._draw_refused(table[table["status"] == Status.REFUSED], len(tried))
             self._finish(table)
         else:
             say_instead(self.ax_, f"No candidate was tried in step {self.step}.")
@@ -215,7 +215,7 @@ class EffectRankingDisplay(Display):
     def _draw_bar(self, i: int, row: dict[str, Any], left: float) -> None:
         name, gain = row["effect"], float(_finite(row["vaf_gain"]))
         confused = name in self.confused_
-        added = row["status"] == ADDED
+        added = row["status"] == Status.ADDED
         (self.bars_[name],) = self.ax_.barh(
             i,
             np.nan_to_num(gain),
@@ -257,7 +257,7 @@ class EffectRankingDisplay(Display):
                     (1.0, i),
                     at,
                     va="center",
-                    color=foreground() if row["status"] == ADDED else dimmed(),
+                    color=foreground() if row["status"] == Status.ADDED else dimmed(),
                     **beside,
                     **look,
                 )
@@ -292,7 +292,7 @@ class EffectRankingDisplay(Display):
 
     def _name(self, i: int, row: dict[str, Any], with_form: bool) -> Any:
         """Name of a candidate left of its bar, and its form, smaller."""
-        refused, added = row["status"] == REFUSED, row["status"] == ADDED
+        refused, added = row["status"] == Status.REFUSED, row["status"] == Status.ADDED
         look = {
             "color": dimmed(0.55) if refused else foreground(),
             "fontsize": "small",
@@ -318,7 +318,7 @@ class EffectRankingDisplay(Display):
         )
 
     def _title_text(self, tried: pd.DataFrame) -> str:
-        added = tried[tried["status"] == ADDED]
+        added = tried[tried["status"] == Status.ADDED]
         if tried.empty:
             return f"Step {self.step}: no candidate applies"
         if added.empty:
@@ -341,7 +341,7 @@ class EffectRankingDisplay(Display):
 
 def _first_two(tried: pd.DataFrame) -> tuple[Any, Any]:
     """What was added, else the first, and of the others the one with the longest bar, if any."""
-    added = np.flatnonzero((tried["status"] == ADDED).to_numpy())
+    added = np.flatnonzero((tried["status"] == Status.ADDED).to_numpy())
     first = int(added[0]) if added.size else 0
     others = tried.drop(index=tried.index[first])
     if others["vaf_gain"].notna().any():

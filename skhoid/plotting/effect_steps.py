@@ -12,6 +12,7 @@ import pandas as pd
 
 from ..preprocessing.base import as_fitted
 from ..runs import RunLayout, read_layout, run_name
+from ..search import Verdict
 from ._axes import letters_above, with_unit, wrapped
 from ._comparison import percent, say_instead
 from ._display import Display
@@ -48,7 +49,7 @@ class EffectStepsDisplay(Display):
         added, over runs and time.
     error_path : DataFrame
         ``error_path_`` of the search, for the VAF.
-    verdict : str
+    verdict : Verdict or str
         ``verdict_`` of the search.
     unit : str or None, default=None
         Unit of the output.
@@ -94,7 +95,7 @@ class EffectStepsDisplay(Display):
 
     predictions: pd.DataFrame
     error_path: pd.DataFrame
-    verdict: str
+    verdict: Verdict | str
     unit: str | None = None
     settling: float = 0.0
 

@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from ..effects.registry import titles_of
+from ..search import Verdict
 from ._axes import letters_above, with_unit, wrapped
 from ._comparison import percent, say_instead
 from ._display import Display
@@ -48,7 +49,7 @@ class ErrorPathDisplay(Display):
         ceiling and explainable_gap, and vaf_loop where the closed loop is known.
     best_effects : list of str
         ``best_effects_`` of the search.
-    verdict : str
+    verdict : Verdict or str
         ``verdict_`` of the search.
     unit : str or None, default=None
         Unit of the output.
@@ -97,7 +98,7 @@ class ErrorPathDisplay(Display):
 
     error_path: pd.DataFrame
     best_effects: list[str]
-    verdict: str
+    verdict: Verdict | str
     unit: str | None = None
 
     @classmethod
@@ -219,7 +220,8 @@ class ErrorPathDisplay(Display):
     def _title_text(self, path: pd.DataFrame) -> str:
         found = [name for name in self.best_effects if name != UNKNOWN]
         added = list(path["effect"][1:])
-        verdict = self.verdict[:1].upper() + self.verdict[1:]
+        verdict = str(self.verdict)
+        verdict = verdict[:1].upper() + verdict[1:]
         vaf = path["vaf"].to_numpy(dtype=float)
         rise = f"held-out VAF from {vaf[0]:.1f}\xa0to\xa0{vaf[-1]:.1f}\xa0%"
         if not found:

@@ -2,5 +2,6 @@
 
 from .effect_search import EffectSearchCV
 from .shape import Shape
+from .statuses import Reason, Status, Verdict
 
-__all__ = ["EffectSearchCV", "Shape"]
+__all__ = ["EffectSearchCV", "Reason", "Shape", "Status", "Verdict"]

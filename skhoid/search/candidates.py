@@ -15,6 +15,7 @@ from .in_loop import LEAST_DELTA_BIC as LEAST_DELTA_BIC_IN_LOOP
 from .in_loop import LEAST_GAIN as LEAST_IN_LOOP
 from .in_loop import LEAST_IF_BETTER, InLoop, LoopParent
 from .leak import leak_of
+from .statuses import Against, Reason
 
 LEAST_DELTA_BIC = 25.0  # of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
@@ -41,7 +42,7 @@ class Candidate:
     name: str
     effect: Effect
     model: Model | None = None
-    reason: str = ""
+    inapplicable: str = ""  # what it needs and the data do not have
     delta_bic: float = -np.inf
     loglik: float = -np.inf
     n_parameters: float = 0
@@ -54,7 +55,7 @@ class Candidate:
     joint: float = np.nan
     in_loop: InLoop | None = None
     least_gain: float = LEAST_GAIN
-    refused: str = ""
+    refused: Against | None = None
     unweighed: bool = False
 
     @property
@@ -237,16 +238,18 @@ class SearchStep:
         if candidate.passes and candidate.model is not None:
             gain = self.refit(candidate.model) - self.refitted_vaf
             if gain <= (-candidate.least_gain if candidate.trace else 0.0):
-                candidate.refused = f"fitted without the rows, it loses {-gain:.2g} points there"
+                candidate.refused = Against(
+                    Reason.LOSES, f"fitted without the rows, it loses {-gain:.2g} points there"
+                )
         return candidate.passes
 
-    def _leak_beyond_parent(self, model: Model) -> str:
+    def _leak_beyond_parent(self, model: Model) -> Against | None:
         """What the leak test says about a model, unless it says much the same about the parent."""
         leak, of_parent = leak_of(model), self._parent_leak
         if leak is None or not leak.leaks:
-            return ""
+            return None
         known = of_parent.slope if of_parent is not None and of_parent.leaks else -np.inf
-        return "" if leak.slope < known + SLOPE else leak.reason
+        return None if leak.slope < known + SLOPE else Against(Reason.REBUILDS, leak.reason)
 
     @cached_property
     def _parent_leak(self) -> LeakTest | None:
@@ -303,7 +306,7 @@ def place_of(candidate: Candidate) -> tuple[bool, bool, float]:
     return not trace, not passes, -(candidate.weight if passes else candidate.delta_bic)
 
 
-def without_name(candidate: Candidate) -> str:
+def without_name(candidate: Candidate) -> Against | None:
     """Why a fitted effect is not named: its numbers end where nobody measured them."""
     model = candidate.model
     assert model is not None
@@ -314,19 +317,18 @@ def without_name(candidate: Candidate) -> str:
     values, ends, unknown = model.values(), model.at_bound(), model.undetermined()
     for name, value in effect.unseen_at.items():
         if own + name in ends and np.isclose(values[own + name], value, rtol=AT_BOUND):
-            return f"nothing shows of it with {name} = {value:g}"
+            text = f"nothing shows of it with {name} = {value:g}"
+            return Against(Reason.NOT_SEEN, text)
     lost = [name for name in sizes if own + name in unknown]
     at_end = [n for n in sizes if own + n in ends and not natural(values[own + n])]
     if not sizes or {*lost, *at_end} != {*sizes}:
-        return ""
-    return (
-        f"the data do not determine its {', '.join(lost)}"
-        if lost
-        else f"{', '.join(at_end)} at the bound"
-    )
+        return None
+    if lost:
+        return Against(Reason.NOT_DETERMINED, f"the data do not determine its {', '.join(lost)}")
+    return Against(Reason.AT_BOUND, f"{', '.join(at_end)} at the bound")
 
 
-def hardly_there(candidate: Candidate) -> str:
+def hardly_there(candidate: Candidate) -> Against | None:
     """Why a fitted effect is not named: its numbers may well be those at which it does nothing.
 
     Not asked of what jumps, nor where a standard error is not known, nor of a curve: each of its
@@ -335,7 +337,7 @@ def hardly_there(candidate: Candidate) -> str:
     model, neutral = candidate.model, candidate.effect.neutral
     assert model is not None
     if not neutral or candidate.effect.free_form or not model.simulator.smooth:
-        return ""
+        return None
     free = {p.name for p in dict(model.effects.steps)[candidate.name].free}
     sizes = [name for name in neutral if name in free]
     values, names = model.values(), model.simulator.names
@@ -344,9 +346,12 @@ def hardly_there(candidate: Candidate) -> str:
     for name in sizes:
         value, unsure = values[f"{candidate.name}__{name}"], sd[f"{candidate.name}__{name}"]
         if not abs(value - neutral[name]) < SURE * unsure:
-            return ""
+            return None
         numbers.append(f"{name} = {value:.2g} ± {unsure:.1g}")
-    return f"within its standard errors it may be zero: {', '.join(numbers)}" if numbers else ""
+    if not numbers:
+        return None
+    text = f"within its standard errors it may be zero: {', '.join(numbers)}"
+    return Against(Reason.MAY_BE_ZERO, text)
 
 
 def natural(value: float) -> bool:

@@ -33,7 +33,6 @@ from ..text import ModelSummary, Summary, estimates_table
 from .all_runs import AllRuns, Held, held_columns
 from .estimators import Estimators
 from .explanations import (
-    VERDICTS,
     changes_sentences,
     experiments,
     headline_of,
@@ -54,7 +53,8 @@ from .shape import fitted_shape, told_shape
 from .shapes import shaped
 from .sketch import SketchesEffects
 from .started import Started
-from .verdict import Verdict
+from .statuses import Verdict
+from .verdict import Ending
 
 GUARD = 5.0  # s beside held-out blocks of a single run
 MOST_FOLDS = 20  # of a search in some of very many runs
@@ -128,7 +128,8 @@ class EffectSearchCV(
         number of effects tried), gain_loop and delta_bic_loop (the same in the closed loop; NaN
         where not evaluated), delta_bic_joint (with a jointly estimated noise model; NaN for an ARX
         model, for effects without a gain, and far behind the best), parameters (with standard
-        errors and units), reason (why it was not added), words, confused_with, vaf_before (held
+        errors and units), reason_code and reason (why it was not added: a
+        :class:`skhoid.search.Reason`, and words), words, confused_with, vaf_before (held
         out, refitted for each fold, of the first step as in ``error_path_``), vaf_after (its sum
         with vaf_gain), delta_loglik, n_parameters. :meth:`ranking_table` is the short form.
     best_effects_ : list of str
@@ -142,11 +143,11 @@ class EffectSearchCV(
         What the data show of an effect without a name: place, curve with a band, what it explains,
         and the named effects that are nearest. None where nothing is missing, all has a name, or no
         free form explains it.
-    verdict_ : str
-        "nothing is missing", "effects found", or what ``"unknown"`` at the end of ``best_effects_``
-        means: "something is missing, not in the catalogue" if all of the catalogue was tried; "...,
-        not among the effects tried" if ``effects`` is only part of it; "..., and max_effects is
-        reached" if the search ended while effects still helped.
+    verdict_ : Verdict
+        ``NOTHING`` (is missing), effects ``FOUND``, or what ``"unknown"`` at the end of
+        ``best_effects_`` means: ``NOT_IN_CATALOGUE`` if all of it was tried; ``NOT_TRIED`` if
+        ``effects`` is only part of it; ``CUT_SHORT`` (by max_effects) if the search ended while
+        effects still helped. See :class:`skhoid.search.Verdict`; ``str()`` of it is a sentence.
     error_path_ : DataFrame
         One row per step, starting with the baseline: effect (the id that was added), model (all its
         effects so far, in words), vaf and rmse (held out, each fold refitted), vaf_loop (in the
@@ -296,12 +297,12 @@ class EffectSearchCV(
             measured = as_output(y)
             kept = np.where(known, measured, np.nan)
             estimators = Estimators(model)
-            found, verdict, best = self._searched(search, estimators, prepared, kept, started.held)
+            found, ending, best = self._searched(search, estimators, prepared, kept, started.held)
             if len(found.path.model.effects):  # choices made, numbers to be estimated
                 best.set_params(effects=found.path.model.effects)
             self.best_estimator_ = best
             self.baseline_ = estimators.of(prepared, found.path.steps[0].plain)
-            self._conclude(verdict)
+            self._conclude(ending)
             self.left_out_ = control.table
             self._tell_searched(prepared, some)
             self._tabulate(found, prepared)
@@ -342,7 +343,7 @@ class EffectSearchCV(
         prepared: Prepared,
         measured: np.ndarray,
         held: list[Held],
-    ) -> tuple[SearchNumbers, Verdict, Any]:
+    ) -> tuple[SearchNumbers, Ending, Any]:
         """What a search finds, the verdict, and the best model; ``measured`` is y.
 
         With a delay that was given, names and what is left are those of a free one, unless that
@@ -364,18 +365,18 @@ class EffectSearchCV(
             all_runs = None if of_all else AllRuns(prepared.record, held)
             return numbers_of(search, path, best, prepared, measured, recorded, all_runs), best
 
-        def with_its_delay() -> tuple[SearchNumbers, Verdict, Any]:
+        def with_its_delay() -> tuple[SearchNumbers, Ending, Any]:
             found, best = numbers(search, prepared, forward(search, fitted, most))
             ended = shaped(search, found, tries_all=self._tries_all())
-            alone = ended.verdict.best_effects == ["unknown"] and ended.shape is None
+            alone = ended.ending.best_effects == ["unknown"] and ended.shape is None
             both = pair_of(search, found.path, most) if alone else None
             if both is not None:
                 together, of_both = numbers(search, prepared, both)
                 again = shaped(search, together, tries_all=self._tries_all())
-                if again.verdict.named:
+                if again.ending.named:
                     ended, best = again, of_both
             self.shape_ = fitted_shape(ended, model, prepared, measured)
-            return ended.found, ended.verdict, best
+            return ended.found, ended.ending, best
 
         given = GivenDelay.of(search, fitted) if most else None
         if given is None:
@@ -391,12 +392,12 @@ class EffectSearchCV(
         self.shape_ = fitted_shape(ended, model, freed, measured)
         found, best = numbers(search, prepared, path)
         found = replace(found, left=free.left, noises=free.noises, changes=free.changes)
-        return found, with_given_delay(ended.verdict, free.path, path), best
+        return found, with_given_delay(ended.ending, free.path, path), best
 
-    def _conclude(self, verdict: Verdict) -> None:
-        self.best_effects_ = verdict.best_effects
-        self.stand_ins_ = verdict.stand_ins
-        self.verdict_ = VERDICTS[verdict.outcome]
+    def _conclude(self, ending: Ending) -> None:
+        self.best_effects_ = ending.best_effects
+        self.stand_ins_ = ending.stand_ins
+        self.verdict_: Verdict = ending.verdict
 
     def _tell_searched(self, prepared: Prepared, some: np.ndarray | None) -> None:
         labels, run_of = prepared.grid.layout.labels, prepared.run_of_columns

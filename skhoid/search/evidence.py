@@ -91,7 +91,7 @@ def _weighed(search: EffectSearchCV, kept: Effects, tried: list[Any], X: Any, y:
 
 def _row(out: str, c: Candidate) -> tuple[Any, ...]:
     in_loop = np.nan if c.in_loop is None else c.in_loop.delta_bic
-    return (out, c.id, evidence(c), c.gain, c.delta_bic, c.joint, in_loop, c.reason)
+    return (out, c.id, evidence(c), c.gain, c.delta_bic, c.joint, in_loop, c.inapplicable)
 
 
 def evidence(c: Candidate) -> float:
@@ -100,7 +100,7 @@ def evidence(c: Candidate) -> float:
     The closed loop judges linear effects, and a noise model estimated along those that are not.
     What loses on held-out rows has no evidence for it.
     """
-    if c.reason or c.model is None:
+    if c.inapplicable or c.model is None:
         return np.nan
     judged, found = c.in_loop, [c.delta_bic]
     if np.isfinite(c.joint):

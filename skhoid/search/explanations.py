@@ -10,7 +10,7 @@ import pandas as pd
 from ..effects.base import Effect
 from ..effects.registry import title_of, titles_of
 from ..text import VAF_RULE, counted, gap_text, p_text
-from .verdict import Outcome
+from .statuses import Status, Verdict
 
 # What an effect on a compensatory display can only be equivalent to, and why.
 SHOWS_TARGET = {"feedforward", "preview", "output_feedback"}
@@ -64,20 +64,9 @@ EXPERIMENTS = {
     frozenset({"rate_reflex", "rectified"}): "record slow ramps, in which the rate hardly acts",
     frozenset({"wrong_delay", "extra_lag"}): "use a forcing function with lines up to 30 rad/s",
 }
-# Why structure left has no name: all effects were tried, only some, or the search ended early.
-NOT_IN_CATALOGUE = "something is missing, not in the catalogue"
-NOT_TRIED = "something is missing, not among the effects tried"
-CUT_SHORT = "something is missing, and max_effects is reached"
-VERDICTS = {
-    Outcome.NOTHING: "nothing is missing",
-    Outcome.FOUND: "effects found",
-    Outcome.NOT_IN_CATALOGUE: NOT_IN_CATALOGUE,
-    Outcome.NOT_TRIED: NOT_TRIED,
-    Outcome.CUT_SHORT: CUT_SHORT,
-}
 HOW_TO_GO_ON = {
-    NOT_TRIED: 'Try the rest of the catalogue too: effects="all", which is the default.',
-    CUT_SHORT: "Let the search add more effects: set a larger max_effects.",
+    Verdict.NOT_TRIED: 'Try the rest of the catalogue too: effects="all", which is the default.',
+    Verdict.CUT_SHORT: "Let the search add more effects: set a larger max_effects.",
 }
 ANY_EXPERIMENT = (
     "record more runs, some at half and some at twice the amplitude and with other phases of the "
@@ -132,18 +121,18 @@ def experiments(ranking: pd.DataFrame) -> list[str]:
     """What to record to tell the effects added from those that explain as much."""
     return [
         experiment_between(row["effect"], other)
-        for _, row in ranking[ranking["status"] == "added"].iterrows()
+        for _, row in ranking[ranking["status"] == Status.ADDED].iterrows()
         for other in row["confused_with"]
     ]
 
 
-def unexplained_by(verdict: str, ranking: pd.DataFrame, max_effects: int) -> str:
+def unexplained_by(verdict: Verdict, ranking: pd.DataFrame, max_effects: int) -> str:
     """Which effects do not explain what is left, as the end of "what ..."."""
-    if verdict == CUT_SHORT:
+    if verdict is Verdict.CUT_SHORT:
         return f"is not explained within max_effects={max_effects}"
-    if verdict != NOT_TRIED:
+    if verdict is not Verdict.NOT_TRIED:
         return "no effect of the catalogue explains"
-    n_tried = int(((ranking["step"] == 1) & (ranking["status"] != "does not apply")).sum())
+    n_tried = int(((ranking["step"] == 1) & (ranking["status"] != Status.REFUSED)).sum())
     if n_tried == 0:
         return "no effect was there to explain"
     if n_tried == 1:
@@ -153,7 +142,7 @@ def unexplained_by(verdict: str, ranking: pd.DataFrame, max_effects: int) -> str
 
 def untried_notes(candidates: Sequence[Effect], ranking: pd.DataFrame) -> list[str]:
     """Why a search tried nothing, if it did: of each effect, what it needs."""
-    if len(ranking) and (ranking["status"] != "does not apply").any():
+    if len(ranking) and (ranking["status"] != Status.REFUSED).any():
         return []
     reasons = dict(zip(ranking["effect"], ranking["reason"], strict=True))
     refused = "it does not apply"
@@ -172,14 +161,14 @@ def stand_ins_sentence(ids: Sequence[str]) -> str:
 
 
 def headline_of(
-    path: pd.DataFrame, ids: Sequence[str], stand_ins: Sequence[str], verdict: str, rest: str
+    path: pd.DataFrame, ids: Sequence[str], stand_ins: Sequence[str], verdict: Verdict, rest: str
 ) -> str:
     """The verdict in one sentence to quote; ``rest`` is the end of "something that ..."."""
     named = titles_of([name for name in ids if name != "unknown"])
     first, last = path.iloc[0], path.iloc[-1]
     top = f"noise ceiling {last['ceiling']:.1f} %" if np.isfinite(last["ceiling"]) else ""
     unknown = ids and ids[-1] == "unknown"
-    if verdict.startswith("nothing"):
+    if verdict is Verdict.NOTHING:
         text = "Nothing is missing that these data could show"
     elif list(ids) == ["unknown"]:
         text = f"Something is missing that {rest}"
@@ -210,7 +199,7 @@ def summary_of(
     ranking: pd.DataFrame,
     ids: Sequence[str],
     stand_ins: Sequence[str],
-    verdict: str,
+    verdict: Verdict,
     max_effects: int,
     no_ceiling: str,
     unexplained: pd.DataFrame,
@@ -233,10 +222,10 @@ def summary_of(
     if no_ceiling:
         lines.append(f"  The noise ceiling is not known: {no_ceiling}.")
     lines += _steps(path, ranking)
-    if verdict.startswith("nothing"):
+    if verdict is Verdict.NOTHING:
         # The last step decides: the first one has a delay that was given, and is only a claim.
         last_step = ranking["step"] == ranking["step"].max()
-        near = ranking[last_step & (ranking["status"] == "not better")]
+        near = ranking[last_step & (ranking["status"] == Status.NOT_BETTER)]
         if len(near):
             best = near.iloc[0]
             lines.append(
@@ -268,7 +257,7 @@ def _steps(path: pd.DataFrame, ranking: pd.DataFrame) -> Iterator[str]:
     """What each step added, with all effects that its model has."""
     for step, row in path.iloc[1:].iterrows():
         name, before = row["effect"], path.loc[step - 1]
-        added = ranking[(ranking["status"] == "added") & (ranking["effect"] == name)]
+        added = ranking[(ranking["status"] == Status.ADDED) & (ranking["effect"] == name)]
         yield (
             f"Step {step}, {with_effects(path['effect'].iloc[1 : step + 1])}: VAF "
             f"{before['vaf']:.1f} -> {row['vaf']:.1f} %, RMSE {before['rmse']:.4g} -> "

@@ -121,10 +121,10 @@ class Search:
             if effect.name in taken:
                 continue
             name = unique_name(effect, parent.effects)
-            reason = effect.refusal_in(self.record, self.core.kind) or ""
-            tried_apart = [effect] if reason else effect.alternatives(self.record)
-            candidates += [Candidate(name, one, reason=reason) for one in tried_apart]
-        tried = [c for c in candidates if not c.reason]
+            lacks = effect.refusal_in(self.record, self.core.kind) or ""
+            tried_apart = [effect] if lacks else effect.alternatives(self.record)
+            candidates += [Candidate(name, one, inapplicable=lacks) for one in tried_apart]
+        tried = [c for c in candidates if not c.inapplicable]
         added = [(c.name, c.effect) for c in tried]
         with self.progress.step(2 * len(tried)):  # fitted, and refined
             rough = explored_from(parent, self.coarse)
@@ -141,9 +141,9 @@ class Search:
         self._parents[frozenset(parent.effects.names)] = parent
         fitted = {c.name for c in more}
         again = [c for c in other.candidates if c.name not in fitted]
-        candidates = [Candidate(c.name, c.effect, reason=c.reason) for c in again]
+        candidates = [Candidate(c.name, c.effect, inapplicable=c.inapplicable) for c in again]
         ends = [(c.model.effects, c.model.values()) for c in again if c.model]
-        tried = [c for c in candidates if not c.reason]
+        tried = [c for c in candidates if not c.inapplicable]
         with self.progress.step(2 * (len(tried) + len(more))):
             self.progress.done(len(more))
             for c, found in zip(tried, self._each(self._followed, ends, parent), strict=True):

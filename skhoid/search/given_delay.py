@@ -24,7 +24,8 @@ from .forward import (
     rises,
     unique_name,
 )
-from .verdict import Outcome, Verdict
+from .statuses import Verdict
+from .verdict import Ending
 
 
 @dataclass
@@ -139,12 +140,12 @@ class GivenDelay:
         return Model(simulator, replace(fit, theta=theta))
 
 
-def with_given_delay(verdict: Verdict, free: Path, path: Path) -> Verdict:
-    """The verdict on a search with a free delay, for the model whose delay was given."""
+def with_given_delay(ending: Ending, free: Path, path: Path) -> Ending:
+    """The end of a search with a free delay, for the model whose delay was given."""
     lost = {*free.ids} - {*path.ids}
     named = [CLAIM] if CLAIM in path.ids else []
-    named += [name for name in verdict.named if name not in lost]
-    outcome = verdict.outcome
-    if outcome in (Outcome.NOTHING, Outcome.FOUND):
-        outcome = Outcome.FOUND if named else Outcome.NOTHING
-    return Verdict(outcome, named, verdict.stand_ins)
+    named += [name for name in ending.named if name not in lost]
+    verdict = ending.verdict
+    if not verdict.leaves_unknown:
+        verdict = Verdict.FOUND if named else Verdict.NOTHING
+    return Ending(verdict, named, ending.stand_ins)

@@ -17,6 +17,7 @@ from .candidates import LEAST_DELTA_BIC, Candidate
 from .explanations import sentence_of, with_effects
 from .leftover import Leftover
 from .search_numbers import SearchNumbers
+from .statuses import Against, Reason, Status
 
 DESCRIBED = 5  # candidates of a step whose parameters are written out
 
@@ -81,7 +82,7 @@ class Ranked:
     effect: str
     title: str
     form: str
-    status: str = "added"
+    status: Status = Status.ADDED
     vaf_gain: float = np.nan
     delta_bic: float = np.nan
     p_value: float = 0.0
@@ -89,6 +90,7 @@ class Ranked:
     delta_bic_loop: float = np.nan
     delta_bic_joint: float = np.nan
     parameters: str = ""
+    reason_code: Reason = Reason.NONE
     reason: str = ""
     words: str = ""
     confused_with: list[str] = field(default_factory=list)
@@ -125,16 +127,15 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 confused_with=c.confused_with,
                 words=sentence_of(c.effect, display, domain) + (f" {c.trace}." if c.trace else ""),
             )
-            if c.reason:
-                row.status = "does not apply"
-            else:
+            if not c.inapplicable:
                 row.delta_loglik, row.delta_bic = c.loglik, c.delta_bic
                 row.vaf_after, row.vaf_gain = before + c.gain, c.gain
             if c.in_loop is not None:
                 row.delta_bic_loop, row.gain_loop = c.in_loop.delta_bic, c.in_loop.gain
             if c.name not in chosen:
-                row.status = row.status if c.reason else "not better"
-                row.reason = reason_against(c, winner, taken_out=c.name in of_step)
+                row.status = Status.REFUSED if c.inapplicable else Status.NOT_BETTER
+                against = against_candidate(c, winner, taken_out=c.name in of_step)
+                row.reason_code, row.reason = against
             rows.append(row)
     first = path.steps[0]
     for rank, (effect, shown) in enumerate(found.noises, len(first.candidates) + 1):
@@ -158,7 +159,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
 
 def short_ranking(ranking: pd.DataFrame, n: int, step: int | None) -> pd.DataFrame:
     """The best n candidates of each step (or of one) as texts."""
-    tried = ranking[ranking["status"] != "does not apply"]
+    tried = ranking[ranking["status"] != Status.REFUSED]
     if step is not None:
         if step not in set(ranking["step"]):
             raise ValueError(f"There is no step {step!r}; the steps are {_listed(ranking)}.")
@@ -171,7 +172,7 @@ def short_ranking(ranking: pd.DataFrame, n: int, step: int | None) -> pd.DataFra
             "gain": best["vaf_gain"].map("{:+.2f}".format),
             "ΔBIC": best["delta_bic"].map(lambda x: f"{x:+.0f}" if np.isfinite(x) else DASH),
             "p": best["p_value"].map(lambda p: p_text(p).removeprefix("p ").removeprefix("= ")),
-            "outcome": best["reason"].where(best["status"] != "added", "added"),
+            "outcome": best["reason"].where(best["status"] != Status.ADDED, "added"),
             "parameters": best["parameters"],
         }
     ).set_index([best["step"], best["rank"]])
@@ -181,23 +182,25 @@ def _listed(ranking: pd.DataFrame) -> str:
     return ", ".join(map(str, ranking["step"].unique()))
 
 
-def reason_against(candidate: Candidate, winner: str, *, taken_out: bool) -> str:
+def against_candidate(candidate: Candidate, winner: str, *, taken_out: bool) -> Against:
     """Why a candidate is not part of what was found; ``winner`` is what its step added, or none."""
     c = candidate
-    if c.reason or c.refused:
-        return c.reason or c.refused
-    if not c.trace and not c.helps:
-        return short_of(c)
+    if c.inapplicable:
+        return Against(Reason.REFUSED, c.inapplicable)
+    if c.refused is not None:
+        return c.refused
     if not c.passes:
-        return refuted(c) if c.refuted else short_of(c)
+        loses = c.refuted and (c.trace or c.helps)
+        return Against(Reason.REFUTED, refuted(c)) if loses else short(c)
     if taken_out:
-        return "it no longer pays once the later effects are added"
+        return Against(Reason.SUPERFLUOUS, "it no longer pays once the later effects are added")
     if winner:
-        return f"it improves the free run too; {title_of(winner)} was added instead"
-    return "it pays, but max_effects was reached"
+        text = f"it improves the free run too; {title_of(winner)} was added instead"
+        return Against(Reason.RIVAL, text)
+    return Against(Reason.CUT_SHORT, "it pays, but max_effects was reached")
 
 
-def short_of(candidate: Candidate) -> str:
+def short(candidate: Candidate) -> Against:
     """Which criteria of the free run are not met, with what was found and what is asked."""
     found = []
     if not candidate.delta_bic > LEAST_DELTA_BIC:
@@ -208,7 +211,7 @@ def short_of(candidate: Candidate) -> str:
         found.append(
             f"{candidate.gain:+.3g} points on {rows}, needs at least {candidate.least_gain:.2g}"
         )
-    return "; ".join(found)
+    return Against(Reason.TOO_LITTLE, "; ".join(found))
 
 
 def refuted(candidate: Candidate) -> str:

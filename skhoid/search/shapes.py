@@ -23,9 +23,9 @@ from .forward import Search, lead, output_error_fit
 from .held_out import HeldOutRows
 from .leftover import Leftover, points_gained
 from .search_numbers import SearchNumbers
-from .verdict import BESIDE_ONE, BESIDE_SEVERAL, Outcome, Verdict, decided, unnamed
+from .statuses import Verdict
+from .verdict import BESIDE_ONE, BESIDE_SEVERAL, Ending, decided, unnamed
 
-NO_NAME = (Outcome.NOT_IN_CATALOGUE, Outcome.NOT_TRIED, Outcome.CUT_SHORT)
 FOLLOWED = 4  # forms whose curves are fitted to the end
 AS_GOOD = 0.1  # points
 SIZES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # of the prior, times the usual one
@@ -187,7 +187,7 @@ class Shaped:
 
     search: Search
     found: SearchNumbers
-    verdict: Verdict
+    ending: Ending
     shape: Candidate | None = None
     doubtful: tuple[Candidate, ...] = ()
 
@@ -198,22 +198,22 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
     One free form in place of all the effects that were found, which explains more, is structure
     that these leave: they may stand in for something else together.
     """
-    verdict, baseline = decided(found, tries_all=tries_all), found.steps[0].plain
+    ending, baseline = decided(found, tries_all=tries_all), found.steps[0].plain
     rival, hints = None, None
     if found.added:
         hints = hints_of(search, baseline)
         found, rival = beside_one_form(search, found, hints)
-        verdict = decided(found, tries_all=tries_all)
-    elif verdict.outcome == Outcome.NOTHING and (found.left or one_sided(search.record)):
+        ending = decided(found, tries_all=tries_all)
+    elif ending.verdict is Verdict.NOTHING and (found.left or one_sided(search.record)):
         hints = hints_of(search, baseline)[:FOLLOWED]
         forms = candidates_of(search, baseline, hints)
         shape = best_of(search, forms_judged(search, baseline, forms))
         if shape is None or shape.gain < BESIDE_ONE[0] * found.share:
-            return Shaped(search, found, verdict)
-        return Shaped(search, found, Verdict(unnamed(tries_all), [], []), shape)
-    if verdict.outcome not in NO_NAME:
-        return Shaped(search, found, verdict)
-    parent = unnamed_parent(found, verdict)
+            return Shaped(search, found, ending)
+        return Shaped(search, found, Ending(unnamed(tries_all), [], []), shape)
+    if not ending.verdict.leaves_unknown:
+        return Shaped(search, found, ending)
+    parent = unnamed_parent(found, ending)
     if rival is None or parent is not baseline:
         if hints is None or parent is not baseline:
             hints = hints_of(search, parent)
@@ -222,8 +222,8 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
         rival = best_of(search, step)
         if rival is None:
             doubtful = [c for c in step.candidates if c.pays and c.joint > LEAST_DELTA_BIC]
-            return Shaped(search, found, verdict, None, tuple(doubtful))
-    return Shaped(search, found, verdict, rival)
+            return Shaped(search, found, ending, None, tuple(doubtful))
+    return Shaped(search, found, ending, rival)
 
 
 def beside_one_form(
@@ -303,9 +303,9 @@ def group_of(effect: Effect) -> frozenset[str]:
     return GROUPS.get(effect.place, frozenset({effect.place}))
 
 
-def unnamed_parent(found: SearchNumbers, verdict: Verdict) -> Model:
+def unnamed_parent(found: SearchNumbers, ending: Ending) -> Model:
     """The model with the effects that are named, without those that stand in for others."""
     model = found.path.model
     ids = [dict(model.effects.steps)[name].name for name in found.added]
-    kept = sum(1 for name in ids if name in verdict.named)
+    kept = sum(1 for name in ids if name in ending.named)
     return found.steps[kept].plain

@@ -33,6 +33,7 @@ from .effect_search import EffectSearchCV
 from .explanations import HOW_TO_GO_ON, in_loop_text, stand_ins_sentence, unexplained_by
 from .left_out import control_of, without_output
 from .shape import NAMES_AHEAD, Shape, told_shape
+from .statuses import Status
 
 # Sizes that matter in condition C1, in which error and output have about 0.6 and 0.08 deg rms.
 HIDDEN: dict[str, Effect] = {
@@ -228,7 +229,7 @@ class Story:
         unit = self.units.get(self._output)
         position = 0
         for number, candidates in search.ranking_.groupby("step"):
-            tried = candidates[candidates["status"] != "does not apply"]
+            tried = candidates[candidates["status"] != Status.REFUSED]
             refused = len(candidates) - len(tried)
             verb = "does" if refused == 1 else "do"
             aside = f" ({refused} {verb} not apply)" if refused else ""
@@ -247,7 +248,9 @@ class Story:
                         "ΔBIC: BIC without the effect minus BIC with it."
                     )
             for name in path["effect"].iloc[position + 1 :]:
-                added = candidates[(candidates["status"] == "added") & (_bare(name, candidates))]
+                added = candidates[
+                    (candidates["status"] == Status.ADDED) & (_bare(name, candidates))
+                ]
                 if added.empty:
                     continue
                 position += 1
@@ -263,7 +266,7 @@ class Story:
         path, model = search.error_path_, search.best_estimator_
         names = list(path["effect"].iloc[1:])
         yield ""
-        found = f": {titles_of(names)}" if names and "unknown" not in search.best_effects_ else ""
+        found = f": {titles_of(names)}" if names and not search.verdict_.leaves_unknown else ""
         yield f"Verdict: {search.verdict_}{found}"
         last = path.iloc[-1]
         if len(path) > 1:
@@ -282,7 +285,7 @@ class Story:
             yield f"  how much is left to explain is not known for held-out rows{why}"
         if search.stand_ins_:
             yield f"  {stand_ins_sentence(search.stand_ins_)}"
-        if search.best_effects_[-1:] == ["unknown"]:
+        if search.verdict_.leaves_unknown:
             ends = unexplained_by(search.verdict_, search.ranking_, as_fitted(search).max_effects)
             yield f"  what {ends}:"
             for _, row in search.unexplained_.iterrows():
@@ -320,7 +323,7 @@ class Story:
             "error_path": _records(search.error_path_.reset_index()),
             "best_effects": search.best_effects_,
             "stand_ins": search.stand_ins_,
-            "verdict": search.verdict_,
+            "verdict": str(search.verdict_),
             "explainable_gap": search.explainable_gap_,
             "parameters": _records(search.best_estimator_.parameters_.reset_index()),
             "unexplained": _records(search.unexplained_),

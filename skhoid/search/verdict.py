@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, auto
 
 from .search_numbers import SearchNumbers
+from .statuses import Verdict
 
 # Structure left counts as unknown if it exceeds so many points (about the mean) and the first share
 # of what could be explained. Above the second share the effects found do not name it: several
@@ -17,31 +17,20 @@ BESIDE_SEVERAL = (0.4, 0.04, 0.04, 0.25)
 MUCH = 10.0  # points about the mean, for which the last share holds
 
 
-class Outcome(Enum):
-    """How a search ends; the last three leave structure without a name."""
-
-    NOTHING = auto()
-    FOUND = auto()
-    NOT_IN_CATALOGUE = auto()
-    NOT_TRIED = auto()
-    CUT_SHORT = auto()
-
-
 @dataclass(frozen=True)
-class Verdict:
+class Ending:
     """The end of a search: ids of effects that are named, and of those that stand in for others."""
 
-    outcome: Outcome
+    verdict: Verdict
     named: list[str]
     stand_ins: list[str]
 
     @property
     def best_effects(self) -> list[str]:
-        complete = self.outcome in (Outcome.NOTHING, Outcome.FOUND)
-        return self.named if complete else [*self.named, "unknown"]
+        return [*self.named, "unknown"] if self.verdict.leaves_unknown else self.named
 
 
-def decided(found: SearchNumbers, *, tries_all: bool) -> Verdict:
+def decided(found: SearchNumbers, *, tries_all: bool) -> Ending:
     """Whether what was found can be named, and whether something else is missing."""
     ids, stand_ins, worst = found.ids, [], found.worst
     share = worst / max(worst + found.gained, 1e-300)
@@ -50,20 +39,20 @@ def decided(found: SearchNumbers, *, tries_all: bool) -> Verdict:
     large = largest_left(limits, found.gained, found)
     left = worst >= least * found.share and share > small
     if not (left or found.one_cause):
-        return Verdict(Outcome.FOUND if ids else Outcome.NOTHING, ids, [])
+        return Ending(Verdict.FOUND if ids else Verdict.NOTHING, ids, [])
     if found.one_cause:
         ids, stand_ins = [], ids
     elif share > large:
         kept = 1 if len(found.added) > 1 and first_explains(found) else 0
         ids, stand_ins = ids[:kept], ids[kept:]
     if found.path.steps[-1].best is not None:
-        return Verdict(Outcome.CUT_SHORT, ids, stand_ins)
-    return Verdict(unnamed(tries_all), ids, stand_ins)
+        return Ending(Verdict.CUT_SHORT, ids, stand_ins)
+    return Ending(unnamed(tries_all), ids, stand_ins)
 
 
-def unnamed(tries_all: bool) -> Outcome:
-    """The outcome of a search that leaves something without a name."""
-    return Outcome.NOT_IN_CATALOGUE if tries_all else Outcome.NOT_TRIED
+def unnamed(tries_all: bool) -> Verdict:
+    """The verdict of a search that leaves something without a name."""
+    return Verdict.NOT_IN_CATALOGUE if tries_all else Verdict.NOT_TRIED
 
 
 def first_explains(found: SearchNumbers) -> bool:

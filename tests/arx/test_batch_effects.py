@@ -13,6 +13,7 @@ from support.places import RECORDINGS
 from skhoid import ARXRegressor, EffectSearchCV, RecursiveARX, ShortRunError, run_labels
 from skhoid.effects import DeadZone, HigherOrder, TimeVaryingGain
 from skhoid.plotting import ParameterPathDisplay
+from skhoid.search import Verdict
 
 pytestmark = pytest.mark.slow  # fits many models
 
@@ -353,7 +354,7 @@ def test_search_names_it(name, others):
     X, y = runs(response)
     search = EffectSearchCV(arx(name).set_params(effects=None), effects=[*others, name]).fit(X, y)
     assert search.best_effects_ == [name]
-    assert search.verdict_ == "effects found"
+    assert search.verdict_ is Verdict.FOUND
     assert search.score(X, y) > 99.8 > search.baseline_.score(X, y)
 
 
@@ -361,7 +362,7 @@ def test_search_finds_nothing_in_a_linear_system():
     X, y = runs(lambda r: linear(r["e"].to_numpy()), noise=0.3)
     search = EffectSearchCV(ARXRegressor(2, 2, NK)).fit(X, y)
     assert search.best_effects_ == []
-    assert search.verdict_ == "nothing is missing"
+    assert search.verdict_ is Verdict.NOTHING
     assert list(search.error_path_["effect"]) == ["baseline"]
     tried = search.ranking_  # twice: with the delay as given, and freed
     refused = tried[tried["effect"].isin(["nm_mode", "extra_lead"])]

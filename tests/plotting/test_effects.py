@@ -20,6 +20,7 @@ from skhoid import EffectSearchCV, OperatorRegressor
 from skhoid.effects import titles_of
 from skhoid.plotting import EffectRankingDisplay, EffectStepsDisplay, ErrorPathDisplay
 from skhoid.plotting._roles import BLUE, ROLES, dimmed
+from skhoid.search import Verdict
 
 OF_SEARCH = [ErrorPathDisplay, EffectStepsDisplay, EffectRankingDisplay]
 REFUSED = ("preview", "feedforward")
@@ -85,13 +86,13 @@ def a_search(effects, vaf, ceiling=88.0, *, unknown=False, candidates=8):
             }
             for name in REFUSED
         ]
-    verdict = "effects found" if effects else "nothing is missing"
+    verdict = Verdict.FOUND if effects else Verdict.NOTHING
     return SimpleNamespace(
         predictions_=predictions,
         error_path_=path,
         ranking_=pd.DataFrame(rows),
         best_effects_=[*effects, *(["unknown"] if unknown else [])],
-        verdict_="something is missing, not in the catalogue" if unknown else verdict,
+        verdict_=Verdict.NOT_IN_CATALOGUE if unknown else verdict,
     )
 
 

@@ -22,7 +22,7 @@ from skhoid.diagnosis.ceiling import noise_ceiling
 from skhoid.effects import Bias, DeadZone, Effects, catalogue, title_of
 from skhoid.model.model import Model, without
 from skhoid.model.parameters import parameter_text
-from skhoid.search import effect_search
+from skhoid.search import Verdict, effect_search
 from skhoid.search.search_numbers import gap_of
 from skhoid.search.story import Story
 
@@ -59,7 +59,7 @@ HIDDEN = {
 def test_what_is_hidden_is_named(name):
     search = searched(recorded(**HIDDEN[name], seed=5))
     assert search.best_effects_ == [name]
-    assert search.verdict_ == "effects found"
+    assert search.verdict_ is Verdict.FOUND
 
 
 @pytest.mark.slow
@@ -79,7 +79,7 @@ def test_its_parameters_are_the_true_ones(found):
 
 def test_nothing_is_missing(clean):
     assert clean.best_effects_ == clean.stand_ins_ == []
-    assert clean.verdict_ == "nothing is missing"
+    assert clean.verdict_ is Verdict.NOTHING
     assert list(clean.error_path_["effect"]) == ["baseline"]
     assert list(clean.predictions_.columns) == ["measured", "baseline"]
     assert clean.explainable_gap_ < 1.0
@@ -109,7 +109,7 @@ def test_the_summary_says_what_the_last_step_would_gain():
 def test_what_no_effect_tried_explains_is_unknown(hidden, where, least):
     search = searched(recorded(**hidden, remnant=0.05), ["bias", "gain_drift", "extra_lag"])
     assert search.best_effects_ == ["unknown"]
-    assert search.verdict_ == "something is missing, not among the effects tried"
+    assert search.verdict_ is Verdict.NOT_TRIED
     assert where in zip(search.unexplained_["where"], search.unexplained_["at"], strict=True)
     assert search.explainable_gap_ > least
     assert "What none of the 3 effects tried explains" in search.summary()
@@ -124,11 +124,11 @@ def test_only_where_all_was_tried_the_catalogue_lacks_it(monkeypatch, hidden_dat
     monkeypatch.setattr(effect_search, "BY_NAME", {c.name: c for c in few})
     for effects in ("all", ["drift", "bias"]):
         search = searched(hidden_data, effects)
-        assert search.verdict_ == "something is missing, not in the catalogue"
+        assert search.verdict_ is Verdict.NOT_IN_CATALOGUE
         assert "What no effect of the catalogue explains" in search.summary()
         assert 'effects="all"' not in search.summary()
     search = searched(hidden_data, "bias")
-    assert search.verdict_ == "something is missing, not among the effects tried"
+    assert search.verdict_ is Verdict.NOT_TRIED
     assert "What the only effect tried does not explain" in search.summary()
 
 
@@ -136,7 +136,7 @@ def test_only_where_all_was_tried_the_catalogue_lacks_it(monkeypatch, hidden_dat
 def test_a_search_that_stops_at_max_effects_says_so(hidden_data):
     search = searched(hidden_data, ["dead_zone"], max_effects=0)
     assert search.best_effects_ == ["unknown"]
-    assert search.verdict_ == "something is missing, and max_effects is reached"
+    assert search.verdict_ is Verdict.CUT_SHORT
     assert "What is not explained within max_effects=0" in search.summary()
     assert "a larger max_effects" in search.summary()
 

@@ -15,6 +15,7 @@ from support.places import ROOT
 
 from skhoid import ControlledElement, EffectSearchCV, OperatorRegressor, vaf_score
 from skhoid.effects.catalogue import CLASSES
+from skhoid.search import Verdict
 
 BLIND = ROOT / "benchmarks" / "blind"
 SEED = 6
@@ -120,7 +121,7 @@ def check(search, share, gap, right):
     assert gap > 1, "there must be something to find"
     assert search.best_effects_[:1] != []
     assert search.best_effects_[0] in right
-    assert search.verdict_ == "effects found"
+    assert search.verdict_ is Verdict.FOUND
     assert search.best_effects_[-1] != "unknown"
     assert share > CLOSED
     path = search.error_path_
@@ -184,7 +185,7 @@ def test_nothing_is_found_where_nothing_is_hidden():
     X, y, _ = simulate_runs(n_runs=3, intensity=0.15, duration=40.96, run_in=20.48, seed=SEED)
     search = EffectSearchCV(OperatorRegressor()).fit(X, y)
     assert search.best_effects_ == []
-    assert search.verdict_ == "nothing is missing"
+    assert search.verdict_ is Verdict.NOTHING
     assert search.explainable_gap_ < 1.0
     assert len(search.error_path_) == 1
 
@@ -208,7 +209,7 @@ def null_case(trial, number, n_runs):
     search = EffectSearchCV(OperatorRegressor(delay=case.delay), display=case.display)
     search.fit(case.X.loc[runs], case.y.loc[runs])
     assert search.best_effects_ == []
-    assert search.verdict_ == "nothing is missing"
+    assert search.verdict_ is Verdict.NOTHING
 
 
 @pytest.mark.slow

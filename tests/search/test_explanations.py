@@ -6,6 +6,7 @@ import pytest
 
 from skhoid import EffectSearchCV, OperatorRegressor
 from skhoid.effects import Feedforward, MotionFeedback, OutputFeedback, Preview, Tremor
+from skhoid.search import Verdict
 from skhoid.search.explanations import in_loop_text, sentence_of, unexplained_by, untried_notes
 
 
@@ -30,7 +31,7 @@ def test_figures_of_the_closed_loop():
 
 def test_what_was_not_tried_is_said():
     row = {"step": 1, "effect": "motion_feedback", "status": "does not apply", "reason": "no role"}
-    verdict = "something is missing, not among the effects tried"
+    verdict = Verdict.NOT_TRIED
     for rows in ([], [row]):
         ranking = pd.DataFrame(rows, columns=list(row))
         assert unexplained_by(verdict, ranking, 4) == "no effect was there to explain"

@@ -25,6 +25,7 @@ from skhoid.search.candidates import (
 )
 from skhoid.search.forward import Search, output_error_fit, share_about_mean
 from skhoid.search.in_loop import InLoop
+from skhoid.search.statuses import Against, Reason
 
 
 class Fitted:
@@ -57,7 +58,7 @@ VALUES = {"K_e": 1.0, "preview__gain": 0.4, "preview__time": 0.8, "preview-2__ti
 def test_no_name_where_the_data_do_not_determine_it():
     model = Fitted(VALUES, ["K_e", "preview__gain", "preview__time"])
     reason = without_name(candidate(model=model))
-    assert reason == "the data do not determine its time"
+    assert reason.text == "the data do not determine its time"
 
 
 def test_a_name_where_they_determine_what_it_does():
@@ -103,7 +104,7 @@ def test_no_name_whose_numbers_may_as_well_be_none(value, sd, smooth, reason):
     model.covariance = lambda: np.diag([0.1, 0.0, sd]) ** 2
     tried = candidate(model=model)
     tried.effect.neutral = {"time": 0.0}
-    assert hardly_there(tried) == reason
+    assert (hardly_there(tried) or (None, ""))[1] == reason
 
 
 def test_a_name_whose_numbers_are_nowhere_neutral():
@@ -129,7 +130,7 @@ def passing(name="higher_order", **options):
         ({"gain": LEAST_GAIN}, True),
         ({"gain": LEAST_GAIN - 1e-9}, False),
         ({"gain": 0.01, "least_gain": 0.005}, True),
-        ({"refused": "a number at the bound"}, False),
+        ({"refused": Against(Reason.AT_BOUND, "a number at the bound")}, False),
         ({"in_loop": InLoop()}, True),
         ({"in_loop": InLoop(90.0, 50.0, 1.0)}, True),
         ({"in_loop": InLoop(90.0, 50.0, -0.1)}, False),
@@ -190,7 +191,7 @@ def passing(name="higher_order", **options):
         ({"joint": 10.0, "in_loop": InLoop(-np.inf, -np.inf, -np.inf)}, False),
         ({"trace": "levels", "delta_bic": -10.0, "gain": -0.1}, True),
         ({"trace": "levels", "gain": -0.3}, False),
-        ({"trace": "levels", "refused": "it loses"}, False),
+        ({"trace": "levels", "refused": Against(Reason.AT_BOUND, "it loses")}, False),
     ],
 )
 def test_what_passes(changes, passes):
@@ -362,7 +363,9 @@ def test_of_the_alternatives_of_an_effect_the_likeliest_is_kept():
     at_error = passing("dead_zone", delta_bic=300.0)
     at_output = passing("dead_zone", delta_bic=280.0)
     at_error.joint, at_output.joint = 40.0, 90.0
-    lost = passing("dead_zone", delta_bic=900.0, refused="width at the bound")
+    lost = passing(
+        "dead_zone", delta_bic=900.0, refused=Against(Reason.AT_BOUND, "width at the bound")
+    )
     other = passing("bias", delta_bic=30.0)
     assert likeliest_alternatives([lost, at_error, other, at_output]) == [at_output, other]
     at_output.gain = 0.0
@@ -381,7 +384,7 @@ def test_rank_of_nothing():
     step = step_of([])
     step.rank()
     assert step.best is None
-    step = step_of([candidate(reason="does not apply")])
+    step = step_of([candidate(inapplicable="does not apply")])
     step.rank()
     assert step.best is None
 
@@ -394,7 +397,7 @@ def test_a_step_that_loses_when_refitted_is_not_taken(no_leaks):
     step.rank()
     assert step.best.name == "b"
     refused = step.candidates[-1]
-    assert refused.refused == "fitted without the rows, it loses 0.5 points there"
+    assert refused.refused.text == "fitted without the rows, it loses 0.5 points there"
 
 
 @pytest.mark.parametrize(("vaf", "taken"), [(79.9, True), (79.7, False)])
@@ -424,11 +427,11 @@ def test_a_step_refits_without_each_fold(opened):
 
 def test_a_real_step_is_refused_by_what_refits_say(opened):
     _, step = opened
-    again = [replace(c, refused="") for c in step.candidates if c.name == "dead_zone"]
+    again = [replace(c, refused=None) for c in step.candidates if c.name == "dead_zone"]
     ranked = replace(step, candidates=again, refit=lambda m: 50.0 - len(m.effects))
     ranked.rank()
     assert ranked.best is None
-    assert "fitted without the rows" in again[0].refused
+    assert "fitted without the rows" in again[0].refused.text
 
 
 def test_output_error_fit_is_no_worse_a_simulation(opened):
@@ -515,7 +518,7 @@ def test_confused_are_those_of_about_the_same_delta_bic():
         passing("b", delta_bic=95.0),
         passing("c", delta_bic=60.0),
     ]
-    found.append(passing("d", delta_bic=99.0, refused="a bound"))
+    found.append(passing("d", delta_bic=99.0, refused=Against(Reason.AT_BOUND, "a bound")))
     mark_confused(found)
     assert [c.confused_with for c in found] == [["b"], ["a"], [], []]
 

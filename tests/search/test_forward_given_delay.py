@@ -8,11 +8,12 @@ from support.person_in_loop import answered, pursued
 
 from skhoid import EffectSearchCV, OperatorRegressor
 from skhoid.effects import DeadZone, OutputFeedback, WrongDelay
+from skhoid.search import Verdict
 from skhoid.search.candidates import Candidate
 from skhoid.search.forward import CLAIM, LEAST_GAIN_OF_CLAIM, Search
 from skhoid.search.given_delay import GivenDelay, with_given_delay
 from skhoid.search.in_loop import InLoop
-from skhoid.search.verdict import Outcome, Verdict
+from skhoid.search.verdict import Ending
 
 RATE = 60
 SHORT = {"n_runs": 3, "duration": 30.0}
@@ -149,14 +150,14 @@ def path_of(ids):
     ],
 )
 def test_the_verdict_is_that_of_a_free_delay(named, free, path, best):
-    verdict = Verdict(Outcome.FOUND if named else Outcome.NOTHING, named, [])
+    verdict = Ending(Verdict.FOUND if named else Verdict.NOTHING, named, [])
     found = with_given_delay(verdict, path_of(free), path_of(path))
     assert found.best_effects == best
-    assert found.outcome == (Outcome.FOUND if best else Outcome.NOTHING)
+    assert found.verdict == (Verdict.FOUND if best else Verdict.NOTHING)
 
 
 def test_what_is_unknown_with_a_free_delay_is_with_a_given_one():
-    verdict = Verdict(Outcome.NOT_IN_CATALOGUE, ["dead_zone"], ["bias"])
+    verdict = Ending(Verdict.NOT_IN_CATALOGUE, ["dead_zone"], ["bias"])
     found = with_given_delay(verdict, path_of(["dead_zone", "bias"]), path_of([CLAIM, "dead_zone"]))
     assert found.best_effects == [CLAIM, "dead_zone", "unknown"]
     assert found.stand_ins == ["bias"]

@@ -9,7 +9,7 @@ from support.searching import search_of
 from support.synthetic import arx_runs
 
 from skhoid import ARXRegressor, EffectSearchCV
-from skhoid.search import leftover
+from skhoid.search import Verdict, leftover
 from skhoid.search.joint import RATES
 from skhoid.search.leftover import Leftover, leftovers
 
@@ -64,5 +64,5 @@ def test_an_exact_model_leaves_nothing():
     X, y = arx_runs(2, 150)
     X = X[["e"]].assign(e=y)  # the output itself, which leaves no residual at all
     search = EffectSearchCV(ARXRegressor(), effects=["bias"]).fit(X, y)
-    assert search.verdict_ == "nothing is missing"
+    assert search.verdict_ is Verdict.NOTHING
     assert search.unexplained_.empty

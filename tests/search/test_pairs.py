@@ -7,6 +7,7 @@ import pytest
 from skhoid.search import pairs
 from skhoid.search.candidates import Candidate
 from skhoid.search.pairs import N_FEW, likeliest_few, pair_of
+from skhoid.search.statuses import Against, Reason
 
 
 class Listed:
@@ -27,7 +28,7 @@ def model(*names):
     return SimpleNamespace(effects=Listed(names))
 
 
-def candidate(name, gain=1.0, weight=20.0, refused=""):
+def candidate(name, gain=1.0, weight=20.0, refused=None):
     effect = SimpleNamespace(name=name, neutral={})
     return Candidate(
         name, effect, model(name), gain=gain, delta_bic=weight, joint=weight / 2, refused=refused
@@ -46,7 +47,7 @@ def test_the_likeliest_that_gain_are_tried_and_not_what_was():
         candidate("lapses", weight=7.0),
         candidate("tv_gain", weight=6.0),
         candidate("preview", weight=90.0, gain=0.0),
-        candidate("integral", weight=80.0, refused="at the bound"),
+        candidate("integral", weight=80.0, refused=Against(Reason.AT_BOUND, "at the bound")),
         candidate("dead_zone", weight=70.0),
     ]
     path = path_of(*found, added=["dead_zone", "bias"])

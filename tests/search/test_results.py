@@ -9,21 +9,22 @@ from skhoid.effects import Feedforward
 from skhoid.search.candidates import Candidate
 from skhoid.search.forward import CLAIM, LEAST_GAIN_OF_CLAIM
 from skhoid.search.in_loop import InLoop
-from skhoid.search.results import reason_against, refuted
+from skhoid.search.results import against_candidate, refuted
+from skhoid.search.statuses import Against, Reason
 
 GOOD = {"delta_bic": 100.0, "gain": 2.0, "prediction": np.zeros(1)}
 
 
 def reason(winner="bias", taken_out=False, name="preview", **options):
     candidate = Candidate(name, SimpleNamespace(name=name), **{**GOOD, **options})
-    return reason_against(candidate, winner, taken_out=taken_out)
+    return against_candidate(candidate, winner, taken_out=taken_out).text
 
 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"reason": "X has no target"}, "X has no target"),
-        ({"refused": "time at the bound"}, "time at the bound"),
+        ({"inapplicable": "X has no target"}, "X has no target"),
+        ({"refused": Against(Reason.AT_BOUND, "time at the bound")}, "time at the bound"),
         ({"delta_bic": 3.2}, "ΔBIC 3.2, needs more than 25"),
         ({"gain": 0.15}, "+0.15 points on held-out rows, needs at least 0.2"),
         (

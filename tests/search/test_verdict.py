@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from skhoid.effects import Bias, DeadZone, Effects, Feedforward
+from skhoid.search import Verdict
 from skhoid.search.leftover import Leftover
 from skhoid.search.search_numbers import SearchNumbers
-from skhoid.search.verdict import BESIDE_ONE, Outcome, decided
+from skhoid.search.verdict import BESIDE_ONE, decided
 
 OWN = {"feedforward": Feedforward(), "dead_zone": DeadZone(), "bias": Bias()}
 
@@ -41,12 +42,12 @@ def verdict(*args, tries_all=True, **options):
 
 def test_nothing_left_and_nothing_found():
     found = verdict([], 0.0, 0.0)
-    assert (found.outcome, found.best_effects) == (Outcome.NOTHING, [])
+    assert (found.verdict, found.best_effects) == (Verdict.NOTHING, [])
 
 
 def test_effect_that_leaves_little_is_found():
     found = verdict(["feedforward"], 5.0, 0.3)
-    assert (found.outcome, found.best_effects) == (Outcome.FOUND, ["feedforward"])
+    assert (found.verdict, found.best_effects) == (Verdict.FOUND, ["feedforward"])
 
 
 @pytest.mark.parametrize(
@@ -55,7 +56,7 @@ def test_effect_that_leaves_little_is_found():
 def test_effect_that_explains_much_stays_named_beside_unknown(gained, worst):
     """However many runs say that something else repeats in them."""
     found = verdict(["feedforward"], gained, worst)
-    assert found.outcome == Outcome.NOT_IN_CATALOGUE
+    assert found.verdict is Verdict.NOT_IN_CATALOGUE
     assert found.best_effects == ["feedforward", "unknown"]
     assert found.stand_ins == []
 
@@ -93,15 +94,15 @@ def test_the_first_of_several_stays_named_if_it_would_alone():
 
 def test_points_count_about_the_mean():
     """0.3 points of an output of which 1 % is not its mean are 30 points about the mean."""
-    assert verdict([], 0.0, 0.3).outcome == Outcome.NOTHING
-    assert verdict([], 0.0, 0.3, share=0.01).outcome == Outcome.NOT_IN_CATALOGUE
+    assert verdict([], 0.0, 0.3).verdict is Verdict.NOTHING
+    assert verdict([], 0.0, 0.3, share=0.01).verdict is Verdict.NOT_IN_CATALOGUE
 
 
 def test_what_was_not_tried_and_what_was_cut_short():
-    assert verdict([], 0.0, 9.0, tries_all=False).outcome == Outcome.NOT_TRIED
+    assert verdict([], 0.0, 9.0, tries_all=False).verdict is Verdict.NOT_TRIED
     cut = verdict(["bias"], 10.0, 4.0, cut=True)
-    assert (cut.outcome, cut.best_effects) == (Outcome.CUT_SHORT, ["bias", "unknown"])
-    assert verdict(["bias"], 10.0, 0.1, cut=True).outcome == Outcome.FOUND
+    assert (cut.verdict, cut.best_effects) == (Verdict.CUT_SHORT, ["bias", "unknown"])
+    assert verdict(["bias"], 10.0, 0.1, cut=True).verdict is Verdict.FOUND
 
 
 def test_effects_that_lose_are_no_name():

@@ -10,6 +10,7 @@ from skhoid.lab.experiment.group import GroupEffectSearch
 from skhoid.lab.experiment.group.contrasts import condition_contrasts
 from skhoid.lab.experiment.people import PeopleResult
 from skhoid.lab.experiment.people.result import COLUMNS
+from skhoid.search import Verdict
 
 UNITS = {"K_e": "", "tau_e": "s"}
 
@@ -83,7 +84,7 @@ def made_up_group(people, *, effects=("saturation", "dead_zone")):
             limit = 0.5 + 0.01 * number + 0.002 * (-1) ** number * place
             row = (f"{effects[0]}__limit", limit, 0.02, "deg", 85.0, np.nan, 3000, "", "")
             parameters += [(who, condition, "all", *row)] * has
-            verdict = "effects found" if has else "nothing is missing"
+            verdict = Verdict.FOUND if has else Verdict.NOTHING
             named = effects[0] if has else ""
             rows.append((who, condition, named, verdict, 80.0, 85.0, 84.0, ""))
     key = ["subject", "condition"]

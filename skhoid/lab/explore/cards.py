@@ -13,14 +13,13 @@ from ...effects.base import Effect
 from ...effects.composition import Effects
 from ...effects.registry import effect as effect_of
 from ...effects.registry import title_of
-from ...search.effect_search import EffectSearchCV
+from ...search import EffectSearchCV, Status
 from ...search.explanations import with_effects
 from ...text import as_sentence
 from .position import Position
 
 FOUND, HELPS, NO, REFUSED, UNTRIED = "found", "helps", "no", "refused", "untried"
 ORDER = (FOUND, HELPS, UNTRIED, NO, REFUSED)
-BETTER = ("it improves the free run too", "it pays")  # how reasons of rivals begin
 NOT_SEARCHED = "Not searched yet: what each effect would gain is not known."
 
 
@@ -53,11 +52,6 @@ class Found:
     @classmethod
     def of(cls, search: EffectSearchCV, runs: Sequence[int]) -> Found:
         """What a fitted search says."""
-        kind = "found"
-        if search.verdict_.startswith("nothing"):
-            kind = "nothing"
-        elif search.best_effects_[-1:] == ["unknown"]:
-            kind = "unknown"
         begun = [e.name for _, e in Effects.of(search.baseline_.effects)]
         added = list(search.error_path_["effect"].iloc[1:])
         steps = []
@@ -69,7 +63,7 @@ class Found:
         best = Effects.of(search.best_estimator_.effects)
         return cls(
             verdict=search._headline(),
-            kind=kind,
+            kind=search.verdict_.kind,
             named=list(search.best_effects_),
             effects=[[name, e.name, e.get_params()] for name, e in best],
             steps=steps,
@@ -135,11 +129,11 @@ def _elsewhere(card: dict[str, Any]) -> dict[str, Any]:
 
 
 def _card(row: Any, search: EffectSearchCV) -> dict[str, Any]:
-    if row["status"] == "does not apply":
+    if row["status"] == Status.REFUSED:
         status = REFUSED
     elif row["effect"] in search.best_effects_:
         status = FOUND
-    elif row["status"] == "added" or row["reason"].startswith(BETTER):
+    elif row["status"] == Status.ADDED or row["reason_code"].counts:
         status = HELPS
     else:
         status = NO

@@ -23,8 +23,8 @@ from ...regression import units_of
 from ...runs import RunLayout, run_name
 from ...runs.fingerprint import as_frame
 from ...runs.roles import output_name, roles_of
+from ...search import EffectSearchCV, Shape, Status
 from ...search.candidates import LEAST_DELTA_BIC, LEAST_GAIN
-from ...search.effect_search import EffectSearchCV
 from ...search.explanations import (
     HOW_TO_GO_ON,
     headline_of,
@@ -33,12 +33,11 @@ from ...search.explanations import (
     unexplained_by,
     with_effects,
 )
-from ...search.shape import BY_HAND, LEAD, NO_FORM, Shape
+from ...search.shape import BY_HAND, LEAD, NO_FORM
 from ...text import DASH, VAF_RULE, Estimate, as_sentence, counted, gap_text, number, p_text
 from .plots import Gallery, Plot
 from .provenance import provenance
 
-UNKNOWN = "unknown"
 MANY = 40  # runs in a table
 DRAWN = 8  # channels
 ABSENT = "not available"
@@ -160,11 +159,7 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
         headline = f"VAF {comparison.vaf:.1f} %{ceiling}. {first}."
         return {"kind": "none", "headline": headline, "sentence": ""}
     path = search.error_path_
-    kind = "found"
-    if search.verdict_.startswith("nothing"):
-        kind = "nothing"
-    elif search.best_effects_[-1:] == [UNKNOWN]:
-        kind = "unknown"
+    kind = search.verdict_.kind
     headline = headline_of(
         path, search.best_effects_, search.stand_ins_, search.verdict_, _unexplained_by(search)
     )
@@ -357,7 +352,7 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
     floor = np.nan  # error that the noise ceiling leaves
     if np.isfinite(last["ceiling"]) and last["vaf"] < 100:
         floor = last["rmse"] * np.sqrt(max(100 - last["ceiling"], 0.0) / (100 - last["vaf"]))
-    added = search.ranking_[search.ranking_["status"] == "added"]
+    added = search.ranking_[search.ranking_["status"] == Status.ADDED]
     final = parameter_frame(search.best_estimator_)
     steps = []
     for step, (_, row) in enumerate(path.iterrows()):
@@ -407,13 +402,13 @@ def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
             {
                 "rank": str(row["rank"]),
                 "effect": row["title"] + (f" ({row['form']})" if row["form"] else ""),
-                "status": row["status"],
+                "status": str(row["status"]),
                 "vaf": _fixed(row["vaf_after"], ".2f"),
                 "gain": _fixed(row["vaf_gain"], "+.2f"),
                 "in_loop": _fixed(row["gain_loop"], "+.2f"),
                 "delta_bic": _fixed(row["delta_bic"], "+.0f"),
                 "p": DASH
-                if row["status"] == "does not apply"
+                if row["status"] == Status.REFUSED
                 else p_text(row["p_value"]).removeprefix("p ").removeprefix("= "),
                 "parameters": row["parameters"],
                 "words": as_sentence(row["words"]),
@@ -421,14 +416,14 @@ def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
             }
             for _, row in table.iterrows()
         ]
-        tried = [row for row in rows if row["status"] != "does not apply"]
+        tried = [row for row in rows if row["status"] != Status.REFUSED]
         yield {
             "step": str(step),
             "parent": _parent(search, int(step)),
             "asked_loop": bool(np.isfinite(table["gain_loop"]).any()),
             "first": tried[:5],
             "others": tried[5:],
-            "refused": [row for row in rows if row["status"] == "does not apply"],
+            "refused": [row for row in rows if row["status"] == Status.REFUSED],
         }
 
 
@@ -444,9 +439,9 @@ def _parent(search: EffectSearchCV, step: int) -> str:
 
 def _why(row: pd.Series) -> str:
     """Why a candidate is ranked where it is."""
-    if row["status"] == "does not apply":
+    if row["status"] == Status.REFUSED:
         return str(row["reason"])
-    if row["status"] != "added":
+    if row["status"] != Status.ADDED:
         return as_sentence(row["reason"])
     text = "Added: likelihood and held-out VAF agree"
     if np.isfinite(row["gain_loop"]):
@@ -523,7 +518,7 @@ def _next_steps(results: Results) -> Iterator[dict[str, str]]:
                 "why": "A file with its curve, and with a short formula where one fits:",
                 "code": BY_HAND,
             }
-        if search.best_effects_[-1:] == [UNKNOWN]:
+        if search.verdict_.leaves_unknown:
             own = (
                 "Record the channel that carries it, or write an effect of your own and add it to "
                 "effects=[...]."

@@ -14,7 +14,14 @@ from ...effects.registry import title_of, titles_of
 from ...recordings.experiment_check import ExperimentCheck
 from ...text import VAF_RULE, counted, p_text
 from ..experiment.group import GroupEffectSearch
-from ..experiment.group.text import contrast_lines, group_lines, headline, notes, single_lines
+from ..experiment.group.text import (
+    contrast_lines,
+    group_lines,
+    headline,
+    leaves_unknown,
+    notes,
+    single_lines,
+)
 from ..experiment.people import PeopleResult
 from ..experiment.people.groups import Group, levels_of, read_groups
 from ..experiment.read import ALL
@@ -151,7 +158,7 @@ def _verdict(given: Experiment) -> dict[str, Any]:
     sentences += [_upper(line) for line in single[:3]]
     if len(single) > 3:
         sentences.append(f"And {len(single) - 3} more effects of single people.")
-    unknown = int(group.people_["verdict"].str.startswith("something").sum())
+    unknown = sum(leaves_unknown(group.people_))
     if unknown:
         sentences.append(
             f"Something without a name is still missing in {unknown} of {len(group.people_)} "

@@ -16,6 +16,7 @@ from support.shapes import a_shape
 from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs, report
 from skhoid.lab.report.content import Results, _facts, _next_steps, _shape, _verdict, _why
 from skhoid.lab.report.plots import Gallery
+from skhoid.search import Verdict
 
 
 @pytest.mark.parametrize(
@@ -56,7 +57,7 @@ def a_search(*added: str, **attributes: object) -> SimpleNamespace:
         "ceiling_note_": "",
         "experiments_": [],
         "notes_": [],
-        "verdict_": "effects found",
+        "verdict_": Verdict.FOUND,
         "max_effects": 4,
         "_tries_all": lambda: False,
     }
@@ -92,24 +93,26 @@ def test_code_is_printed_only_where_it_runs(name: str, known: bool) -> None:
     ("verdict", "rest", "advice"),
     [
         (
-            ", not in the catalogue",
+            Verdict.NOT_IN_CATALOGUE,
             "that no effect of the catalogue explains",
             "an effect of your own",
         ),
         (
-            ", not among the effects tried",
+            Verdict.NOT_TRIED,
             "that none of the 2 effects tried explains",
             'effects="all"',
         ),
         (
-            ", and max_effects is reached",
+            Verdict.CUT_SHORT,
             "that is not explained within max_effects=4",
             "a larger max_effects",
         ),
     ],
 )
-def test_the_headline_claims_no_more_than_was_tried(verdict: str, rest: str, advice: str) -> None:
-    of_verdict = {"verdict_": f"something is missing{verdict}"}
+def test_the_headline_claims_no_more_than_was_tried(
+    verdict: Verdict, rest: str, advice: str
+) -> None:
+    of_verdict = {"verdict_": verdict}
     search = a_search("bias", best_effects_=["bias", "unknown"], **of_verdict)
     told = "the held-out VAF rises from 50.0 to 50.0 %"
     assert _verdict(search, None)["headline"] == (
@@ -124,7 +127,7 @@ def test_the_headline_claims_no_more_than_was_tried(verdict: str, rest: str, adv
 
 
 def test_what_has_no_name_has_its_shape_told_and_drawn() -> None:
-    of_verdict = {"verdict_": "something is missing, not in the catalogue"}
+    of_verdict = {"verdict_": Verdict.NOT_IN_CATALOGUE}
     shape = a_shape()
     search = a_search(best_effects_=["unknown"], shape_=shape, **of_verdict)
     assert shape.sentences()[0] in _verdict(search, None)["sentence"]
@@ -142,7 +145,7 @@ def test_what_has_no_name_has_its_shape_told_and_drawn() -> None:
 
 
 def test_where_no_form_passes_it_is_said() -> None:
-    of_verdict = {"verdict_": "something is missing, not in the catalogue"}
+    of_verdict = {"verdict_": Verdict.NOT_IN_CATALOGUE}
     search = a_search(best_effects_=["unknown"], **of_verdict)
     assert "No free form explains it" in _verdict(search, None)["sentence"]
     assert _shape(None, Gallery()) is None

@@ -12,7 +12,7 @@ import pandas as pd
 
 from ....effects.base import Effect
 from ....effects.composition import Effects
-from ....search.effect_search import EffectSearchCV
+from ....search import EffectSearchCV, Status
 from ....search.evidence import COLUMNS, evidence_of
 from ...studies.montecarlo.identity import described
 from ...studies.montecarlo.store import Store, uniform
@@ -64,7 +64,7 @@ def candidates_of(searches: list[EffectSearchCV]) -> list[Effect]:
     total: dict[str, float] = {}
     for search in searches:
         rows = search.ranking_
-        last = rows[(rows["step"] == rows["step"].max()) & (rows["status"] != "does not apply")]
+        last = rows[(rows["step"] == rows["step"].max()) & (rows["status"] != Status.REFUSED)]
         for _, row in last.iterrows():
             known = row[["delta_bic", "delta_bic_joint", "delta_bic_loop"]].to_numpy(dtype=float)
             known = known[np.isfinite(known)]

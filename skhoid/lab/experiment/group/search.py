@@ -308,7 +308,7 @@ class GroupEffectSearch(BaseEstimator):
                     "subject": key[0],
                     "condition": key[1],
                     "effects": ", ".join(has["effect"]),
-                    "verdict": "" if search is None else search.verdict_,
+                    "verdict": None if search is None else search.verdict_,
                     "vaf": np.nan if path is None else float(path.iloc[0]),
                     "vaf_with": np.nan if path is None else float(path.iloc[-1]),
                     "ceiling": float(ceilings.get(key, np.nan)),

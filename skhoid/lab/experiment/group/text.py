@@ -107,7 +107,7 @@ def notes(found: GroupEffectSearch) -> Iterator[str]:
     people = found.people_
     for _, row in people[people["failure"] != ""].iterrows():
         yield f"{_person(row)} could not be searched: {row['failure'].rstrip('.')}"
-    unknown = people[people["verdict"].str.startswith("something")]
+    unknown = people[leaves_unknown(people)]
     if len(unknown):
         who = listed([_person(row) for _, row in unknown.iterrows()])
         yield f"something without a name is missing in {who}: see searches_[subject, condition]"
@@ -120,6 +120,11 @@ def notes(found: GroupEffectSearch) -> Iterator[str]:
         )
     for _, row in found.identified_.outlying.iterrows():
         yield f"{row['subject']} looks wrong: {str(row['reason']).rstrip('.')}"
+
+
+def leaves_unknown(people: pd.DataFrame) -> list[bool]:
+    """Of which people something is missing that has no name; nothing is said of failed searches."""
+    return [verdict is not None and verdict.leaves_unknown for verdict in people["verdict"]]
 
 
 def _person(row: Any) -> str:

@@ -105,5 +105,5 @@ def effects_of(model: Any) -> list[Effect]:
             for row in parameters
             if row.parameter.startswith(start)
         ]
-        found += [Effect(effect, row, model.verdict_) for row in rows or [Row("", np.nan)]]
-    return found or [Effect("", Row("", np.nan), model.verdict_)]
+        found += [Effect(effect, row, str(model.verdict_)) for row in rows or [Row("", np.nan)]]
+    return found or [Effect("", Row("", np.nan), str(model.verdict_))]

@@ -1,0 +1,90 @@
+"""What a search can say, as enumerations: its verdict, what became of a candidate, and why."""
+
+from __future__ import annotations
+
+from enum import Enum, StrEnum
+from typing import NamedTuple
+
+
+class Verdict(Enum):
+    """How a search ends; ``str()`` of it is a sentence, and the last three leave something unnamed.
+
+    Compare with the members: ``search.verdict_ is Verdict.NOTHING``.
+
+    Examples
+    --------
+    >>> from skhoid.search import Verdict
+    >>> str(Verdict.NOTHING), Verdict.NOTHING.leaves_unknown
+    ('nothing is missing', False)
+    """
+
+    NOTHING = "nothing is missing"
+    FOUND = "effects found"
+    NOT_IN_CATALOGUE = "something is missing, not in the catalogue"
+    NOT_TRIED = "something is missing, not among the effects tried"
+    CUT_SHORT = "something is missing, and max_effects is reached"
+
+    @property
+    def leaves_unknown(self) -> bool:
+        """Whether something is missing that has no name."""
+        return self not in (Verdict.NOTHING, Verdict.FOUND)
+
+    @property
+    def kind(self) -> str:
+        """``"nothing"``, ``"found"`` or ``"unknown"``."""
+        if self.leaves_unknown:
+            return "unknown"
+        return "found" if self is Verdict.FOUND else "nothing"
+
+    def __str__(self) -> str:
+        return self.value
+
+    def __eq__(self, other: object) -> bool:
+        # The sentence was the verdict once: a comparison with it would be false without a word.
+        if isinstance(other, str) and other in [str(one) for one in Verdict]:
+            raise TypeError(
+                f"A verdict is no longer a sentence. Write search.verdict_ is "
+                f"Verdict.{Verdict(other).name} (from skhoid.search import Verdict), or compare "
+                "str(search.verdict_)."
+            )
+        return self is other
+
+    __hash__ = Enum.__hash__
+
+
+class Status(StrEnum):
+    """What became of a candidate of a search."""
+
+    ADDED = "added"
+    NOT_BETTER = "not better"
+    REFUSED = "does not apply"
+
+
+class Reason(StrEnum):
+    """Why a candidate was not added."""
+
+    NONE = ""
+    REFUSED = "does_not_apply"  # the effect says what it needs
+    TOO_LITTLE = "too_little"  # ΔBIC or points on held-out rows
+    NOT_DETERMINED = "not_determined"  # the data leave its numbers open
+    AT_BOUND = "at_bound"
+    NOT_SEEN = "not_seen"  # nothing shows of it with the number at which it ended
+    MAY_BE_ZERO = "may_be_zero"
+    LOSES = "loses"  # on held-out rows, where it is fitted without them
+    REBUILDS = "rebuilds_output"  # from x, by the inverse of the controlled element
+    REFUTED = "refuted"  # by the closed loop, or by a noise model that is estimated along
+    SUPERFLUOUS = "superfluous"  # once later effects are there
+    RIVAL = "rival_added"  # it counts, and another was added instead
+    CUT_SHORT = "max_effects"  # it counts, and no more effects may be added
+
+    @property
+    def counts(self) -> bool:
+        """Whether the candidate meets all criteria in spite of it."""
+        return self in (Reason.RIVAL, Reason.CUT_SHORT)
+
+
+class Against(NamedTuple):
+    """What speaks against a candidate, as a code and in words."""
+
+    code: Reason
+    text: str
