@@ -62,30 +62,30 @@ def test_no_name_where_the_data_do_not_determine_it():
 
 
 def test_a_name_where_they_determine_what_it_does():
-    assert without_name(candidate(model=Fitted(VALUES, ["K_e", "preview__gain"]))) == ""
+    assert without_name(candidate(model=Fitted(VALUES, ["K_e", "preview__gain"]))) is None
 
 
 def test_no_name_where_its_numbers_end_at_a_bound():
     model = Fitted(VALUES, at_bound=["K_e", "preview__time"])
-    assert without_name(candidate(model=model)) == "time at the bound"
+    assert without_name(candidate(model=model)).text == "time at the bound"
 
 
 def test_no_name_where_nothing_shows_of_it():
     model = Fitted(VALUES, at_bound=["preview__gain"])
     model.effects.steps[0][1].unseen_at = {"gain": 0.4}
-    assert without_name(candidate(model=model)) == "nothing shows of it with gain = 0.4"
+    assert without_name(candidate(model=model)).text == "nothing shows of it with gain = 0.4"
     model.effects.steps[0][1].unseen_at = {"gain": 0.1}  # the other bound
-    assert without_name(candidate(model=model)) == ""
+    assert without_name(candidate(model=model)) is None
 
 
 def test_a_name_where_only_others_end_there():
     model = Fitted(VALUES, ["preview-2__time"], ["K_e", "preview-2__time"])
-    assert without_name(candidate(model=model)) == ""
+    assert without_name(candidate(model=model)) is None
 
 
 def test_a_name_where_a_number_ends_that_is_no_size():
     model = Fitted(VALUES, at_bound=["preview__gain"])
-    assert without_name(candidate(model=model)) == ""
+    assert without_name(candidate(model=model)) is None
 
 
 @pytest.mark.parametrize(
@@ -108,13 +108,13 @@ def test_no_name_whose_numbers_may_as_well_be_none(value, sd, smooth, reason):
 
 
 def test_a_name_whose_numbers_are_nowhere_neutral():
-    assert hardly_there(candidate(model=Fitted(VALUES))) == ""
+    assert hardly_there(candidate(model=Fitted(VALUES))) is None
 
 
 @pytest.mark.parametrize("value", [0.0, 1.0, 0.9995])
 def test_nothing_and_all_are_bounds_like_other_values(value):
     model = Fitted({**VALUES, "preview__time": value}, at_bound=["preview__time"])
-    assert without_name(candidate(model=model)) == ""
+    assert without_name(candidate(model=model)) is None
 
 
 def passing(name="higher_order", **options):
