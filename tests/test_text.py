@@ -264,8 +264,8 @@ def test_rmse_is_that_of_the_rows_that_count(operator, runs):
     error = (y - operator.predict(X))[time - time.min() >= operator.settling]
     assert operator.n_rows_used_ == error.size
     rmse = float(np.sqrt(np.mean(error**2)))
-    assert operator._simulation.rmse == pytest.approx(rmse, rel=0.02)
-    assert f"RMSE, fit: {number(operator._simulation.rmse)} deg" in facts_of(operator.summary())
+    assert operator.simulation_.rmse == pytest.approx(rmse, rel=0.02)
+    assert f"RMSE, fit: {number(operator.simulation_.rmse)} deg" in facts_of(operator.summary())
 
 
 def test_delay_search_says_what_it_searched(runs):

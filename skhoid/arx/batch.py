@@ -310,7 +310,7 @@ class ARXRegressor(SimulatedModelMixin, BaseARX):
         self._strategy = replace(self._strategy, simulation=simulation)
 
     @property
-    def _simulation(self) -> Simulation:
+    def simulation_(self) -> Simulation:
         """The estimate by the error of simulation, if it is one."""
         strategy = self._strategy
         if not isinstance(strategy, (SimulationError, LinearSimulationError)):

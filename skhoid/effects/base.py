@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 from sklearn.base import BaseEstimator, clone
 
+from ..parameters import Kind, ParameterTable
 from .composition import Composable
 from .error_scan import ErrorScan
 from .parameter import CoreKind, Dimension, Parameter
@@ -238,6 +240,24 @@ class Effect(Composable, BaseEstimator):
             scale = p.scale_of(record, self.place)
             bounds[p.name] = (p.low * scale, p.high * scale)
         return bounds
+
+    def table(
+        self, record: Record, units: Mapping[str, str | None] | None = None
+    ) -> ParameterTable:
+        """Parameters in the units of the data: bounds, and given values or the first start.
+
+        ``units`` are those of the output, ``"u"``, the input, ``"e"``, and channels.
+        """
+        limits, start = self.limits(record), self.starts(record)[0]
+        rows = []
+        for p in self.parameters:
+            one = p.on(record, self.place, bounds=limits[p.name])
+            given = getattr(self, p.name)
+            kind = Kind.ESTIMATED if given is None else Kind.GIVEN
+            value = start[p.name] if given is None else float(given)
+            unit = one.dimension.label(units)
+            rows.append(replace(one, value=value, start=value, kind=kind, unit=unit))
+        return ParameterTable(rows)
 
     def spreads(self, scales: Mapping[str, float]) -> dict[str, float]:
         """Standard deviations about zero of parameters that are known to be small; none by default.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+<<<<<<< HEAD
 if TYPE_CHECKING:
     from .record import Record
 
@@ -217,6 +218,20 @@ S = Dimension(s=1)
 RAD = Dimension(rad=1)
 HZ = Dimension(Hz=1)
 T = Dimension(T=1)
+=======
+from ..parameters import ModelParameter
+from .core_kind import CoreKind
+from .dimension import ONE, Dimension, E, U, checked
+from .record import Record
+>>>>>>> 9445526 (One table of parameters: names, values, bounds, starts and errors that fits, sliders and reports read)
+
+
+@dataclass(frozen=True)
+class ScaledParameter(ModelParameter):
+    """A parameter of a model on a record: its dimension, and what starts and bounds are in."""
+
+    dimension: Dimension = ONE
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -280,6 +295,25 @@ class Parameter:
                 f"dimension, {own.label()}. Leave it out for standard deviations of what the "
                 "dimension names, or write Dimension() for the units of the data."
             )
+
+    def on(
+        self,
+        record: Record,
+        place: str = "",
+        name: str = "",
+        bounds: tuple[float, float] | None = None,
+    ) -> ScaledParameter:
+        """The same in the units of a record, for an effect of a place, under its full name."""
+        scale = self.scale_of(record, place)
+        low, high = (self.low * scale, self.high * scale) if bounds is None else bounds
+        return ScaledParameter(
+            name or self.name,
+            meaning=self.meaning,
+            min=low,
+            max=high,
+            dimension=self.dimension_on(record, place) if place else self.dimension,
+            scale=scale,
+        )
 
     def scale_of(self, record: Record, place: str = "") -> float:
         """What bounds and starts are in, as a number, for an effect of a place."""

@@ -1,7 +1,15 @@
 """Grey-box models: physical parameters and effects, estimated in simulation."""
 
+from ..parameters import ModelParameter, ParameterTable
 from .estimator import GreyBox
 from .operator_regressor import OperatorRegressor
 from .prepared import SimulatedCore, SimulatedModel
 
-__all__ = ["GreyBox", "OperatorRegressor", "SimulatedCore", "SimulatedModel"]
+__all__ = [
+    "GreyBox",
+    "ModelParameter",
+    "OperatorRegressor",
+    "ParameterTable",
+    "SimulatedCore",
+    "SimulatedModel",
+]

@@ -99,7 +99,7 @@ class Bench:
     values: dict[str, float] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.core = self.model._simulation.spec.core
+        self.core = self.model.simulation_.spec.core
         table = self.model.parameters_["value"]
         self.theta = np.array([float(table[p.name]) for p in self.core.parameters])
         self.values = {p.name: getattr(self.effect, p.name) for p in self.effect.parameters}
@@ -143,7 +143,7 @@ class Bench:
             controlled_element=self.record.controlled_element,
         )
         # Effects that refer to standard deviations mean those of the data of the fit.
-        spread = self.model._simulation.spread
+        spread = self.model.simulation_.spread
         made._derived.update({("sd", name): value for name, value in spread.items()})
         made._derived["sd", "e"] = spread[self.error]
         return made
@@ -180,7 +180,7 @@ class Bench:
         if real is not None and real.size:
             largest = float(np.quantile(np.abs(real), 0.999))
         else:
-            spread = self.model._simulation.spread
+            spread = self.model.simulation_.spread
             largest = LARGEST * float(spread["u" if signal == "u" else self.error])
         return (1.05 if signal == "e" else BEYOND) * largest or 1.0
 
@@ -244,7 +244,7 @@ def effect_curves(
 
 def _runs(model: Any, X: Any, y: Any) -> tuple[Record, np.ndarray | None]:
     """Channels of runs as the model takes them, and their output; both empty where X is None."""
-    simulation = model._simulation
+    simulation = model.simulation_
     if X is not None:
         record, _ = simulation.record_of(model, *model._read_X(X, reset=False))
         output = np.asarray(model.predict(X) if y is None else y, dtype=float)
@@ -370,7 +370,7 @@ def run_times(bench: Bench) -> np.ndarray:
     """Instants of a run: of the runs given, or of those of the fit."""
     if bench.has_runs:
         return np.linspace(float(bench.record.t.min()), float(bench.record.t.max()), N_TIMES)
-    return np.linspace(0.0, bench.model._simulation.duration, N_TIMES)
+    return np.linspace(0.0, bench.model.simulation_.duration, N_TIMES)
 
 
 def channel_range(bench: Bench, channel: str) -> tuple[float, float]:
@@ -381,7 +381,7 @@ def channel_range(bench: Bench, channel: str) -> tuple[float, float]:
         if low < high:
             return low, high
     middle = float(getattr(bench.effect, "reference", None) or 0.0)
-    away = LARGEST * float(bench.model._simulation.spread.get(channel, 1.0))
+    away = LARGEST * float(bench.model.simulation_.spread.get(channel, 1.0))
     return middle - away, middle + away
 
 
@@ -472,7 +472,7 @@ def added_command(bench: Bench) -> Response:
     """What a path adds to the command for a slow wave of the error, where it is no linear path."""
     size = bench.amplitude("e")
     x = np.linspace(-size, size, N_WAVE)
-    t = np.linspace(0.0, bench.model._simulation.duration, N_WAVE)
+    t = np.linspace(0.0, bench.model.simulation_.duration, N_WAVE)
     zero = np.zeros((N_WAVE, 1))
     record = bench.made_up(t, {bench.error: x})
 

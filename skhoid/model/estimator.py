@@ -58,8 +58,7 @@ class Simulation:
 
     ``effects`` have their choices made, with None for what was estimated, as ``theta`` has it;
     ``spread`` are standard deviations of the channels and of the output "u" in the fit,
-    ``duration`` is that of its longest run in seconds, ``bounds`` what is physically possible for
-    each parameter of the core and of the effects.
+    ``duration`` is that of its longest run in seconds.
     """
 
     spec: SimulatedCore
@@ -76,7 +75,6 @@ class Simulation:
     initial: str | None
     begins: str
     levels: tuple[float, float]
-    bounds: dict[str, tuple[float, float]]
 
     def record_of(
         self, estimator: Any, grid: ModelGrid, values: np.ndarray
@@ -325,21 +323,21 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
         return self
 
     def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
-        self._simulation = simulation_of(self, prepared, model, noise)
-        self.covariance_ = self._simulation.covariance
+        self.simulation_ = simulation_of(self, prepared, model, noise)
+        self.covariance_ = self.simulation_.covariance
         self.simulation_parameters_ = of_least_error(model, prepared)
 
     def _move(self, simulation: Simulation) -> None:
-        self._simulation = simulation
+        self.simulation_ = simulation
 
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
-        return self._simulation.free_run(self, grid, values)
+        return self.simulation_.free_run(self, grid, values)
 
     def _run_from(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
-        return self._simulation.run_from(self, grid, values, output, self._simulation.initial)
+        return self.simulation_.run_from(self, grid, values, output, self.simulation_.initial)
 
     def _summary(self) -> ModelSummary:
-        return simulated_summary(self, self._simulation)
+        return simulated_summary(self, self.simulation_)
 
 
 def first_model(prepared: Prepared, effects: Effects) -> Model:
@@ -415,14 +413,15 @@ def simulation_of(
     estimator.bic_ = -2 * estimator.loglik_ + model.n_parameters * float(np.log(n))
     estimator.n_rows_used_ = int(record.known.sum())
     estimator.vaf_ = vaf_of_output(record, output)
-    estimator.parameters_ = parameter_table(
+    estimator.parameter_table_ = parameter_table(
         model.simulator,
         model.theta,
         covariance,
         prepared.units,
-        dict(prepared.spec.given),
+        prepared.spec.given,
         intervals,
     )
+    estimator.parameters_ = estimator.parameter_table_.estimates()
     estimator.effects_ = effects_with_values(model)
     return Simulation(
         spec=prepared.spec,
@@ -436,19 +435,8 @@ def simulation_of(
         rmse=float(np.sqrt(np.mean((record.y - output)[record.known] ** 2))),
         duration=record.duration,
         spread={name: record.sd(name) for name in (*record.channels, "u")},
-        bounds=bounds_of(model),
         **first_samples(estimator, prepared, model),
     )
-
-
-def bounds_of(model: Model) -> dict[str, tuple[float, float]]:
-    """Physical bounds of all parameters by name, those of effects that were given included."""
-    simulator = model.simulator
-    bounds = {p.name: (p.low, p.high) for p in simulator.parameters}
-    for name, effect in simulator.effects:
-        limits = effect.limits(simulator.record)
-        bounds |= {f"{name}__{p.name}": limits[p.name] for p in effect.parameters}
-    return bounds
 
 
 def first_samples(estimator: Any, prepared: Prepared, model: Model) -> dict[str, Any]:
@@ -577,6 +565,7 @@ def of_least_error(model: Model, prepared: Prepared) -> pd.DataFrame:
     criterion = Criterion(model.simulator.record)
     plain = model.refined(criterion)
     covariance = covariance_of(plain.simulator, criterion, plain.fit)
-    return parameter_table(
-        plain.simulator, plain.theta, covariance, prepared.units, dict(prepared.spec.given)
+    table = parameter_table(
+        plain.simulator, plain.theta, covariance, prepared.units, prepared.spec.given
     )
+    return table.estimates()

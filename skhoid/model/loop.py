@@ -27,7 +27,7 @@ from ..effects.parameter import CoreKind
 from ..effects.record import Record, differentiated
 from ..human.linear_element import LinearElement
 from .cores import Core
-from .simulator import FreeParameter, Simulator
+from .simulator import Simulator
 
 SWEEPS = 20
 SLOW, PATIENCE = 0.8, 3  # sweeps that leave more than this share, and how many end the search
@@ -94,7 +94,7 @@ class LoopSimulator:
         assert record.y is not None
         self.core, self.effects, self.record, self.loop = core, effects, record, loop
         open_loop = Simulator(core, effects, record)
-        self.parameters: list[FreeParameter] = open_loop.parameters
+        self.parameters = open_loop.parameters
         self.names, self.scale = open_loop.names, open_loop.scale
         self.low, self.high, self.smooth = open_loop.low, open_loop.high, open_loop.smooth
         self.size, self.prior = open_loop.size, open_loop.prior

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from dataclasses import replace
-from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +12,13 @@ import numpy as np
 import pandas as pd
 
 from ..effects.composition import Effects
+<<<<<<< HEAD
 from ..effects.parameter import Dimension, S, checked
 from ..exceptions import did_you_mean
+=======
+from ..effects.dimension import Dimension, S, checked
+from ..parameters import NORMAL_95, Kind, ModelParameter, ParameterTable
+>>>>>>> 9445526 (One table of parameters: names, values, bounds, starts and errors that fits, sliders and reports read)
 from ..text import Estimate
 from .model import Model
 from .simulator import Simulator
@@ -22,8 +26,9 @@ from .simulator import Simulator
 if TYPE_CHECKING:
     from .estimator import Simulation
 
-NORMAL_95 = 1.96
 NO_INTERVALS: Mapping[str, tuple[float, float]] = MappingProxyType({})
+# What a fit found at its own estimates, which other values do not have.
+OF_ESTIMATE = ("loglik_", "bic_", "vaf_", "simulation_parameters_")
 
 
 def parameter_table(
@@ -31,43 +36,36 @@ def parameter_table(
     theta: np.ndarray,
     covariance: np.ndarray,
     units: dict[str, str | None],
-    fixed: dict[str, float],
+    fixed: Mapping[str, float],
     intervals: Mapping[str, tuple[float, float]] = NO_INTERVALS,
-) -> pd.DataFrame:
+) -> ParameterTable:
     """Values, standard errors and intervals of all parameters, including derived and fixed ones.
 
     Parameters that the data do not determine have no standard error; their interval is the whole
     range. ``intervals`` replace those of standard errors.
     """
-    rows = []
+    rows: list[ModelParameter] = []
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     inside = (theta > simulator.low) & (theta < simulator.high)
     lost = inside & ~(sd <= simulator.high - simulator.low)
     ratios = {ratio.over: ratio for ratio in simulator.core.ratios}
-
-    def add(name: str, value: float, s: float, dimension: Dimension, meaning: str) -> None:
-        low, high = value - NORMAL_95 * s, value + NORMAL_95 * s
-        rows.append((name, value, s, low, high, dimension.label(units), meaning))
-
-    def add_lost(
-        name: str,
-        value: float,
-        dimension: Dimension,
-        meaning: str,
-        span: tuple[float, float] = (-np.inf, np.inf),
-    ) -> None:
-        rows.append((name, value, np.nan, *span, dimension.label(units), meaning))
-
     curves = tuple(f"{name}__" for name, effect in simulator.effects if effect.free_form)
+
+    def derived(
+        name: str, value: float, s: float, dimension: Dimension, meaning: str
+    ) -> ModelParameter:
+        unit = dimension.label(units)
+        return estimated(
+            ModelParameter(name, unit=unit, meaning=meaning, kind=Kind.DERIVED), value, s
+        )
+
     for i, p in enumerate(simulator.parameters):
-        if p.name.startswith(curves):
-            continue  # coefficients of a curve, which ``effects_`` has
+        kind = Kind.COEFFICIENT if p.name.startswith(curves) else Kind.ESTIMATED
+        p = replace(p, unit=p.dimension.label(units), kind=kind)
         if lost[i]:
-            add_lost(p.name, float(theta[i]), p.dimension, p.spec.meaning, (p.low, p.high))
+            rows.append(replace(p, value=float(theta[i]), low=p.min, high=p.max))
         else:
-            add(p.name, float(theta[i]), float(sd[i]), p.dimension, p.spec.meaning)
-            if p.name in intervals:
-                rows[-1] = (*rows[-1][:3], *intervals[p.name], *rows[-1][5:])
+            rows.append(estimated(p, float(theta[i]), float(sd[i]), intervals.get(p.name)))
         ratio = ratios.get(p.name)
         if ratio is not None:
             k = simulator.names.index(ratio.under)
@@ -76,23 +74,39 @@ def parameter_table(
                 slope = np.array([-over / under**2, 1 / under])
                 block = covariance[np.ix_([k, i], [k, i])]
                 s = float(np.sqrt(np.maximum(slope @ block @ slope, 0.0)))
+                row = derived(ratio.name, over / under, s, ratio.dimension, ratio.meaning)
                 if lost[k] or lost[i]:
-                    add_lost(ratio.name, over / under, ratio.dimension, ratio.meaning)
-                else:
-                    add(ratio.name, over / under, s, ratio.dimension, ratio.meaning)
+                    row = replace(row, sd=np.nan, low=-np.inf, high=np.inf)
+                rows.append(row)
     for name, value in fixed.items():
-        add(name, value, 0.0, S, "given")
+        rows.append(given(ModelParameter(name, unit=S.label(units), meaning="given"), value))
     for name, effect in simulator.effects:
-        spec = {p.name: p for p in effect.parameters}
-        for key, value in effect.fixed.items():
-            dimension = spec[key].dimension_on(simulator.record, effect.place)
-            add(f"{name}__{key}", value, 0.0, dimension, f"{spec[key].meaning} (given)")
+        limits = effect.limits(simulator.record)
+        for p in effect.parameters:
+            if p.name in effect.fixed:
+                one = p.on(simulator.record, effect.place, f"{name}__{p.name}", limits[p.name])
+                meaning = f"{p.meaning} (given)"
+                one = replace(one, unit=one.dimension.label(units), meaning=meaning)
+                rows.append(given(one, effect.fixed[p.name]))
         for key, number in derived_with_errors(simulator, theta, covariance, name).items():
-            add(f"{name}__{key}", *number)
-    table = pd.DataFrame(
-        rows, columns=["parameter", "value", "sd", "low", "high", "unit", "meaning"]
-    )
-    return table.set_index("parameter")
+            rows.append(derived(f"{name}__{key}", *number))
+    return ParameterTable(rows)
+
+
+def estimated(
+    parameter: ModelParameter,
+    value: float,
+    sd: float,
+    interval: tuple[float, float] | None = None,
+) -> ModelParameter:
+    """A parameter at an estimate with its standard error, and the interval that follows from it."""
+    low, high = interval or (value - NORMAL_95 * sd, value + NORMAL_95 * sd)
+    return replace(parameter, value=value, sd=sd, low=low, high=high)
+
+
+def given(parameter: ModelParameter, value: float) -> ModelParameter:
+    """A parameter that is not estimated."""
+    return replace(parameter, kind=Kind.GIVEN, value=value, sd=0.0, low=value, high=value)
 
 
 def derived_with_errors(
@@ -166,32 +180,25 @@ def parameter_text(table: pd.DataFrame, prefix: str) -> str:
     )
 
 
-# What a fit found at its own estimates, which other values do not have.
-OF_ESTIMATE = ("loglik_", "bic_", "vaf_", "simulation_parameters_")
-
-
 def moved(model: Any, values: Mapping[str, float], fixed_core: bool) -> tuple[Any, Simulation]:
     """A copy of a model with parameters at other values, and its simulation.
 
     With ``fixed_core`` only parameters of effects may be moved.
     """
-    simulation: Simulation = model._simulation
+    simulation: Simulation = model.simulation_
     names = list(simulation.covariance.index)
     kept = {f"{name}__{key}" for name, one in simulation.effects for key in one.fixed}
     known = [n for n in [*names, *kept] if "__" in n or not fixed_core]
+    by_hand = model.parameter_table_.checked(values, known)
     theta = simulation.theta.copy()
-    given: dict[str, float] = {}
-    for name, value in values.items():
-        checked_value(name, value, known, simulation.bounds)
-        if name in kept:
-            given[name] = float(value)
-        else:
-            theta[names.index(name)] = float(value)
+    for name, value in by_hand.items():
+        if name not in kept:
+            theta[names.index(name)] = value
+    fixed = {name: value for name, value in by_hand.items() if name in kept}
     effects = Effects(
-        [(name, one.with_choices(**own_of(name, given))) for name, one in simulation.effects]
+        [(name, one.with_choices(**own_of(name, fixed))) for name, one in simulation.effects]
     )
     found = dict(zip(names, theta.tolist(), strict=True))
-    at = replace(simulation, theta=theta, effects=effects)
     taken = copy.copy(model)
     for attribute in OF_ESTIMATE:
         vars(taken).pop(attribute, None)
@@ -201,7 +208,10 @@ def moved(model: Any, values: Mapping[str, float], fixed_core: bool) -> tuple[An
             for name, one in effects
         ]
     )
-    taken.parameters_ = table_of(model.parameters_, {**found, **given}, values, at)
+    at = replace(simulation, theta=theta, effects=effects)
+    new = {**found, **fixed, **following(at, {**found, **fixed})}
+    taken.parameter_table_ = model.parameter_table_.moved(new, by_hand)
+    taken.parameters_ = taken.parameter_table_.estimates()
     return taken, at
 
 
@@ -211,45 +221,17 @@ def own_of(name: str, values: Mapping[str, float]) -> dict[str, float]:
     return {full.removeprefix(start): v for full, v in values.items() if full.startswith(start)}
 
 
-def checked_value(
-    name: str, value: Any, known: list[str], bounds: Mapping[str, tuple[float, float]]
-) -> None:
-    """Refuse what is no parameter, and what is not possible for it."""
-    if name not in known:
-        raise ValueError(
-            f"{name!r} is no parameter that can be moved. These can: {', '.join(known)}."
-            f"{did_you_mean(name, known)}"
-        )
-    low, high = bounds[name]
-    if not isinstance(value, Real) or not np.isfinite(float(value)):
-        raise ValueError(f"{name} must be a finite number; got {value!r}.")
-    if not low <= float(value) <= high:
-        raise ValueError(
-            f"{name} = {float(value):.6g} is outside its range of {low:.6g} to {high:.6g}: beyond "
-            "it the model is not physical, or the effect is too small to matter."
-        )
-
-
-def table_of(
-    table: pd.DataFrame, found: Mapping[str, float], moved_names: Any, simulation: Simulation
-) -> pd.DataFrame:
-    """The table of parameters with what was moved, which has no error, and what follows from it."""
-    new = {name: found[name] for name in table.index if name in found}
+def following(simulation: Simulation, values: Mapping[str, float]) -> dict[str, float]:
+    """What follows from values of parameters: ratios, and numbers derived by effects."""
+    new = {}
     for ratio in simulation.spec.core.ratios:
-        if ratio.name in table.index and found[ratio.under] != 0.0:
-            new[ratio.name] = found[ratio.over] / found[ratio.under]
+        if values[ratio.under] != 0.0:
+            new[ratio.name] = values[ratio.over] / values[ratio.under]
     for name, effect in simulation.effects:
-        own = {**effect.fixed, **own_of(name, found)}
-        for key, (value, _, _) in effect.derived({**found, **own}).items():
+        own = {**effect.fixed, **own_of(name, values)}
+        for key, (value, _, _) in effect.derived({**values, **own}).items():
             new[f"{name}__{key}"] = value
-    value = table["value"].to_numpy(copy=True)
-    errors = {name: table[name].to_numpy(copy=True) for name in ("sd", "low", "high")}
-    for row, name in enumerate(table.index):
-        if name in new and (name in moved_names or new[name] != value[row]):
-            value[row] = new[name]
-            for column in errors.values():
-                column[row] = np.nan
-    return table.assign(value=value, **errors)
+    return new
 
 
 WHY = (

@@ -12,7 +12,11 @@ import numpy as np
 from ..effects.base import Effect
 from ..effects.composition import PLACES, Effects
 from ..effects.operator_signals import Command, Gains, Spring
+<<<<<<< HEAD
 from ..effects.parameter import Dimension, Parameter
+=======
+from ..effects.parameter import ScaledParameter
+>>>>>>> 9445526 (One table of parameters: names, values, bounds, starts and errors that fits, sliders and reports read)
 from ..effects.record import Record
 from .cores import ARXCore, Core, Prior, Usual, neutral_gains
 from .initial import HELD, REST, free_responses, horizon, with_fitted_pulses, with_fitted_start
@@ -38,18 +42,6 @@ class Stage:
     positions: tuple[int, ...]
 
 
-@dataclass(frozen=True)
-class FreeParameter:
-    """A parameter that is estimated: its qualified name and what is known about it."""
-
-    name: str
-    spec: Parameter
-    dimension: Dimension
-    low: float
-    high: float
-    scale: float
-
-
 class Simulator:
     """Free runs of a core with effects on a record.
 
@@ -62,22 +54,15 @@ class Simulator:
 
     def __init__(self, core: Core, effects: Effects, record: Record):
         self.core, self.effects, self.record = core, effects, record
-        self.parameters: list[FreeParameter] = []
-        for p in core.parameters:
-            scale = p.scale_of(record)
-            low, high = p.low * scale, p.high * scale
-            self.parameters.append(FreeParameter(p.name, p, p.dimension, low, high, scale))
+        self.parameters: list[ScaledParameter] = [p.on(record) for p in core.parameters]
         for name, effect in effects:
             limits = effect.limits(record)
-            for p in effect.free:
-                dimension = p.dimension_on(record, effect.place)
-                scale = p.scale_of(record, effect.place)
-                self.parameters.append(
-                    FreeParameter(f"{name}__{p.name}", p, dimension, *limits[p.name], scale)
-                )
+            self.parameters += [
+                p.on(record, effect.place, f"{name}__{p.name}", limits[p.name]) for p in effect.free
+            ]
         self.names = [p.name for p in self.parameters]
-        self.low = np.array([p.low for p in self.parameters])
-        self.high = np.array([p.high for p in self.parameters])
+        self.low = np.array([p.min for p in self.parameters])
+        self.high = np.array([p.max for p in self.parameters])
         self.scale = np.array([p.scale for p in self.parameters])
         self.smooth = all(effect.smooth for _, effect in effects)
         self.prior = self._prior()

@@ -250,4 +250,4 @@ def _parameters(candidate: Candidate, prepared: Prepared) -> str:
     assert fitted is not None
     covariance = fitted.covariance()
     table = parameter_table(fitted.simulator, fitted.theta, covariance, prepared.units, {})
-    return parameter_text(table, candidate.name)
+    return parameter_text(table.estimates(), candidate.name)

@@ -70,7 +70,9 @@ def test_names_of_parameters_change_no_number(effect):
         criterion = Criterion(record)
         parent = fit_core(core, record, criterion, start)
         model = extended(parent, effect.name, effect, criterion, criterion.coarse())
-        table = parameter_table(model.simulator, model.theta, model.covariance(), {}, {})
+        table = parameter_table(
+            model.simulator, model.theta, model.covariance(), {}, {}
+        ).estimates()
         found.append((model.theta, model.output, table))
     (theta, output, table), (theta_2, output_2, table_2) = found
     np.testing.assert_array_equal(theta, theta_2)

@@ -9,15 +9,17 @@ import numpy as np
 
 from ...effects.base import Effect
 from ...effects.registry import title_of
+<<<<<<< HEAD
 from ...model.effect_curves import effect_curves
 from ...model.model import AT_BOUND
+=======
+from ...model import ModelParameter
+>>>>>>> 9445526 (One table of parameters: names, values, bounds, starts and errors that fits, sliders and reports read)
 
 SPAN = 3.0  # times a value, and
 SPAN_SD = 10.0  # standard errors of it, that a slider reaches on either side
 STEPS = 200  # of a slider
 MOST_POINTS = 200  # of a curve
-BOUNDS = ("lower", "upper")
-TINY = 1e-300
 DIGITS = 12  # of what a slider is set to
 
 
@@ -42,13 +44,13 @@ def others_of(model: Any) -> list[dict[str, Any]]:
     """The parameters that are not of an effect, as numbers."""
     return [
         {
-            "name": str(name),
-            **_numbers(row),
-            "unit": row["unit"],
-            "meaning": row["meaning"] + at_bound(model, str(name), float(row["value"])),
+            "name": name,
+            **_numbers(one),
+            "unit": one.unit,
+            "meaning": one.meaning + _bound_in_words(one),
         }
-        for name, row in model.parameters_.iterrows()
-        if "__" not in str(name)
+        for name, one in model.parameter_table_.items()
+        if "__" not in name
     ]
 
 
@@ -67,12 +69,9 @@ def curve_of(model: Any, name: str) -> dict[str, Any] | None:
     return {"xlabel": found.xlabel, "ylabel": found.ylabel, "lines": lines, "without": without}
 
 
-def at_bound(model: Any, name: str, value: float) -> str:
+def _bound_in_words(one: ModelParameter) -> str:
     """Words for a parameter that ended at a bound: it is not estimated there."""
-    for bound, words in zip(model._simulation.bounds.get(name, ()), BOUNDS, strict=False):
-        if np.isfinite(bound) and abs(value - bound) <= AT_BOUND * max(abs(bound), TINY):
-            return f"; at its {words} bound"
-    return ""
+    return f"; at its {one.at_bound} bound" if one.at_bound else ""
 
 
 def _thinned(values: Any) -> np.ndarray:
@@ -90,41 +89,36 @@ def _parameters(
 ) -> list[dict[str, Any]]:
     if effect.free_form:
         return []  # coefficients of a curve
-    spec = dict(model._simulation.effects.steps)[name]
     rows = []
     for p in effect.parameters:
-        full = f"{name}__{p.name}"
-        row = model.parameters_.loc[full]
-        low, high = (float(bound) for bound in model._simulation.bounds[full])
+        one = model.parameter_table_[f"{name}__{p.name}"]
         rows.append(
             {
-                "name": full,
+                "name": one.name,
                 "label": p.name.replace("_", " "),
-                "meaning": p.meaning + at_bound(model, full, float(row["value"])),
-                "unit": row["unit"],
-                **_numbers(row),
-                "low": low if np.isfinite(low) else None,
-                "high": high if np.isfinite(high) else None,
-                **_slider(fitted.parameters_.loc[full], low, high),
-                "fixed": p.name in spec.fixed,
-                "moved": full in moved,
+                "meaning": p.meaning + _bound_in_words(one),
+                "unit": one.unit,
+                **_numbers(one),
+                "low": one.min if np.isfinite(one.min) else None,
+                "high": one.max if np.isfinite(one.max) else None,
+                **_slider(fitted.parameter_table_[one.name]),
+                "fixed": not one.free,
+                "moved": one.name in moved,
             }
         )
     return rows
 
 
-def _numbers(row: Any) -> dict[str, float | None]:
-    sd = float(row["sd"])
-    return {"value": float(row["value"]), "sd": sd if np.isfinite(sd) and sd > 0 else None}
+def _numbers(one: ModelParameter) -> dict[str, float | None]:
+    return {"value": one.value, "sd": one.sd if np.isfinite(one.sd) and one.sd > 0 else None}
 
 
-def _slider(row: Any, low: float, high: float) -> dict[str, float]:
+def _slider(one: ModelParameter) -> dict[str, float]:
     """From where to where a slider goes: round numbers about the estimate, within the bounds."""
-    value, sd = float(row["value"]), float(row["sd"])
-    span = max(SPAN * abs(value), SPAN_SD * sd if np.isfinite(sd) else 0.0)
+    span = max(SPAN * abs(one.value), SPAN_SD * one.sd if np.isfinite(one.sd) else 0.0)
     if span == 0.0:
-        span = (high - low) / 2 if np.isfinite(high - low) else 1.0
-    begin, end = max(low, value - span), min(high, value + span)
+        span = (one.max - one.min) / 2 if np.isfinite(one.max - one.min) else 1.0
+    begin, end = max(one.min, one.value - span), min(one.max, one.value + span)
     step = 10.0 ** np.floor(np.log10(max(end - begin, 1e-300) / STEPS))
     step *= next(k for k in (1.0, 2.0, 5.0, 10.0) if (end - begin) / (k * step) <= STEPS)
     first, last = np.ceil(begin / step) * step, np.floor(end / step) * step

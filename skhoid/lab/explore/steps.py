@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ...effects.composition import Effects
 from ...effects.registry import title_of
 from .models import own_values
@@ -51,14 +49,14 @@ def moved(of: Exploration, args: Mapping[str, Any]) -> Position:
 def check_possible(of: Exploration, name: str, value: float) -> None:
     """Refuse what is beyond the bounds of a parameter, in the words that the user sees."""
     model = of.models.fitted(of.here.effects, of.here.train)
-    low, high = model._simulation.bounds.get(name, (-np.inf, np.inf))
-    if low <= value <= high:
+    one = model.parameter_table_.get(name)
+    if one is None or one.min <= value <= one.max:
         return
-    unit = str(model.parameters_["unit"].get(name, "")).replace("-", "").strip()
+    unit = one.unit.replace("-", "").strip()
     raise ValueError(
         f"{_words(name)} = {value:.6g} {unit}".rstrip()
         + " is beyond what is physically possible, "
-        f"or too small to matter: it may be {low:.4g} to {high:.4g} {unit}".rstrip()
+        f"or too small to matter: it may be {one.min:.4g} to {one.max:.4g} {unit}".rstrip()
         + "."
     )
 
@@ -111,7 +109,7 @@ def with_moved(of: Exploration) -> Effects:
     if not here.moved:
         return here.effects
     kept, steps = dict(here.effects.steps), []
-    for name, effect in of.models.fitted(here.effects, here.train)._simulation.effects:
+    for name, effect in of.models.fitted(here.effects, here.train).simulation_.effects:
         start = f"{name}__"
         own = {k[len(start) :]: v for k, v in here.moved.items() if k.startswith(start)}
         steps.append((name, effect.with_choices(**own) if own else kept[name]))
