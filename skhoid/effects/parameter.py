@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-<<<<<<< HEAD
+from ..parameters import ModelParameter
+
 if TYPE_CHECKING:
     from .record import Record
 
@@ -218,12 +219,6 @@ S = Dimension(s=1)
 RAD = Dimension(rad=1)
 HZ = Dimension(Hz=1)
 T = Dimension(T=1)
-=======
-from ..parameters import ModelParameter
-from .core_kind import CoreKind
-from .dimension import ONE, Dimension, E, U, checked
-from .record import Record
->>>>>>> 9445526 (One table of parameters: names, values, bounds, starts and errors that fits, sliders and reports read)
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,8 @@ import numpy as np
 import pandas as pd
 
 from ..effects.composition import Effects
-<<<<<<< HEAD
 from ..effects.parameter import Dimension, S, checked
-from ..exceptions import did_you_mean
-=======
-from ..effects.dimension import Dimension, S, checked
 from ..parameters import NORMAL_95, Kind, ModelParameter, ParameterTable
->>>>>>> 9445526 (One table of parameters: names, values, bounds, starts and errors that fits, sliders and reports read)
 from ..text import Estimate
 from .model import Model
 from .simulator import Simulator

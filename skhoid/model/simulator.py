@@ -12,11 +12,7 @@ import numpy as np
 from ..effects.base import Effect
 from ..effects.composition import PLACES, Effects
 from ..effects.operator_signals import Command, Gains, Spring
-<<<<<<< HEAD
-from ..effects.parameter import Dimension, Parameter
-=======
 from ..effects.parameter import ScaledParameter
->>>>>>> 9445526 (One table of parameters: names, values, bounds, starts and errors that fits, sliders and reports read)
 from ..effects.record import Record
 from .cores import ARXCore, Core, Prior, Usual, neutral_gains
 from .initial import HELD, REST, free_responses, horizon, with_fitted_pulses, with_fitted_start

@@ -9,12 +9,8 @@ import numpy as np
 
 from ...effects.base import Effect
 from ...effects.registry import title_of
-<<<<<<< HEAD
-from ...model.effect_curves import effect_curves
-from ...model.model import AT_BOUND
-=======
 from ...model import ModelParameter
->>>>>>> 9445526 (One table of parameters: names, values, bounds, starts and errors that fits, sliders and reports read)
+from ...model.effect_curves import effect_curves
 
 SPAN = 3.0  # times a value, and
 SPAN_SD = 10.0  # standard errors of it, that a slider reaches on either side
