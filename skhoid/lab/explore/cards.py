@@ -13,7 +13,7 @@ from ...effects.base import Effect
 from ...effects.composition import Effects
 from ...effects.registry import effect as effect_of
 from ...effects.registry import title_of
-from ...search import EffectSearchCV, Status
+from ...search import EffectSearchCV, Reason, Status
 from ...search.explanations import with_effects
 from ...text import as_sentence
 from .position import Position
@@ -133,7 +133,7 @@ def _card(row: Any, search: EffectSearchCV) -> dict[str, Any]:
         status = REFUSED
     elif row["effect"] in search.best_effects_:
         status = FOUND
-    elif row["status"] == Status.ADDED or row["reason_code"].counts:
+    elif row["status"] == Status.ADDED or Reason(row["reason_code"]).counts:
         status = HELPS
     else:
         status = NO
