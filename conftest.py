@@ -3,7 +3,6 @@
 import os
 import sys
 from doctest import ELLIPSIS, NORMALIZE_WHITESPACE
-from zlib import crc32
 
 import pytest
 from hypothesis import settings
@@ -28,68 +27,6 @@ pytest_collect_file = Sybil(
     patterns=["README.md", "docs/*.md", "docs/**/*.md"],
     fixtures=["close_figures"],
 ).pytest()
-
-
-SLOW_PAGES = {  # whose examples search, simulate or start processes for many seconds
-    "README.md",
-    "add-an-effect.md",
-    "box_jenkins.py",
-    "compare.md",
-    "delay_bank.py",
-    "document.py",
-    "effect-in-depth.md",
-    "effect_search.py",
-    "effects.md",
-    "experiment-data.md",
-    "experiment-statistics.md",
-    "experiments.md",
-    "find-what-is-missing.md",
-    "follow.md",
-    "from-shape-to-name.md",
-    "group-effects.md",
-    "hidden-change.md",
-    "identify-people.md",
-    "index.md",
-    "monte-carlo.md",
-    "noise-ceiling.md",
-    "operator_kalman.py",
-    "other-ways-to-follow.md",
-    "own-study.md",
-    "read-the-ranking.md",
-    "recursive_fir.py",
-    "recursive_iv.py",
-    "report.md",
-    "restyle.md",
-    "scale-out.md",
-    "search.py",
-    "shape.py",
-    "sigmoid_operator.py",
-    "story.py",
-    "thesis-studies.md",
-    "track-a-change.md",
-    "validate.md",
-    "which-method.md",
-    "windowed_operator.py",
-}
-
-
-def pytest_addoption(parser):
-    """Let slow tests be run in parts, each in minutes."""
-    parser.addoption("--part", metavar="K/N", help="of N parts of the files, only the Kth (1 to N)")
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config, items):
-    """Mark the examples of slow pages, and keep the part of the files that was asked for."""
-    for item in items:
-        if item.path.name in SLOW_PAGES:
-            item.add_marker(pytest.mark.slow)
-    if config.option.part:
-        part, parts = map(int, config.option.part.split("/"))
-        files = {item.path for item in items}
-        kept = {path for path in files if crc32(path.name.encode()) % parts == part - 1}
-        config.hook.pytest_deselected(items=[item for item in items if item.path not in kept])
-        items[:] = [item for item in items if item.path in kept]
 
 
 @pytest.fixture(autouse=True)
