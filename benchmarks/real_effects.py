@@ -28,6 +28,7 @@ from recorded import Claims, Table, judged, searched
 from skhoid import (
     ARXRegressor,
     OperatorRegressor,
+    SimulatedARX,
     load_bicycle_rider,
     load_human_tracking,
 )
@@ -50,7 +51,7 @@ def silverbox(data: Path) -> Claims:
     arrow, measured = run_of(x[:40_500], y[:40_500], dt, ("V", "V"))
     claims = []
     for orders in ((2, 3, 0), (2, 1, 1)):
-        search = searched(ARXRegressor(*orders, fit_intercept=True, settling=0.1), *fitted)
+        search = searched(SimulatedARX(*orders, fit_intercept=True, settling=0.1), *fitted)
         before, after = (
             1e3 * float(np.sqrt(np.mean((measured - model.predict(arrow)) ** 2)))
             for model in (search.baseline_, search.best_estimator_)
@@ -82,7 +83,7 @@ def hair_dryer(data: Path) -> Claims:
     fitted, unseen = halves(data, "hairdryer.csv", 0.08, ("V", "V"))
     claims = []
     for nk, expected in ((1, ["wrong_delay"]), (3, [])):
-        model = ARXRegressor(2, 2, nk, settling=1.0)
+        model = SimulatedARX(2, 2, nk, settling=1.0)
         search = searched(model, *fitted)
         plain = ARXRegressor(2, 2, nk).fit(*fitted)
         print(f"second half: least squares {unseen(plain):.1f} %, in simulation", end=" ")
@@ -96,7 +97,7 @@ def robot_arm(data: Path) -> Claims:
     claims = []
     for orders in ((2, 2, 0), (4, 5, 0)):
         # It rings for some hundred samples, and does not begin at rest.
-        search = searched(ARXRegressor(*orders, settling=200.0), *fitted)
+        search = searched(SimulatedARX(*orders, settling=200.0), *fitted)
         plain = ARXRegressor(*orders).fit(*fitted)
         print(f"second half: least squares {unseen(plain):.1f} %, in simulation", end=" ")
         print(f"{unseen(search.baseline_):.1f} %, best {unseen(search.best_estimator_):.1f} %\n")
@@ -117,7 +118,7 @@ def tracking(data: Path) -> Claims:
         y -= middle
         for model in (
             OperatorRegressor(inputs=["f_t"]),
-            ARXRegressor(2, 2, 7, inputs=["f_t"], settling=2.0),
+            SimulatedARX(2, 2, 7, inputs=["f_t"], settling=2.0),
         ):
             search = searched(model, X, y, display="pursuit")
             print(search.baseline_.parameters_[["value", "sd", "unit"]].round(3).to_string(), "\n")

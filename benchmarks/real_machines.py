@@ -26,7 +26,7 @@ import pandas as pd
 from recorded import Claims, judged, searched
 from scipy.signal import decimate
 
-from skhoid import ARXRegressor, EffectSearchCV
+from skhoid import ARXRegressor, EffectSearchCV, SimulatedARX
 
 FORCE_PER_VOLT = 35.15  # N/V
 COULOMB = 20.4  # N, by inverse dynamics
@@ -110,7 +110,7 @@ def ankle(data: Path) -> Claims:
         place = np.r_[place[EARLY:], np.full(EARLY, place[-1])]
         X, y = run_of(("position", "torque"), place, torque, 0.01, ("rad", "N m"))
         middle = len(y) // 2
-        model = ARXRegressor(1, 9, 0, fit_intercept=True, settling=0.5)
+        model = SimulatedARX(1, 9, 0, fit_intercept=True, settling=0.5)
         search = searched(model, X[:middle], y[:middle])
         late = torque[middle:]
         vaf = 100 * (1 - float(np.var(late - search.predict(X)[middle:]) / np.var(late)))

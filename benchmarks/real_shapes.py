@@ -27,7 +27,7 @@ from real_machines import FORCE_PER_VOLT, run_of
 from recorded import Claims, judged, searched
 from scipy.signal import decimate
 
-from skhoid import ARXRegressor
+from skhoid import ARXRegressor, SimulatedARX
 from skhoid.effects import HardeningStiffness
 from skhoid.effects.catalogue import BY_NAME
 
@@ -70,10 +70,10 @@ def silverbox(data: Path) -> Claims:
     table = pd.read_parquet(data / "silverbox" / "SNLS80mV.parquet")[40_700:57_084]
     u, v = table["V1"].to_numpy(), table["V2"].to_numpy()
     X, y = run_of(("V1", "V2"), u, v, 2**14 / 1e7, ("V", "V"))
-    model = ARXRegressor(2, 3, 0, fit_intercept=True, settling=0.1)
+    model = SimulatedARX(2, 3, 0, fit_intercept=True, settling=0.1)
     named = model.set_params(effects=HardeningStiffness(form="cubic")).fit(X, y)
     stiffness = named.parameters_.loc["hardening_stiffness__stiffness", "value"]
-    model = ARXRegressor(2, 3, 0, fit_intercept=True, settling=0.1)
+    model = SimulatedARX(2, 3, 0, fit_intercept=True, settling=0.1)
     search = searched(model, X, y, effects=all_but("hardening_stiffness"))
     claims = [(f"{search.best_effects_}, {place_of(search)}", place_of(search).endswith(" of u"))]
     if claims[0][1]:

@@ -135,7 +135,7 @@ def card(name: str, uri: Any) -> str:
     own = effect()
     place = own.place
     parameters = parameters_of(examples)
-    model = "OperatorRegressor(" if "human" in effect.domains else "ARXRegressor(2, 2, "
+    model = "OperatorRegressor(" if "human" in effect.domains else "SimulatedARX(2, 2, "
     return TEMPLATES.get_template("effect_card.rst").render(
         effect=effect,
         place=place,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
+from skhoid import OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import Effect
 from skhoid.model.effect_curves import EffectCurves, effect_curves
 
@@ -32,7 +32,7 @@ def models() -> tuple[dict[str, Any], pd.DataFrame]:
         X[name] = np.sin(0.7 * t)
     X.attrs["units"], y.attrs["units"] = {}, {}
     person = OperatorRegressor(controlled_element="1/(s(s+1))").fit(X, y)
-    machine = ARXRegressor(2, 2, nk=14, inputs=["e"], effects="bias").fit(X, y)
+    machine = SimulatedARX(2, 2, nk=14, inputs=["e"], effects="bias").fit(X, y)
     return {"human": person, "machine": machine}, X
 
 

@@ -9,7 +9,7 @@ index. Estimators, searches and transformers follow the scikit-learn API. By tas
 - Preprocess, in pipelines: `Decimator`, `DelayShift`, `RunInTrimmer`; outside them
   `ensemble_average`.
 - Identify: `ARXRegressor`; delay and orders with `DelaySearchCV`, `OrderSearchCV`;
-  the physical model `OperatorRegressor`.
+  with effects `SimulatedARX`, or the physical model `OperatorRegressor`.
 - Track a change: `RecursiveARX`, `RecursiveARXCV`, `forgetting_factor`; without the bias of remnant
   `RecursiveBoxJenkins`, `RecursiveIV`; by other means `OperatorKalman`, `DelayBankARX`,
   `RecursiveFIR`, `WindowedOperator`, `SigmoidOperator`, `WaveletOperator`, `LPVARX`; which of them,

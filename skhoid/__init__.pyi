@@ -68,6 +68,7 @@ from .lab.studies.tournament import run_tournament as run_tournament
 from .metrics import VAFScorer as VAFScorer
 from .metrics import vaf_score as vaf_score
 from .model import OperatorRegressor as OperatorRegressor
+from .model import SimulatedARX as SimulatedARX
 from .preprocessing import Decimator as Decimator
 from .preprocessing import DelayShift as DelayShift
 from .preprocessing import RunInTrimmer as RunInTrimmer

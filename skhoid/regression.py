@@ -213,33 +213,6 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
             )
         return held
 
-    def set_params(self, **params: Any) -> Any:
-        """Set parameters, of effects and of what else is nested by ``<name>__<parameter>``.
-
-        Parameters
-        ----------
-        **params : dict
-            Values.
-
-        Returns
-        -------
-        self : estimator
-
-        Raises
-        ------
-        ValueError
-            If there is no such parameter: effects given by name have none.
-        """
-        nested = next((name for name in params if name.startswith("effects__")), None)
-        effects = params.get("effects", getattr(self, "effects", None))
-        if nested is not None and not hasattr(effects, "set_params") and hasattr(self, "effects"):
-            raise ValueError(
-                f"{nested} cannot be set: effects={effects!r} has no parameters of its own. Give "
-                f"effects as objects instead: "
-                f"effects=skhoid.effects.Effects.of({'...' if effects is None else repr(effects)})."
-            )
-        return super().set_params(**params)
-
     def predict(self, X: Any) -> np.ndarray:
         """Simulate the output from the inputs alone (free run).
 

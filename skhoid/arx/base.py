@@ -7,11 +7,13 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from .. import _kernels
 from .._sklearn import CoefficientsOfLags
 from ..exceptions import MissingDataWarning, ShortRunError
 from ..metrics import vaf_of_rows
+from ..parameters import NORMAL_95
 from ..preprocessing.grid import ModelGrid
 from ..preprocessing.held_inputs import BLOCK, HeldInputs
 from ..regression import RunRegressor, segments
@@ -397,3 +399,19 @@ def check_row_count(n_rows: int, n_params: int, grid: ModelGrid) -> None:
         f"{n_rows} rows are left for {n_params} parameters (n_samples = {grid.layout.n_rows} rows "
         "in X; lags, missing values and the run-in use up the rest). Use more data or fewer lags."
     )
+
+
+def arx_parameter_table(
+    names: list[str], theta: np.ndarray, sd: np.ndarray, units: list[str]
+) -> pd.DataFrame:
+    """Values, standard errors, 95 % intervals and units of coefficients."""
+    meaning = {"a": "of the output", "b": "of the input", "i": "constant"}
+    columns = {
+        "value": theta,
+        "sd": sd,
+        "low": theta - NORMAL_95 * sd,
+        "high": theta + NORMAL_95 * sd,
+        "unit": units,
+        "meaning": [meaning[name[0]] for name in names],
+    }
+    return pd.DataFrame(columns, index=pd.Index(names, name="parameter"))

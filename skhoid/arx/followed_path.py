@@ -9,10 +9,9 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import RunTimeWarning
-from ..model.parameters import arx_parameter_table
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
-from .base import BaseARX
+from .base import BaseARX, arx_parameter_table
 from .rls import Instants, grid_numbers
 
 

@@ -12,11 +12,14 @@ whitens it (refined instrumental variables; Young 1984, Soderstrom and Stoica 19
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
 
 from ..exceptions import RankDeficiencyError, ShortRunError
+from ..runs import input_columns
+from ..runs.roles import is_external, role_of
 from .least_squares import newey_west
 from .orders import Orders, regressors
 
@@ -223,3 +226,25 @@ def _remnant_model(
         return np.ones(1)
     weights = np.linalg.lstsq(np.concatenate(past), np.concatenate(now), rcond=1e-10)[0]
     return np.r_[1.0, -weights]
+
+
+def instrument_columns(
+    names: list[Any], given: Any, inputs: list[int], roles: Any, run: Any, what: str
+) -> list[int]:
+    """Columns of the external signals, as given or by their roles; ``what`` needs them."""
+    if given is not None:
+        positions = input_columns(names, len(names), given, run, what="instruments")
+    else:
+        positions = [i for i, n in enumerate(names) if is_external(role_of(n, roles))]
+    if not positions:
+        raise ValueError(
+            f"{what} needs external signals in X, such as the target f_t or a disturbance. "
+            f"Name them with instruments=[...]; the columns are {names}."
+        )
+    inside = [names[p] for p in positions if p in inputs]
+    if inside:
+        raise ValueError(
+            f"{inside[0]!r} is an input and cannot be its own instrument; instruments are "
+            "signals from outside the loop, such as f_t. If it is one, OLS has no bias to cure."
+        )
+    return positions

@@ -35,14 +35,14 @@ CLOSED_LOOP = (
 WHITE = "Standard errors assume a white equation error{}."
 
 
-def batch_summary(model: ARXRegressor, *, hac: bool, instruments: list[str]) -> ModelSummary:
+def batch_summary(model: ARXRegressor, *, hac: bool) -> ModelSummary:
     """Summary of an ARX model whose equation error was minimised."""
     n, p = model.n_rows_used_, len(model.coef_)
     facts = {"Model": orders_text(model.orders_), **signal_facts(model)}
-    instrumental = bool(instruments)
+    instrumental = bool(model.instruments_)
     if instrumental:
         facts["Method"] = "instrumental variables"
-        facts["Instruments"] = ", ".join(instruments)
+        facts["Instruments"] = ", ".join(model.instruments_)
     else:
         facts["Method"] = "ordinary least squares"
     facts["Rows"] = f"{n}" + (

@@ -10,8 +10,9 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.stats.qmc import Halton
 
+from ..arx.beginning import ESTIMATE, REST, pays
 from ..effects.record import Record
-from .initial import ESTIMATE, REST, fitted_states, free_responses, pays
+from .initial import fitted_states, free_responses
 
 Filter = Callable[[np.ndarray], np.ndarray]
 LARGEST_POLE = 0.999  # radius of a start

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.signal import lfilter
 
 from .. import _kernels
+from ..arx.beginning import held_level
 from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import ONE, RAD, CoreKind, Dimension, E, Parameter, S, U
 from ..effects.record import Record
 from .arx_inside import inside_response
 from .arx_starts import arx_starts, blind_starts, starts_at_rest
-from .initial import is_stable
 
 
 @dataclass(frozen=True)
@@ -466,18 +466,6 @@ def pace(record: Record) -> float:
     half = np.searchsorted(np.cumsum(power), power.sum() / 2)
     omega = 2 * np.pi * half / y.shape[0]
     return float(np.clip(omega, SLOWEST, FASTEST)) / record.dt
-
-
-def held_level(a: np.ndarray, drive: np.ndarray, levels: tuple[float, float]) -> np.ndarray:
-    """Output at rest under a constant drive, within limits; 0, or next to it, where there is none.
-
-    A slow or integrating model amplifies its errors, so a level that the output never had is not
-    believed.
-    """
-    rest = np.clip(np.zeros_like(drive), *levels)
-    if levels[0] == levels[1]:
-        return rest
-    return np.clip(drive / a.sum(), *levels) if is_stable(a) else rest
 
 
 def neutral_gains() -> Gains:

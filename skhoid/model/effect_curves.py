@@ -21,7 +21,6 @@ from ..effects.record import Record
 from ..human import LinearElement
 from ..runs.roles import target_is_sum
 from .cores import neutral_gains
-from .estimator import labelled_covariance
 from .simulator import Simulator
 
 INSIDE = (2.5, 97.5)  # percentiles of the draws
@@ -152,7 +151,7 @@ class Bench:
         """Parameters of the effect and of the core, drawn from their covariance."""
         own = [f"{self.name}__{key}" for key in self.values]
         names = [*own, *self.core_names]
-        covariance = labelled_covariance(self.model).reindex(index=names, columns=names)
+        covariance = self.model.covariance_.reindex(index=names, columns=names)
         # What is fixed, or at a bound, has no covariance and stays.
         covariance = covariance.fillna(0.0).to_numpy()
         if n == 0 or not covariance.any():

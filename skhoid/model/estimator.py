@@ -17,6 +17,7 @@ from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from .._sklearn import DT, Interval, StrOptions, fit_context
+from ..arx.beginning import ESTIMATE, HELD, REST, pays
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.parameter import CoreKind
@@ -37,7 +38,7 @@ from ..text import (
 from .cores import Core
 from .extend import beside_each_other, extended, on_all_runs
 from .fitting import Criterion, RemnantModel, minimise, record_of_some
-from .initial import ESTIMATE, HELD, REST, begun_where_it_pays, error_of, pays
+from .initial import begun_where_it_pays, error_of
 from .likelihood import criterion_of, likelihood_fit, prior_of
 from .model import AT_BOUND, Model
 from .parameters import (
@@ -169,7 +170,7 @@ class SimulatedModelMixin:
         ----------
         values : dict of str to float
             Values by the names of ``parameters_``, such as ``{"dead_zone__width": 0.3}``: those
-            that were estimated or, of effects, given. Of an ARXRegressor only those of effects.
+            that were estimated or, of effects, given. Of a SimulatedARX only those of effects.
 
         Returns
         -------
@@ -301,6 +302,33 @@ class GreyBox(SimulatedModelMixin, RunRegressor):
         "dt": DT,
         "run": "no_validation",
     }
+
+    def set_params(self, **params: Any) -> Any:
+        """Set parameters, of effects and of what else is nested by ``<name>__<parameter>``.
+
+        Parameters
+        ----------
+        **params : dict
+            Values.
+
+        Returns
+        -------
+        self : estimator
+
+        Raises
+        ------
+        ValueError
+            If there is no such parameter: effects given by name have none.
+        """
+        nested = next((name for name in params if name.startswith("effects__")), None)
+        effects = params.get("effects", self.effects)
+        if nested is not None and not hasattr(effects, "set_params"):
+            raise ValueError(
+                f"{nested} cannot be set: effects={effects!r} has no parameters of its own. Give "
+                f"effects as objects instead: "
+                f"effects=skhoid.effects.Effects.of({'...' if effects is None else repr(effects)})."
+            )
+        return super().set_params(**params)
 
     @fit_context(prefer_skip_nested_validation=True)
     def fit(self, X: Any, y: Any) -> Any:
@@ -463,15 +491,6 @@ def first_samples(estimator: Any, prepared: Prepared, model: Model) -> dict[str,
     if estimator.initial_ == ESTIMATE:
         initial = ESTIMATE
     return {"initial": initial, "begins": begins, "levels": levels}
-
-
-def labelled_covariance(model: Any) -> pd.DataFrame:
-    """Covariance of what was estimated, by names of ``parameters_``."""
-    covariance = model.covariance_
-    if isinstance(covariance, pd.DataFrame):
-        return covariance
-    names = model.parameters_.index[: len(covariance)]  # of an ARXRegressor
-    return pd.DataFrame(covariance, index=names, columns=names)
 
 
 def vaf_of_output(record: Record, output: np.ndarray) -> float:

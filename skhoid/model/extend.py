@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..arx.beginning import ESTIMATE
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.free_form import FreeForm
 from ..effects.parameter import Dimension
 from ..effects.record import Record
 from .fitting import Criterion, Fit, derivatives, minimise, sse_at, sums_of
-from .initial import ESTIMATE
 from .jumps import Scan, searched
 from .model import Model, best_of, halved, in_order, scaled_sse, start_beside, without
 from .simulator import Simulator

@@ -17,9 +17,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.signal import lfilter
 
+from ..arx.beginning import pays
 from ..effects.record import Record
 
-REST, HELD, ESTIMATE = "rest", "held", "estimate"
 FORGOTTEN = 2.0  # s of settling, after which an operator has forgotten how a run began
 ROUNDING = 1e-13  # of the largest square, by which others may be off
 WEAK = 1e-6  # share of its squares in the known rows from which a state is estimated in full
@@ -28,19 +28,6 @@ MARGIN = 1.3  # times that long, for poles that lie together
 N_NEWTON = 3  # iterations behind a nonlinear effect
 WORTHWHILE = 1e-4  # share of the squares, below which these end
 DIFFERENCE = 1e-3  # of the output's standard deviation, of the derivatives there
-SHARE_OF_ERROR, SHARE_OF_POWER = 0.1, 0.01  # by which a start must lower the squares to be taken
-
-
-def pays(rest: float, other: float, y: np.ndarray) -> bool:
-    """Whether another start reduces the squares enough to show that runs do not begin at rest.
-
-    ``y`` is all that was measured; its power about the mean says how much that is.
-    """
-    if not y.size:
-        return False
-    moves = y - y.mean()
-    power = float(np.square(moves, out=moves).sum())
-    return bool(rest - other > max(SHARE_OF_ERROR * rest, SHARE_OF_POWER * power))
 
 
 def begun_where_it_pays(record: Record, free: np.ndarray, fitted: np.ndarray) -> np.ndarray:
@@ -225,9 +212,3 @@ def _by_newton(
 def _squares(record: Record, output: np.ndarray) -> np.ndarray:
     assert record.y is not None
     return np.asarray((np.where(record.known, record.y - output, 0.0) ** 2).sum(axis=0))
-
-
-def is_stable(denominator: np.ndarray) -> bool:
-    """Whether all poles lie inside the unit circle, and none of them integrates."""
-    poles = np.roots(denominator)
-    return bool((np.abs(poles) < 1.0 - 1e-6).all())

@@ -135,22 +135,6 @@ def derived_with_errors(
     return found
 
 
-def arx_parameter_table(
-    names: list[str], theta: np.ndarray, sd: np.ndarray, units: list[str]
-) -> pd.DataFrame:
-    """The same table for an ARX model fitted by least squares."""
-    meaning = {"a": "of the output", "b": "of the input", "i": "constant"}
-    columns = {
-        "value": theta,
-        "sd": sd,
-        "low": theta - NORMAL_95 * sd,
-        "high": theta + NORMAL_95 * sd,
-        "unit": units,
-        "meaning": [meaning[name[0]] for name in names],
-    }
-    return pd.DataFrame(columns, index=pd.Index(names, name="parameter"))
-
-
 def covariance_frame(simulator: Simulator, covariance: np.ndarray) -> pd.DataFrame:
     return pd.DataFrame(covariance, index=simulator.names, columns=simulator.names)
 

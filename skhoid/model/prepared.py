@@ -10,6 +10,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 import pandas as pd
 
+from ..arx.beginning import ESTIMATE, HELD, REST
 from ..effects.record import LARGE, Record, RowChannels, few_runs
 from ..exceptions import RankDeficiencyError, ShortRunError, UsageError
 from ..human import LinearElement
@@ -22,7 +23,7 @@ from ..runs.roles import EXACT, roles_of, target_is_sum
 from .cores import Core
 from .element import estimate_element, given_element
 from .fitting import AR_ORDER, Criterion, RemnantModel, record_of_some
-from .initial import ESTIMATE, FORGOTTEN, HELD, REST
+from .initial import FORGOTTEN
 from .model import Model
 
 

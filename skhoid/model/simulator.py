@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..arx.beginning import HELD, REST
 from ..effects.base import Effect
 from ..effects.composition import PLACES, Effects
 from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import ScaledParameter
 from ..effects.record import Record
 from .cores import ARXCore, Core, Prior, Usual, neutral_gains
-from .initial import HELD, REST, free_responses, horizon, with_fitted_pulses, with_fitted_start
+from .initial import free_responses, horizon, with_fitted_pulses, with_fitted_start
 
 
 class StageSignals(NamedTuple):

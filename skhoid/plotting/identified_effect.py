@@ -139,8 +139,8 @@ class IdentifiedEffectDisplay(Display):
         check_is_fitted(model)
         if not hasattr(model, "effects_"):
             raise TypeError(
-                f"{cls.__name__}.from_estimator draws an effect of a fitted OperatorRegressor or "
-                f"ARXRegressor(effects=...); got {type(model).__name__}, which has no effects_."
+                f"{cls.__name__}.from_estimator draws an effect of a fitted OperatorRegressor "
+                f"or SimulatedARX; got {type(model).__name__}, which has no effects_."
             )
         effects = dict(model.effects_.steps)
         if not effects:

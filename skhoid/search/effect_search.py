@@ -22,7 +22,8 @@ from ..human import ELEMENT
 from ..model.estimator import delay_notes
 from ..model.fitting import MOST_ROWS, some_runs
 from ..model.parameters import difference_notes, parameter_text
-from ..model.prepared import Prepared, check_simulated_model
+from ..model.prepared import Prepared
+from ..model.simulated_arx import simulated_model
 from ..preprocessing.base import as_fitted, keep_parameters
 from ..preprocessing.gate import as_output, as_table
 from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, sentences_of
@@ -275,15 +276,15 @@ class EffectSearchCV(
         TypeError
             If the estimator is not a model that simulates effects; the message says what it lacks.
         """
-        check_simulated_model(self.estimator, "EffectSearchCV")
+        model = clone(simulated_model(self.estimator, "EffectSearchCV"))
         keep_parameters(self)
         context = self._init_callback_context(max_subtasks=None)  # steps until none helps
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
         remember(self, X, y)
         X = as_table(X)
         with threadpool_limits(1):  # small products, which threads only slow down
-            started = self._started(X, y, groups, params)
-            model, prepared, lost = started.model, started.prepared, started.lost
+            started = self._started(model, X, y, groups, params)
+            prepared, lost = started.prepared, started.lost
             control, known, some = started.control, started.known, started.some
             self._control = control
             search = Search(
@@ -319,9 +320,8 @@ class EffectSearchCV(
         context.call_on_fit_task_end(estimator=self, X=X, y=y)
         return self
 
-    def _started(self, X: Any, y: Any, groups: Any, params: dict[str, Any]) -> Started:
+    def _started(self, model: Any, X: Any, y: Any, groups: Any, params: dict[str, Any]) -> Started:
         """The model and its data, without stretches in which control was lost, and the folds."""
-        model = clone(self.estimator)
         if self.controlled_element is not None:
             model.set_params(controlled_element=self.controlled_element)
         prepared = in_domain(model.prepare(X, y), self.domain, getattr(model, "roles", None))

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
-from ..arx.batch import ARXRegressor
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.parameter import CoreKind
@@ -17,6 +16,7 @@ from ..effects.paths import Bias
 from ..effects.record import Record
 from ..model.cores import ARXCore, OperatorCore
 from ..model.operator_regressor import OperatorRegressor
+from ..model.simulated_arx import SimulatedARX
 from ..model.simulator import Simulator
 from ..text import Estimate
 from .application import shown
@@ -83,7 +83,7 @@ def check_recovery(effect: Effect, record: Record, core: CoreKind, truth: dict) 
     X, y = _as_dataset(record, output)
     element = record.controlled_element
     if core == CoreKind.ARX:
-        model: Any = ARXRegressor(2, 2, 10, effects=effect, controlled_element=element)
+        model: Any = SimulatedARX(2, 2, 10, effects=effect, controlled_element=element)
     else:
         free = effect.refusal(record, CoreKind.OPERATOR_FREE_DELAY) is None
         delay = None if free else DELAY

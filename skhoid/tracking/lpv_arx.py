@@ -15,8 +15,7 @@ import pandas as pd
 
 from .._sklearn import DT, HasMethods, Interval, StrOptions, fit_context
 from ..arx.base import BaseARX, check_row_count
-from ..arx.excitation import rank_error
-from ..arx.least_squares import Triangle, newey_west
+from ..arx.least_squares import Triangle, newey_west, rank_error
 from ..arx.model_summary import CLOSED_LOOP, JUDGE, WHITE, orders_text
 from ..arx.orders import regressor_blocks
 from ..arx.rls import Instants

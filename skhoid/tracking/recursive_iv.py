@@ -9,8 +9,7 @@ import numpy as np
 
 from .. import _kernels
 from .._sklearn import fit_context
-from ..arx.instruments import estimate, instrument_lags
-from ..arx.strategies import instrument_columns
+from ..arx.instruments import estimate, instrument_columns, instrument_lags
 from ..exceptions import ShortRunError
 from .prediction_error import Start, Window, stabilised
 from .whitened import CONSTRAINTS, WhitenedFilter, WhitenedRecursion
@@ -255,7 +254,9 @@ class RecursiveIV(WhitenedRecursion):
         return self._fit_recursion(X, y)
 
     def _signal_columns(self, n_columns: int) -> list[int]:
-        return [*self._columns, *instrument_columns(self, n_columns, "RecursiveIV")]
+        names = self._names or list(range(n_columns))
+        told = self.instruments, self._columns, self.roles, self._run
+        return [*self._columns, *instrument_columns(names, *told, "RecursiveIV")]
 
     def _start(self, window: Window) -> Start:
         lags = self._lags(window)

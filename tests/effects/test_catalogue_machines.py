@@ -6,7 +6,7 @@ import pytest
 from scipy.signal import lfilter
 from sklearn.base import clone
 
-from skhoid import ARXRegressor, EffectSearchCV
+from skhoid import ARXRegressor, EffectSearchCV, SimulatedARX
 from skhoid.effects import (
     Effect,
     Friction,
@@ -81,7 +81,7 @@ def test_friction_is_named_and_in_units_of_the_force(seed):
 @pytest.mark.parametrize("seed", [1, pytest.param(7)])
 def test_a_sensor_of_the_magnitude_is_seen_through(seed):
     (X, y), speed = prbs_drive(seed)
-    model = ARXRegressor(3, 2, inputs=["u"], effects=SensorMagnitude()).fit(X, y)
+    model = SimulatedARX(3, 2, inputs=["u"], effects=SensorMagnitude()).fit(X, y)
     assert np.sqrt(np.mean((model.predict(X) - np.abs(speed)) ** 2)) < 0.02 * np.std(speed)
 
 
@@ -111,7 +111,7 @@ def test_signs_are_those_of_a_smooth_signal():
 )
 def test_a_reflex_has_its_side_and_its_delay(sign, sense):
     X, y = joint(3, sign, sense)
-    found = ARXRegressor(1, 2, inputs=["angle"], effects="rate_reflex").fit(X, y)
+    found = SimulatedARX(1, 2, inputs=["angle"], effects="rate_reflex").fit(X, y)
     (_, reflex), *_ = found.effects_
     assert reflex.side == ("positive" if sign > 0 else "negative")
     assert reflex.sense == sense
@@ -126,7 +126,7 @@ def test_a_filter_before_a_dead_zone():
     bent = w - np.clip(w, -0.4, 0.4)
     X, y = table(lfilter([0.3], [1.0, -0.7], bent), 0.01, x=x)
     plain, filtered = (
-        ARXRegressor(2, 2, inputs=["x"], effects=one).fit(X, y)
+        SimulatedARX(2, 2, inputs=["x"], effects=one).fit(X, y)
         for one in ("dead_zone", InputFilter(form="dead_zone"))
     )
     assert filtered.vaf_ > 99.5 > plain.vaf_ + 1.0
@@ -144,7 +144,7 @@ def test_frequencies_follow_a_channel_of_each_run():
         X.append(pd.concat({run: frame.droplevel(0)}, names=["run"]))
         y.append(pd.concat({run: out.droplevel(0)}, names=["run"]))
     X, y = pd.concat(X), pd.concat(y)
-    model = ARXRegressor(2, 1, 1, inputs=["x"], effects=ScheduledDynamics(channel="speed"))
+    model = SimulatedARX(2, 1, 1, inputs=["x"], effects=ScheduledDynamics(channel="speed"))
     found = model.fit(X, y).parameters_["value"]
     assert found["scheduled_dynamics__slope"] == pytest.approx(0.3, abs=0.01)
     assert model.vaf_ > 99.8
@@ -209,7 +209,7 @@ def tank(seed, *, first, top=2.0, noise=0.01):
 def test_a_tank_with_a_root_outflow_that_runs_over(first):
     X, y = tank(0, first=first)
     effects = RootFlow(form="zero") + Stops(form="high")
-    found = ARXRegressor(1, 1, 0, dt=1.0, effects=effects, settling=5.0).fit(X, y)
+    found = SimulatedARX(1, 1, 0, dt=1.0, effects=effects, settling=5.0).fit(X, y)
     values = found.parameters_["value"]
     assert values["a1"] == pytest.approx(-1.0, abs=0.002)  # nothing else flows out
     assert values["root_flow__flow"] == pytest.approx(0.8 * np.sqrt(np.std(y)), rel=0.05)
@@ -219,6 +219,6 @@ def test_a_tank_with_a_root_outflow_that_runs_over(first):
 @pytest.mark.parametrize("seed", [0, 1])
 def test_root_outflow_and_overflow_are_named(seed):
     rivals = ["root_flow", "stops", "saturation", "hardening_stiffness", "bias"]
-    model = ARXRegressor(1, 1, 0, dt=1.0, settling=5.0)
+    model = SimulatedARX(1, 1, 0, dt=1.0, settling=5.0)
     search = EffectSearchCV(model, effects=rivals).fit(*tank(seed, first=0.0))
     assert search.best_effects_ == ["root_flow", "stops"]

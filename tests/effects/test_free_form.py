@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from sklearn.base import clone
 
-from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
+from skhoid import OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import FreeDelay, FreeDynamics, FreeGain, FreeOffset, FreePath
 from skhoid.model.extend import extended
 from skhoid.model.fitting import Criterion
@@ -69,8 +69,8 @@ def test_where_there_is_nothing_few_degrees_of_freedom_are_spent(form):
 @pytest.mark.parametrize("form", FORMS, ids=NAMES)
 def test_an_arx_model_has_them_too(form):
     X, y = runs(5)
-    plain = ARXRegressor(2, 2, nk=20, inputs=["e"], effects="bias").fit(X, y)
-    model = ARXRegressor(2, 2, nk=20, inputs=["e"], effects=form).fit(X, y)
+    plain = SimulatedARX(2, 2, nk=20, inputs=["e"], effects="bias").fit(X, y)
+    model = SimulatedARX(2, 2, nk=20, inputs=["e"], effects=form).fit(X, y)
     assert model.score(X, y) > plain.score(X, y) - 0.1
     assert not model.parameters_.index.str.contains("__").any()
 
@@ -78,7 +78,7 @@ def test_an_arx_model_has_them_too(form):
 def test_an_arx_model_has_no_gain_on_the_error_rate():
     X, y = runs(5)
     with pytest.raises(ValueError, match="does not apply: a linear model has no gain"):
-        ARXRegressor(2, 2, nk=20, inputs=["e"], effects=FreeGain(of="rate")).fit(X, y)
+        SimulatedARX(2, 2, nk=20, inputs=["e"], effects=FreeGain(of="rate")).fit(X, y)
 
 
 @pytest.mark.parametrize("effect", [FreeGain(channel="wind"), FreePath(channel="wind")])

@@ -7,7 +7,7 @@ from scipy.signal import decimate, lfilter
 from support.places import RECORDINGS
 from support.synthetic import run_time
 
-from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
+from skhoid import ARXRegressor, OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import FreeMap, Friction, HardeningStiffness
 from skhoid.effects.operator_signals import Spring
 from skhoid.model.estimator import vaf_of_output
@@ -153,7 +153,7 @@ def duffing(n=4000, seed=0):
 def test_a_fit_with_a_spring_of_any_shape_through_the_public_class():
     X, y = duffing()
     plain = ARXRegressor(2, 1, 1).fit(X, y)
-    model = ARXRegressor(2, 1, 1, effects=FreeMap(at="spring")).fit(X, y)
+    model = SimulatedARX(2, 1, 1, effects=FreeMap(at="spring")).fit(X, y)
     left = [float(np.mean((y - m.predict(X)) ** 2) / np.mean(y**2)) for m in (plain, model)]
     assert left[1] < 0.1 * left[0]
     assert left[1] < 0.002
@@ -167,7 +167,7 @@ def test_the_spring_of_the_silverbox(orders, most):
     pytest.importorskip("pyarrow")
     data = pd.read_parquet(RECORDINGS / "silverbox" / "SNLS80mV.parquet")[40_700:57_084]
     X, y = table(data["V1"].to_numpy(), data["V2"].to_numpy(), 2**14 / 1e7)
-    estimator = ARXRegressor(*orders, fit_intercept=True, settling=0.1)
+    estimator = SimulatedARX(*orders, fit_intercept=True, settling=0.1)
     named_model, named = added(estimator, X, y, HardeningStiffness(form="cubic"))
     model, effect = added(estimator, X, y, FreeMap(at="spring"))
     at = central(y.to_numpy())

@@ -32,6 +32,7 @@ from skhoid import (
     RecursiveIV,
     RunInTrimmer,
     SigmoidOperator,
+    SimulatedARX,
     VAFScorer,
     WaveletOperator,
     WindowedOperator,
@@ -53,9 +54,10 @@ ORDERS = {"na": [0, 3], "nb": [1, 5, [2, 2]], "nk": [0, 3], "fit_intercept": [Fa
 WHITENED = READING | {name: ORDERS[name] for name in ("na", "nb", "nk")}
 WHITENED |= {"noise_order": [0, 3], "parameters": ["last"], "init_window": [0.1]}
 WHITENED |= {"memory_time": [1.0], "store_covariance": [True]}
-BATCH = READING | ORDERS | INITIAL | ELEMENTS
+BATCH = READING | ORDERS | INITIAL
 OTHERS = {
-    ARXRegressor: BATCH | {"method": ["iv"], "covariance": ["hac"], "effects": ["bias"]},
+    ARXRegressor: BATCH | {"method": ["iv"], "covariance": ["hac"]},
+    SimulatedARX: BATCH | ELEMENTS | {"effects": ["bias"]},
     OperatorRegressor: READING | INITIAL | ELEMENTS | {"delay": [0.1, 0.5], "effects": ["bias"]},
     RecursiveARX: READING
     | ORDERS
@@ -83,7 +85,7 @@ CASES = {
     "equation": SMALL,
     "constant": ARXRegressor(nk=11, fit_intercept=True, covariance="hac"),
     "instruments": ARXRegressor(nk=11, method="iv", inputs=["e"], instruments=["f_t"]),
-    "effects": ARXRegressor(nk=11, inputs=["e"], effects=Effects.of(DeadZone()), n_starts=2),
+    "effects": SimulatedARX(nk=11, inputs=["e"], effects=Effects.of(DeadZone()), n_starts=2),
     "operator": OperatorRegressor(delay=0.28, effects=Effects.of(DeadZone())),
     "path": RecursiveARX(nk=11, memory_time=2.0),
     "last": RecursiveARX(nk=11, memory_time=2.0, parameters="last"),

@@ -14,6 +14,7 @@ from skhoid import (
     MissingDataWarning,
     OperatorRegressor,
     RecursiveARX,
+    SimulatedARX,
     check_channels,
     compare,
     lost_control,
@@ -30,7 +31,7 @@ MODELS = {
     "arx, all": ARXRegressor(2, 2, 7, inputs=["e", "x"]),
     "recursive": RecursiveARX(2, 2, 7, inputs=["e"], memory_time=5.0),
     "operator": OperatorRegressor(),
-    "effect": ARXRegressor(2, 2, 7, inputs=["e"], effects=["dead_zone"]),
+    "effect": SimulatedARX(2, 2, 7, inputs=["e"], effects=["dead_zone"]),
 }
 
 
@@ -183,7 +184,7 @@ def test_a_mapped_file_is_compared_without_a_copy(call, mapped):
 
 FEW = 10
 MORE = {
-    "effect": lambda X, y: ARXRegressor(2, 2, 7, effects=["bias"]).fit(X, y),
+    "effect": lambda X, y: SimulatedARX(2, 2, 7, effects=["bias"]).fit(X, y),
     "operator": lambda X, y: OperatorRegressor().fit(X, y),
     "search": lambda X, y: EffectSearchCV(ARXRegressor(2, 2, 7), effects=["bias"]).fit(X, y),
     "stream": lambda X, y: RecursiveARX(2, 2, 7, init="zeros", p0=1.0, memory_time=5.0).partial_fit(

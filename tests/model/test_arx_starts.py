@@ -6,7 +6,7 @@ import pytest
 from scipy.signal import decimate, lfilter
 from support.places import RECORDINGS
 
-from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
+from skhoid import ARXRegressor, OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import Effect
 from skhoid.model.arx_starts import arx_starts, spread_poles
 from skhoid.model.cores import ARXCore
@@ -45,7 +45,7 @@ def errors_of(prepared, thetas):
 @pytest.mark.parametrize("seed", range(4))
 def test_fit_is_never_worse_than_its_starts(seed):
     X, y = stiff(seed)
-    model = ARXRegressor(2, 3, 0, dt=0.01, initial="rest")
+    model = SimulatedARX(2, 3, 0, dt=0.01, initial="rest")
     prepared = model.prepare(X, y)
     starts = arx_starts(prepared.core, prepared.record, prepared.record.input, 5)
     by_one_step = ARXRegressor(2, 3, 0, dt=0.01).fit(X, y).coef_
@@ -58,7 +58,7 @@ def test_fit_is_never_worse_than_its_starts(seed):
 
 def test_halving_keeps_the_best():
     X, y = stiff(7)
-    prepared = ARXRegressor(2, 3, 0, dt=0.01).prepare(X, y)
+    prepared = SimulatedARX(2, 3, 0, dt=0.01).prepare(X, y)
     criterion = Criterion(prepared.record)
     rng = np.random.default_rng(0)
     good = [-1.2, 0.5, -40.0, 60.0, -22.0]
@@ -69,7 +69,7 @@ def test_halving_keeps_the_best():
 
 @pytest.mark.parametrize("na", [1, 2, 3, 4])
 def test_spread_poles_are_stable_and_the_same_each_time(na):
-    prepared = ARXRegressor(na, 2, 0, dt=0.01).prepare(*stiff(0))
+    prepared = SimulatedARX(na, 2, 0, dt=0.01).prepare(*stiff(0))
     core = ARXCore(na, 2, 0)
     found = spread_poles(core, prepared.record, 24)
     poles = np.abs([np.roots(np.r_[1.0, a]) for a in found])
@@ -86,7 +86,7 @@ def test_map_that_hides_the_sign_is_fitted(seed):
     u = np.repeat(rng.choice([-1.0, 1.0], 40), 8)
     y = np.abs(lfilter([0.0, 0.03, 0.03], [1.0, -1.85, 0.88], u))
     y += 0.02 * rng.standard_normal(y.size)
-    model = ARXRegressor(2, 2, 1, dt=0.02, effects=Magnitude(), initial="rest")
+    model = SimulatedARX(2, 2, 1, dt=0.02, effects=Magnitude(), initial="rest")
     assert model.fit(u[:, None], y).vaf_ > 98.0
     np.testing.assert_allclose(model.a_, [-1.85, 0.88], atol=0.02)
 
@@ -96,7 +96,7 @@ def test_start_of_a_user():
     u = rng.standard_normal((400, 1))
     y = np.abs(lfilter([0.5], [1.0, -1.5, 0.7], u.ravel()))
     start = {"a1": -1.4, "a2": 0.6, "b0": 0.4}
-    model = ARXRegressor(2, 1, 0, dt=0.02, effects=Magnitude(), n_starts=0, initial="rest")
+    model = SimulatedARX(2, 1, 0, dt=0.02, effects=Magnitude(), n_starts=0, initial="rest")
     assert model.fit(u, y).vaf_ < 95.0
     assert model.set_params(start=start).fit(u, y).vaf_ > 99.9
 
@@ -130,7 +130,7 @@ def test_start_of_what_is_not_there(start, message):
 def test_coupled_drives(record, most):
     table = pd.read_csv(DRIVES)
     u, y = table[[f"u{record}"]].to_numpy(), table[f"z{record}"].to_numpy()
-    model = ARXRegressor(3, 2, 1, dt=0.02, effects=Magnitude()).fit(u[:300], y[:300])
+    model = SimulatedARX(3, 2, 1, dt=0.02, effects=Magnitude()).fit(u[:300], y[:300])
     assert np.sqrt(np.mean((y - model.predict(u))[300:] ** 2)) <= most
 
 
@@ -142,6 +142,6 @@ def test_ankle(name):
     table = table - table.mean(axis=0)
     x, y = table[:3000, :1], table[:3000, 1]
     one_step = ARXRegressor(2, 2, dt=0.01).fit(x, y)
-    model = ARXRegressor(2, 2, dt=0.01, effects="bias").fit(x, y)
+    model = SimulatedARX(2, 2, dt=0.01, effects="bias").fit(x, y)
     assert model.score(x, y) > one_step.score(x, y) - 2.0
     assert model.score(table[3000:, :1], table[3000:, 1]) > 50.0

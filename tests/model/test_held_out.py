@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
+from skhoid.arx.beginning import ESTIMATE
 from skhoid.model.extend import refitted, shared_derivatives
 from skhoid.model.fitting import Criterion, derivatives, minimise
-from skhoid.model.initial import ESTIMATE
 from skhoid.model.model import Model
 
 

@@ -9,15 +9,16 @@ from scipy.signal import lfilter
 from sklearn.base import clone
 
 from skhoid import (
-    ARXRegressor,
     OperatorRegressor,
+    SimulatedARX,
     VAFScorer,
     compare,
     make_tracking_runs,
     vaf_score,
 )
+from skhoid.arx.beginning import pays
 from skhoid.effects import Effect
-from skhoid.model.initial import fitted_states, free_responses, pays, with_fitted_pulses
+from skhoid.model.initial import fitted_states, free_responses, with_fitted_pulses
 
 
 class Magnitude(Effect):
@@ -46,7 +47,7 @@ def furnace(level=900.0, seed=0):
 @pytest.mark.parametrize("level", [900.0, 600.0])
 def test_furnace_is_hot_at_first(effects, level):
     X, y = furnace(level)
-    model = ARXRegressor(1, 1, 1, dt=9.0, effects=effects, method="ols").fit(X, y)
+    model = SimulatedARX(1, 1, 1, dt=9.0, effects=effects).fit(X, y)
     assert model.initial_ == "estimate"
     assert VAFScorer(centered=True)(model, X, y) > 98.0
     assert model.score(X, y) > 99.99
@@ -64,7 +65,7 @@ def test_tank_runs_out_from_its_level():
     pole = 0.97
     y = lfilter([0.0, 1 - pole], [1.0, -pole], u) + 5.2 * pole ** np.arange(u.size)
     y += 0.02 * rng.standard_normal(u.size)
-    biased = ARXRegressor(1, 1, 1, effects="bias", dt=1.0)
+    biased = SimulatedARX(1, 1, 1, effects="bias", dt=1.0)
     found = biased.fit(u[:, None], y)
     assert found.parameters_.loc["bias__level", "value"] == pytest.approx(0.0, abs=0.05)
     assert found.score(u[:, None], y) > 99.8
@@ -78,7 +79,7 @@ def test_score_finds_the_state_of_other_runs():
     y = lfilter([0.0, 0.1], [1.0, -1.9, 0.95], u)  # from rest
     u, y = u[:, None], y + 0.01 * rng.standard_normal(600)
     for effects in (None, "cubic_gain"):
-        model = ARXRegressor(2, 1, 1, dt=0.01, effects=effects, method="ols").fit(u[:300], y[:300])
+        model = SimulatedARX(2, 1, 1, dt=0.01, effects=effects).fit(u[:300], y[:300])
         assert model.initial_ == "rest"
         later = vaf_score(y[300:], model.predict(u[300:]))
         assert model.score(u[:300], y[:300]) == vaf_score(y[:300], model.predict(u[:300]))
@@ -94,7 +95,7 @@ def test_start_of_a_run_does_not_depend_on_the_runs_beside_it(effects):
     X = pd.DataFrame({"run": np.repeat([1, 2, 3], [300, 600, 60]), "e": 0.0})
     X["e"] = np.r_[u[:300], 30.0 * u[:600], u[240:300]]
     out = np.r_[y[:300], 30.0 * y[:600], y[240:300]]
-    model = ARXRegressor(2, 1, 1, dt=0.01, run="run", effects=effects)
+    model = SimulatedARX(2, 1, 1, dt=0.01, run="run", effects=effects)
     first, others = X["run"] == 1, X["run"] != 1
     model.fit(X[first], out[first])
     assert model.initial_ == "rest"
@@ -185,6 +186,6 @@ def test_state_behind_a_sensor_of_magnitude():
     a = [1.0, -1.5, 0.7]
     y = np.abs(lfilter([0.0, 0.5], a, u.ravel()) + lfilter([4.0, -8.0], a, np.eye(1, 300).ravel()))
     start = {"a1": -1.45, "a2": 0.66, "b0": 0.45}
-    model = ARXRegressor(2, 1, 1, dt=0.02, effects=Magnitude(), initial="estimate", start=start)
+    model = SimulatedARX(2, 1, 1, dt=0.02, effects=Magnitude(), initial="estimate", start=start)
     assert model.fit(u, y).score(u, y) > 99.0
     assert clone(model).set_params(initial="rest").fit(u, y).score(u, y) < 98.0

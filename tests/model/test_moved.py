@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
+from skhoid import OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import Bias, DeadZone, FreeMap
 
 
@@ -109,14 +109,14 @@ def test_refused(model, values, message):
 
 
 def test_of_an_arx_model_effects_move_and_coefficients_do_not(runs):
-    model = ARXRegressor(nk=15, effects=Bias()).fit(*runs)
+    model = SimulatedARX(nk=15, effects=Bias()).fit(*runs)
     moved = model.with_parameters({"bias__level": 0.2})
     change = moved.predict(runs[0]) - model.predict(runs[0])
     np.testing.assert_allclose(change, 0.2 - model.parameters_.loc["bias__level", "value"])
     with pytest.raises(ValueError, match="These can: bias__level"):
         model.with_parameters({"a1": 0.1})
     with pytest.raises(ValueError, match="has no effects, and only parameters of effects"):
-        ARXRegressor(nk=15).fit(*runs).with_parameters({"a1": 0.1})
+        SimulatedARX(nk=15).fit(*runs).with_parameters({"a1": 0.1})
 
 
 def test_coefficients_of_a_curve_move_it(runs):

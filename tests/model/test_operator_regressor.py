@@ -14,7 +14,6 @@ from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
 from sklearn.pipeline import make_pipeline
 
 from skhoid import (
-    ARXRegressor,
     ControlledElement,
     Decimator,
     EffectSearchCV,
@@ -24,6 +23,7 @@ from skhoid import (
     RankDeficiencyError,
     RunInTrimmer,
     ShortRunError,
+    SimulatedARX,
     make_tracking_runs,
     run_labels,
     select_runs,
@@ -95,7 +95,7 @@ def test_parameters_without_remnant_are_the_true_ones(condition):
 
 @pytest.mark.parametrize("effects", ["dead_zone", ["dead_zone"], None])
 def test_effects_given_by_name_have_no_parameters(effects):
-    for model in (OperatorRegressor(effects=effects), ARXRegressor(effects=effects)):
+    for model in (OperatorRegressor(effects=effects), SimulatedARX(effects=effects)):
         with pytest.raises(ValueError, match=r"effects__dead_zone__width cannot be set: .*\.of\("):
             model.set_params(effects__dead_zone__width=5.0)
         model.set_params(effects=Effects.of("dead_zone"), effects__dead_zone__width=5.0)
@@ -502,7 +502,7 @@ def test_a_short_run_says_what_to_do(runs):
         (OperatorRegressor(), 38),
         (OperatorRegressor(settling=0.05), 33),
         (OperatorRegressor(settling=0), 28),
-        (ARXRegressor(inputs="e", effects="bias"), 7),
+        (SimulatedARX(inputs="e", effects="bias"), 7),
     ],
     ids=repr,
 )
@@ -518,7 +518,7 @@ def test_a_run_as_long_as_a_short_one_must_be_is_fitted(runs, model, needed):
     "model",
     [
         OperatorRegressor(),
-        ARXRegressor(inputs="e", effects="bias"),
+        SimulatedARX(inputs="e", effects="bias"),
         EffectSearchCV(OperatorRegressor(), effects=["bias"]),
     ],
     ids=["operator", "arx", "search"],

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhoid import ARXRegressor, EffectSearchCV, OperatorRegressor, make_tracking_runs
+from skhoid import EffectSearchCV, OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import Disturbance, OutputFeedback, WrongDelay
 from skhoid.model.cores import OperatorCore
 
@@ -68,7 +68,7 @@ def test_a_disturbance_is_answered_no_sooner_than_by_a_reflex(quick, least, low)
 def test_a_disturbance_of_a_machine_may_act_at_once(quick):
     X, y = quick
     moved = X.assign(dist=np.sin(np.arange(len(X)) / 40))
-    prepared = ARXRegressor(inputs=["e"]).prepare(moved, y)
+    prepared = SimulatedARX(inputs=["e"]).prepare(moved, y)
     assert Disturbance(channel="dist").limits(prepared.record)["delay"][0] == 0.0
 
 

@@ -6,14 +6,15 @@ from scipy.signal import lfilter
 from sklearn.base import BaseEstimator, clone
 from sklearn.linear_model import LinearRegression
 
-from skhoid import ARXRegressor, EffectSearchCV, OperatorRegressor
+from skhoid import EffectSearchCV, OperatorRegressor, SimulatedARX
 from skhoid.effects import Bias, Dimension, Parameter
 from skhoid.model import GreyBox, SimulatedCore
 from skhoid.model.cores import OperatorCore
 from skhoid.model.fitting import Criterion
 from skhoid.model.likelihood import likelihood_fit
 from skhoid.model.model import fit_core
-from skhoid.model.prepared import METHODS, PARAMETERS, check_simulated_model
+from skhoid.model.prepared import METHODS, PARAMETERS
+from skhoid.model.simulated_arx import simulated_model
 
 DT = 0.02
 K_E, LAG, LEVEL = 0.8, 0.4, 0.3
@@ -185,10 +186,10 @@ def test_what_is_no_estimator_lacks_all(biased):
 
 
 def test_nothing_else_is_asked_for():
-    check_simulated_model(bare(), "The search")
+    simulated_model(bare(), "The search")
 
 
-@pytest.mark.parametrize("model", [OperatorRegressor(dt=DT), ARXRegressor(dt=DT)], ids=str)
+@pytest.mark.parametrize("model", [OperatorRegressor(dt=DT), SimulatedARX(dt=DT)], ids=str)
 def test_a_fit_that_is_taken_over_is_no_part_of_the_model(biased, model):
     model = clone(model).set_params(effects=[Bias()])
     prepared = model.prepare(*biased)

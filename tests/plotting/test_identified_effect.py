@@ -15,7 +15,7 @@ from matplotlib.text import Text
 from sklearn.exceptions import NotFittedError
 from support.plot_checks import covers_nothing
 
-from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
+from skhoid import OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import (
     AbsoluteValue,
     AsymmetricGain,
@@ -390,14 +390,14 @@ def test_of_an_arx_model():
     y += 0.01 * rng.standard_normal(2000)
     index = pd.MultiIndex.from_product([[1], np.arange(2000) * 0.02], names=["run", "time"])
     X = pd.DataFrame({"v": v}, index)
-    model = ARXRegressor(na=2, nb=1, nk=1, effects="hardening_stiffness").fit(
+    model = SimulatedARX(na=2, nb=1, nk=1, effects="hardening_stiffness").fit(
         X, pd.Series(y, index)
     )
     display = IdentifiedEffectDisplay.from_estimator(model, X=X)
     (line,) = display.lines_.values()
     at, command = line.get_data()
     np.testing.assert_allclose(command, at + 0.3 * at**3, atol=0.03 * np.abs(command).max())
-    delayed = ARXRegressor(na=2, nb=1, nk=1, effects="wrong_delay").fit(X, pd.Series(y, index))
+    delayed = SimulatedARX(na=2, nb=1, nk=1, effects="wrong_delay").fit(X, pd.Series(y, index))
     assert "beside nk" in IdentifiedEffectDisplay.from_estimator(delayed).ax_.get_ylabel()
 
 
@@ -444,7 +444,7 @@ def machine():
     for k in range(1, 600):
         y.iloc[k] = 0.8 * y.iloc[k - 1] + 0.8 * force[k]
     X.attrs["units"], y.attrs["units"] = {"force": "N"}, {"velocity": "m/s"}
-    return ARXRegressor(1, 1, inputs=["force"], effects=Bias(level=0.0)).fit(X, y), X
+    return SimulatedARX(1, 1, inputs=["force"], effects=Bias(level=0.0)).fit(X, y), X
 
 
 @pytest.mark.parametrize(

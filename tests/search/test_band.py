@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy.signal import lfilter
 
-from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs
+from skhoid import OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import FreeGain, FreeMap
 from skhoid.model.fitting import Criterion
 from skhoid.model.smoothing import in_detail
@@ -73,7 +73,7 @@ def test_a_sensor_without_sign_has_a_narrow_band_that_holds_it(noise):
     time = pd.Index(np.arange(x.size) * 0.02, name="time")
     form = FreeMap(at="output", folded=True)
     curve, _ = shown(
-        ARXRegressor(2, 2, 1, effects=form), pd.DataFrame({"x": x}, time), pd.Series(y, time)
+        SimulatedARX(2, 2, 1, effects=form), pd.DataFrame({"x": x}, time), pd.Series(y, time)
     )
     at, half = curve.index.to_numpy(), (curve["high"] - curve["low"]) / 2
     off = np.abs(curve["value"] - (np.abs(at) - at))

@@ -7,7 +7,7 @@ from sklearn.pipeline import make_pipeline
 from worlds import NK, arx, bent, loop
 
 import skhoid
-from skhoid import ARXRegressor, Decimator, DelayShift, RunInTrimmer
+from skhoid import ARXRegressor, Decimator, DelayShift, RunInTrimmer, SimulatedARX
 from skhoid.effects import Bias, DeadZone, Saturation
 
 OPTIONS: dict[str, dict[str, Any]] = {
@@ -80,7 +80,7 @@ for _factor, _delay, _method in [
 
 def with_effects(effects: Any, shape: str) -> dict[str, Any]:
     X, y = bent(shape)
-    model = ARXRegressor(nk=NK, inputs=["e"], effects=effects).fit(X, y)
+    model = SimulatedARX(nk=NK, inputs=["e"], effects=effects).fit(X, y)
     return model_items(model, *loop("C1", 1, 7))
 
 

@@ -10,7 +10,7 @@ from sklearn.base import clone
 from worlds import CHANNELS, NK, bent, loop
 
 import skhoid
-from skhoid import ARXRegressor, OperatorRegressor
+from skhoid import OperatorRegressor, SimulatedARX
 from skhoid.effects import AsymmetricGain, Bias, DeadZone, GainDrift, Saturation, catalogue, effect
 from skhoid.testing import synthetic_record
 
@@ -75,7 +75,7 @@ def described(name: str) -> dict[str, Any]:
     delay = 0.26 if name == "wrong_delay" else None
     models = {
         "operator": (OperatorRegressor(delay, effects=name, inputs=["e"]), channels()),
-        "arx": (ARXRegressor(nk=NK, effects=name, inputs=["e"]), channels()),
+        "arx": (SimulatedARX(nk=NK, effects=name, inputs=["e"]), channels()),
     }
     if not isinstance(runs, str):
         models["operator that has it"] = (clone(models["operator"][0]), runs)

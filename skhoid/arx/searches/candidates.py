@@ -33,7 +33,6 @@ def has_fast_path(estimator: Any) -> bool:
     return (
         type(model) is ARXRegressor
         and model.method == "ols"
-        and model.effects is None
         and all(
             isinstance(s, RowPreservingTransformer) or s in (None, "passthrough") for _, s in steps
         )

@@ -16,7 +16,7 @@ from sklearn.base import clone
 from ...effects.composition import Effects
 from ...exceptions import did_you_mean
 from ...model.estimator import SimulatedModelMixin
-from ...model.prepared import check_simulated_model
+from ...model.simulated_arx import simulated_model
 from ...runs.roles import of_person
 from ...search.effect_search import EffectSearchCV
 from .cards import FOUND, HELPS, Found
@@ -118,7 +118,7 @@ class Exploration:
         memory: Mapping[str, Any] | None = None,
         fitted: Sequence[Any] = (),
     ):
-        check_simulated_model(estimator, "Exploration")
+        estimator = simulated_model(estimator, "Exploration")
         if not isinstance(estimator, SimulatedModelMixin):
             raise TypeError(
                 f"An exploration moves parameters, by with_parameters, which "

@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ...arx.batch import ARXRegressor
 from ...effects.composition import Effects
-from ...search.effect_search import EffectSearchCV
 from .runs_kept import Runs
 
 KEPT = 96  # models
@@ -88,9 +86,6 @@ class Models:
             raise ValueError("No run is left to fit: tick one for training.")
         model = clone(self.estimator).set_params(effects=effects if len(effects) else None)
         X, y = self.runs.part(train)
-        if isinstance(model, ARXRegressor) and not len(effects):
-            # Without effects its own fit is by the equation error, and would not compare.
-            return EffectSearchCV(model, effects=[], max_effects=0).fit(X, y).baseline_
         return model.fit(X, y)
 
 

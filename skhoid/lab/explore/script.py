@@ -25,11 +25,8 @@ def script_of(
     figures: Mapping[str, float | None],
 ) -> str:
     """The script of a position; ``figures`` are what it will print, by the runs they are of."""
-    plain_arx = type(estimator).__name__ == "ARXRegressor" and not len(position.effects)
     kind = type(estimator).__name__
     names = {kind, "VAFScorer"}
-    if plain_arx:
-        names.add("EffectSearchCV")
     given = list(source or GIVEN)
     imports = [line for line in given if line.startswith(("from ", "import "))]
     reading = [line for line in given if line not in imports]
@@ -41,14 +38,7 @@ def script_of(
     held, lines = _part("held_out", runs, position.hold) if position.hold else ("", [])
     body += lines
     model = _construction(estimator, position.effects)
-    if plain_arx:
-        body += [
-            "# Without effects: by the error of simulation too, so that both compare.",
-            f"search = EffectSearchCV({model}, effects=[], max_effects=0)",
-            f"model = search.fit({fitted}).baseline_",
-        ]
-    else:
-        body += [f"model = {model}", f"model.fit({fitted})"]
+    body += [f"model = {model}", f"model.fit({fitted})"]
     moved = own_values(position.moved, position.effects)
     if moved:
         body += [f"model = model.with_parameters({moved!r})  # moved by hand"]

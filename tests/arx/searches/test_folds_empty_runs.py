@@ -19,6 +19,7 @@ from skhoid import (
     OrderSearchCV,
     RecursiveARX,
     RecursiveARXCV,
+    SimulatedARX,
     VAFScorer,
     compare,
     make_tracking_runs,
@@ -88,7 +89,7 @@ def test_a_search_finds_what_it_finds_without_the_run(name, data, channel):
     "model",
     [
         ARXRegressor(2, 2, 3),
-        ARXRegressor(2, 2, 3, effects=["bias"], settling=0.1),
+        SimulatedARX(2, 2, 3, effects=["bias"], settling=0.1),
         RecursiveARX(2, 2, 3, memory_time=0.5),
         RecursiveARX(2, 2, 3, forgetting="auto"),
     ],

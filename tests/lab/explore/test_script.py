@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhoid import ARXRegressor, OperatorRegressor
+from skhoid import ARXRegressor, OperatorRegressor, SimulatedARX
 from skhoid.effects import Bias, DeadZone
 from skhoid.lab.explore.exploration import Exploration
 
@@ -94,7 +94,7 @@ def test_imports_of_the_reading_stand_with_the_others(runs, search):
         OperatorRegressor(settling=1.5, roles={"e": "e"}, controlled_element="90/(s(s+6))"),
         OperatorRegressor(delay=0.3, effects=DeadZone(width=0.25) + Bias()),
         pytest.param(ARXRegressor(nk=15), marks=pytest.mark.slow),
-        pytest.param(ARXRegressor(nk=15, na=3, effects=Bias()), marks=pytest.mark.slow),
+        pytest.param(SimulatedARX(nk=15, na=3, effects=Bias()), marks=pytest.mark.slow),
     ],
     ids=["options", "with effects", "arx", "arx with effects"],
 )

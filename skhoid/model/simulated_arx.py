@@ -1,0 +1,253 @@
+"""SimulatedARX: an ARX model with effects, estimated by the error of its simulation."""
+
+from __future__ import annotations
+
+from functools import partial
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+
+from .._sklearn import Interval
+from ..arx.base import BaseARX, check_lengths
+from ..arx.batch import ARXRegressor
+from ..arx.beginning import ESTIMATE
+from ..arx.model_summary import orders_text
+from ..arx.orders import Orders
+from ..preprocessing.grid import ModelGrid
+from ..regression import segments
+from .arx_core import fitted_arx, forecast
+from .cores import ARXCore
+from .estimator import GreyBox, simulation_of
+from .fitting import RemnantModel
+from .model import Model
+from .prepared import Prepared, SimulatedCore, check_simulated_model
+
+SHARED = ("na", "nb", "nk", "inputs", "fit_intercept", "initial", "roles", "dt", "run")
+
+
+class SimulatedARX(GreyBox, BaseARX):
+    """ARX model with effects: all parameters minimise the error of simulation.
+
+    The response to one input is that of A(q) y(t) = B(q) x(t - nk) + c and the effects together.
+    ``ARXRegressor(...).with_effect(...)`` returns such a model.
+
+    Parameters
+    ----------
+    na : int, default=2
+        Number of output lags.
+    nb : int, default=2
+        Number of input coefficients.
+    nk : int, default=0
+        Input delay in samples of the grid the model is fitted on, as for :class:`ARXRegressor`.
+    inputs : column name or list with one, or None, default=None
+        The linear input. None means the column of role ``e``, or the only one. Effects may use all
+        columns.
+    fit_intercept : bool, default=False
+        Add a constant c.
+    effects : Effect, Effects, str, list of these, or None, default=None
+        What the linear model is missing, such as ``"dead_zone"``; see :mod:`skhoid.effects`.
+    controlled_element : ControlledElement, LinearElement, str, system or None, default=None
+        For effects that use its inverse: ``"1/(s(s+1))"``, or a SciPy or python-control transfer
+        function; None estimates it from output and x where needed.
+    settling : float, default=0.0
+        Seconds at the start of each run (and after each gap) that do not count in the fit.
+    initial : {"rest", "estimate"} or None, default=None
+        How simulations begin, as for :class:`ARXRegressor`.
+    start : dict or None, default=None
+        Starting values of the fit, ``{parameter: value}`` by the names of ``parameters_``, in
+        addition to the model's own starts.
+    n_starts : int, default=24
+        How many systems with different poles are tried as starts, in addition to those from least
+        squares; they are fixed, so a fit is repeatable.
+    roles : dict or None, default=None
+        Roles of columns, ``{column: role}``, where their names do not give them.
+    dt : float or None, default=None
+        Sampling time in seconds of data without a time index (None: 1).
+    run : column name or position, or None, default=None
+        Run column of data without a run index.
+
+    Attributes
+    ----------
+    coef_ : ndarray of shape (n_params,)
+        theta = [a_1 ... a_na, b_0 ... b_{nb-1}, c].
+    a_, b_ : ndarray
+        Its parts.
+    intercept_ : float
+        The constant c, 0 without ``fit_intercept``.
+    standard_errors_ : ndarray of shape (n_params,)
+        Standard errors of ``coef_``.
+    parameters_ : DataFrame
+        Indexed by parameter: value, sd (standard error), low and high (95 % interval), unit,
+        meaning. Parameters of effects are called ``<effect>__<parameter>``; those that are fixed,
+        or follow from others, come last.
+    covariance_ : DataFrame
+        Covariance of what was estimated, by the names of ``parameters_``.
+    effects_ : Effects
+        The effects with their estimated values and chosen form and channel.
+    noise_ar_ : ndarray of shape (6,)
+        AR model of the residual of simulation.
+    noise_variance_ : float
+        Variance of the whitened residual.
+    loglik_, bic_, vaf_ : float
+        Logarithm of the likelihood without constants, Bayesian information criterion, and VAF in
+        percent of the free run on the fitted rows.
+    controlled_element_ : ControlledElement, LinearElement or None
+        Given or estimated.
+    parameter_names_ : list of str
+        Names of the entries of ``coef_``.
+    initial_ : str
+        How free runs begin: ``"rest"`` or ``"estimate"``.
+    dt_ : float
+        Sampling time of the fitted grid in seconds.
+    inputs_ : list of str
+        Name of the linear input.
+    n_rows_used_, n_rows_missing_ : int
+        Rows that count, and rows left out because y is NaN.
+    n_features_in_ : int
+        Number of columns seen in ``fit``.
+    feature_names_in_ : ndarray of str
+        Column names seen in ``fit``, if all are strings.
+
+    See Also
+    --------
+    ARXRegressor : The linear model by least squares or instruments.
+    EffectSearchCV : Finds the effects that are missing.
+
+    Notes
+    -----
+    Parameters minimise the sum of squares of the simulation's residual, whitened by an AR model.
+    Bounds and starting values of an effect's times follow from how fast the output moves.
+    ``predict_ahead`` adds the AR model's prediction of the residual, and ``to_transfer_function``
+    returns the linear part.
+
+    Examples
+    --------
+    >>> from skhoid import SimulatedARX, make_tracking_runs
+    >>> X, y = make_tracking_runs("C1", 2, duration=20.48, remnant_intensity=0.05, random_state=2)
+    >>> model = SimulatedARX(nk=29, effects=["bias"]).fit(X, y)
+    >>> model.parameters_.index.tolist()
+    ['a1', 'a2', 'b0', 'b1', 'bias__level']
+    """
+
+    _fixed_core = True  # its coefficients are shown in several places
+    _takes_first = False
+
+    _parameter_constraints: dict = {
+        **GreyBox._parameter_constraints,
+        "na": [Interval(Integral, 0, None, closed="left")],
+        "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
+        "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
+        "inputs": "no_validation",
+        "fit_intercept": ["boolean"],
+        "n_starts": [Interval(Integral, 0, None, closed="left")],
+    }
+
+    def __init__(
+        self,
+        na: int = 2,
+        nb: Any = 2,
+        nk: Any = 0,
+        *,
+        inputs: Any = None,
+        fit_intercept: bool = False,
+        effects: Any = None,
+        controlled_element: Any = None,
+        settling: float = 0.0,
+        initial: str | None = None,
+        start: dict | None = None,
+        n_starts: int = 24,
+        roles: dict | None = None,
+        dt: float | None = None,
+        run: Any = None,
+    ) -> None:
+        self.na = na
+        self.nb = nb
+        self.nk = nk
+        self.inputs = inputs
+        self.fit_intercept = fit_intercept
+        self.effects = effects
+        self.controlled_element = controlled_element
+        self.settling = settling
+        self.initial = initial
+        self.start = start
+        self.n_starts = n_starts
+        self.roles = roles
+        self.dt = dt
+        self.run = run
+
+    @classmethod
+    def like(cls, model: ARXRegressor) -> SimulatedARX:
+        """The simulated model of the same orders and data as one by least squares, unfitted.
+
+        Parameters
+        ----------
+        model : ARXRegressor
+            Fitted or not.
+
+        Returns
+        -------
+        simulated : SimulatedARX
+            Without effects.
+        """
+        if model.method == "iv":
+            raise ValueError(
+                "method='iv' does not take effects: they are estimated in simulation, which "
+                "remnant does not bias the way it biases one-step errors. Use method='ols'."
+            )
+        return cls(**{name: getattr(model, name) for name in SHARED})
+
+    def _orders(self) -> Orders:
+        return Orders.of(self.na, self.nb, self.nk, 1, bool(self.fit_intercept))
+
+    def _simulated_core(self) -> SimulatedCore:
+        orders = self._orders()
+        return SimulatedCore(
+            core=ARXCore(
+                orders.na, orders.nb[0], orders.nk[0], orders.intercept, n_starts=self.n_starts
+            ),
+            estimated=fitted_arx,
+            description=orders_text(orders),
+            errors_note="Standard errors assume that the AR model whitens the residual.",
+            start=self.start or {},
+            check=partial(check_lengths, orders=orders),
+        )
+
+    def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
+        self.simulation_ = simulation_of(self, prepared, model, noise)
+        self.covariance_ = self.simulation_.covariance
+        self.n_rows_missing_ = prepared.n_missing
+        self.orders_ = self._orders()
+        self.noise_variance_ = model.sse / max(model.fit.n - model.theta.size, 1)
+        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
+        self.coef_ = model.theta[: self.orders_.n_params].copy()
+        errors = np.sqrt(np.diag(self.covariance_.to_numpy()))
+        self.standard_errors_ = errors[: self.orders_.n_params]
+        self.a_, _, self.intercept_ = self.orders_.split(self.coef_)
+        self.b_ = self.orders_.input_rows(self.coef_)
+
+    def _ahead(
+        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, horizon: int
+    ) -> np.ndarray:
+        free = self._free_run(grid, values)
+        return forecast(free, output, segments(grid), self.noise_ar_, horizon)
+
+    def _one_step_errors(self, X: Any, y: Any) -> np.ndarray:
+        grid, values = self._read_X(X, reset=False)
+        output = grid.thin_output(self._read_y(X, y))
+        return output - self._ahead(grid, values, output, 1)
+
+    def _simulated(
+        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray | None
+    ) -> np.ndarray:
+        if output is None:
+            return self.simulation_.from_rest(self, grid, values)
+        return self.simulation_.run_from(self, grid, values, output, ESTIMATE)
+
+
+def simulated_model(estimator: Any, purpose: str) -> Any:
+    """The estimator, if it simulates effects; the SimulatedARX like it for an ARXRegressor."""
+    if isinstance(estimator, ARXRegressor):
+        return SimulatedARX.like(estimator)
+    check_simulated_model(estimator, purpose)
+    return estimator
