@@ -24,7 +24,7 @@ from bench_simulate import cpu, timed
 
 from skhoid import ARXRegressor, Multisine, check_channels, compare, make_tracking_runs, select_runs
 from skhoid.diagnosis.ceiling import noise_ceiling
-from skhoid.diagnosis.run_signals import read_signals
+from skhoid.diagnosis.signals import read_signals
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

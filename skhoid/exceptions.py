@@ -63,7 +63,7 @@ class UsageError(Hinted, ValueError):
     --------
     >>> from skhoid import make_tracking_runs, performance_scores
     >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
-    >>> performance_scores(X[["x"]])
+    >>> performance_scores(X.rename(columns={"e": "other"}), None)
     Traceback (most recent call last):
         ...
     skhoid.exceptions.UsageError: There is nothing to score: ...

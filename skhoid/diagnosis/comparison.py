@@ -18,25 +18,19 @@ from ..metrics import vaf_of_rows
 from ..pipelines import taken_apart
 from ..preprocessing.base import as_fitted
 from ..recordings.channels import check_channels
-from ..recordings.findings import Finding
+from ..recordings.recording import Finding
 from ..text import Note, Summary
-from .advice import advise
 from .ceiling import Ceiling, consistent_ceiling, noise_ceiling
-from .changes import BlockSums, cusum, tests_of_changes
 from .comparison_text import html, summary
-from .correlation import correlations
+from .findings import WORDS, NextSteps, advise, is_operator
 from .leaks import LEAST_DELAY, LeakTest, leak_of_channels
-from .levels import level_tests
-from .misfit import linear_misfit
-from .next_steps import NextSteps, is_operator
-from .operating_point import by_operating_point
+from .over_amplitude import by_operating_point, level_tests
 from .over_frequency import by_frequency, distortion_tests
 from .over_runs import by_run, tests_over_runs
-from .over_time import by_time, time_frequency
-from .response_delay import delay_test
-from .run_signals import Signals, read_signals
+from .over_time import BlockSums, by_time, cusum, tests_of_changes, time_frequency
+from .response import correlations, delay_test, linear_misfit
+from .signals import Signals, read_signals
 from .tests_table import Test, tests_table
-from .words import WORDS
 
 MEAN = 0.5  # of the power of the output; more in its mean makes VAF about zero say little
 CONSTANT = 1 - 1e-9  # the same of an output that does not move

@@ -12,7 +12,7 @@ from scipy.stats import f as f_distribution
 
 from .ceiling import Ceiling
 from .repeats import Group
-from .run_signals import Signals
+from .signals import Signals
 from .tests_table import Test, of_several
 
 N_BANDS = 16  # at most

@@ -9,7 +9,7 @@ from scipy.stats import norm
 from ..metrics import VAF_FLOOR
 from ..recordings.loss_of_control import WINDOW, ControlCheck
 from .ceiling import Ceiling
-from .run_signals import Signals
+from .signals import Signals
 from .tests_table import Test, of_several
 
 

@@ -18,7 +18,7 @@ from .._sklearn import DT, ROLES, RUN_IN, HasMethods, checked
 from ..text import Summary, counted, p_text
 from .ceiling import Ceiling, noise_ceiling
 from .repeats import Group
-from .run_signals import Signals, read_signals
+from .signals import Signals, read_signals
 
 ORDERS = (1, 2, 3, 4)
 Z95 = float(norm.ppf(0.975))

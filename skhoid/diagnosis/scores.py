@@ -11,7 +11,7 @@ import pandas as pd
 
 from .._sklearn import DT, ROLES, checked
 from ..exceptions import RunIndexError, ShortRunError, UsageError
-from ..recordings.named_signals import NamedSignals
+from ..recordings.recording import NamedSignals
 from ..runs import RUN, TIME, WHOLE, RunLayout, read_layout
 from ..runs.roles import EXACT, with_error, with_target
 

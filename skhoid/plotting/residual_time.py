@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from ..diagnosis.advice import SMALL
+from ..diagnosis.findings import SMALL
 from ._comparison import (
     ComparisonBaseDisplay,
     beyond,

@@ -2,7 +2,7 @@
 
 from .channels import check_channels
 from .experiment_check import ExperimentCheck, check_experiment
-from .findings import Finding
 from .loss_of_control import lost_control
+from .recording import Finding
 
 __all__ = ["ExperimentCheck", "Finding", "check_channels", "check_experiment", "lost_control"]

@@ -14,9 +14,8 @@ from ..preprocessing.gate import as_table
 from ..runs import GAP, JITTER_TOLERANCE, snap
 from ..runs.roles import of_person
 from ..text import counted
-from .findings import Finding
 from .rates import check_rates
-from .raw import RawRecording, of_list, read_recording
+from .recording import Finding, RawRecording, of_list, read_recording
 
 NOTED_JITTER = 0.01  # of a sampling time
 SAME_STEP = 0.01  # relative difference of sampling times

@@ -14,9 +14,8 @@ import pandas as pd
 
 from ..exceptions import RunIndexError, SlowClockWarning
 from ..text import Summary, TextTable, counted, wrapped
-from .between_people import BetweenFinding, compare_people
+from .between_people import BetweenFinding, Recordings, compare_people, facts_of
 from .channels import check_channels
-from .run_facts import Recordings, facts_of
 
 __all__ = ["ExperimentCheck", "check_experiment"]
 

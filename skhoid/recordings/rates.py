@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .findings import Finding
-from .raw import RawRecording, of_list
+from .recording import Finding, RawRecording, of_list
 
 RATE_NAMES = ("rate", "rates", "dot", "velocity", "vel", "speed", "derivative", "deriv")
 ANGLE_NAMES = ("angle", "angles", "ang", "position", "pos", "displacement", "attitude")

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..diagnosis.ceiling import consistent_ceiling, noise_ceiling
-from ..diagnosis.run_signals import RunsRead, sorted_signals
+from ..diagnosis.signals import RunsRead, sorted_signals
 from ..effects.base import Effect
 from ..effects.record import Signature
 from ..model.estimator import vaf_of_output

@@ -112,8 +112,8 @@ def test_a_run_in_leaves_whole_periods(run_in, n_runs):
     assert found.ceiling_route == "lines"
     assert found.vaf <= found.noise_ceiling <= 100
     if run_in:
-        assert "has a period of 20 s" in " ".join(found.notes)
-        assert "1 whole period" in " ".join(found.notes)
+        assert "has a period of 20 s" in " ".join(map(str, found.notes))
+        assert "1 whole period" in " ".join(map(str, found.notes))
     late = X.index.get_level_values("time") >= run_in - 1e-9
     assert (found.traces["scored"].to_numpy() == late).all()
 
@@ -201,6 +201,6 @@ def test_a_free_run_that_does_not_settle_is_said():
         """A model whose start takes a minute to be forgotten."""
         return 5 * np.exp(-np.arange(len(X)) / 3600) + X["e"].to_numpy()
 
-    notes = " ".join(compare(Gives(slow), X, y).notes)
+    notes = " ".join(map(str, compare(Gives(slow), X, y).notes))
     assert "still shows its start" in notes
     assert "longer run_in" in notes

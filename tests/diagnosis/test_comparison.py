@@ -12,12 +12,11 @@ from skhoid import (
     compare,
     vaf_score,
 )
-from skhoid.diagnosis.breaks import N_DRAWS, largest_break, tail_probability
-from skhoid.diagnosis.coherent import coherent_part
-from skhoid.diagnosis.levels import held_levels
-from skhoid.diagnosis.noise_density import noise_density
+from skhoid.diagnosis.ceiling import noise_density
+from skhoid.diagnosis.over_amplitude import held_levels
+from skhoid.diagnosis.over_time import N_DRAWS, largest_break, tail_probability
 from skhoid.diagnosis.repeats import excited_lines
-from skhoid.diagnosis.run_signals import read_signals
+from skhoid.diagnosis.signals import coherent_part, read_signals
 from skhoid.diagnosis.tests_table import of_one, of_several
 
 # Scores
@@ -66,8 +65,8 @@ def test_without_run_in_the_settling_rows_are_left_out_and_said(arx, simulated):
     scored = comparison.traces["scored"].to_numpy()
     assert 0 < np.sum(~scored) < 3 * 10.0 / DT
     assert_allclose(comparison.vaf, vaf(y[scored], arx.predict(X)[scored]), rtol=1e-12)
-    assert "settles" in " ".join(comparison.notes)
-    assert comparison.notes[0] in comparison.summary()
+    assert [note.kind for note in comparison.notes] == ["settling"]
+    assert comparison.notes[0].text in comparison.summary()
 
 
 def test_overfit_ratio_is_that_of_the_relative_errors(arx, simulated):

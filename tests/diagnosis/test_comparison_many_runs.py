@@ -7,9 +7,11 @@ from numpy.testing import assert_allclose
 from scipy.signal import lfilter
 
 from skhoid import compare
-from skhoid.diagnosis import coherent, over_runs, same_target
+from skhoid.diagnosis import over_runs
+from skhoid.diagnosis import repeats as same_target
+from skhoid.diagnosis import signals as coherent
 from skhoid.diagnosis.comparison import read_signals
-from skhoid.diagnosis.element_inverse import triangle
+from skhoid.diagnosis.leaks import triangle
 from skhoid.runs import read_layout
 
 N = 200  # samples a run

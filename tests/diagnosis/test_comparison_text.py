@@ -7,7 +7,7 @@ import pandas as pd
 from support.page import parse
 
 from skhoid.diagnosis.comparison_text import _runs, figures, html
-from skhoid.recordings.findings import Finding
+from skhoid.recordings.recording import Finding
 
 
 def made(**changed):

@@ -11,10 +11,8 @@ from support.hidden_effects import Oracle
 from support.unseen import second_difference, simulate
 
 from skhoid import ARXRegressor, OperatorRegressor, RecursiveARX, compare
-from skhoid.diagnosis.advice import advise
-from skhoid.diagnosis.next_steps import NextSteps
-from skhoid.diagnosis.run_signals import read_signals
-from skhoid.diagnosis.words import WORDS
+from skhoid.diagnosis.findings import WORDS, NextSteps, advise
+from skhoid.diagnosis.signals import read_signals
 
 OF_PEOPLE = re.compile(
     r"\b(person|people|stick|hand|operator|fatigue|posture|arm)\b", re.IGNORECASE

@@ -10,7 +10,7 @@ from sklearn.pipeline import make_pipeline
 from support.hidden_effects import simulate_runs
 
 from skhoid import ARXRegressor, DelaySearchCV, DelayShift, OperatorRegressor, RecursiveARX, compare
-from skhoid.diagnosis.next_steps import NextSteps
+from skhoid.diagnosis.findings import NextSteps
 from skhoid.recordings import check_channels
 
 LATER, EARLIER = 0.08, -0.04
@@ -86,7 +86,8 @@ def test_one_is_not_many(runs):
     y.iloc[200] = np.nan
     X = pd.DataFrame({"x": X["e"].to_numpy()})
     X.iloc[200] = np.nan
-    assert "1 row in which the output is missing is left out" in compare(model, runs[0], y).notes
+    notes = [str(note) for note in compare(model, runs[0], y).notes]
+    assert "1 row in which the output is missing is left out" in notes
     (missing,) = check_channels(X, dt=0.04)
     assert missing.title == "x has 1 missing sample"
     assert "rows is NaN or infinite, the longest stretch 1 row (0.04 s)" in missing.evidence

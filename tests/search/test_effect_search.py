@@ -17,7 +17,7 @@ from skhoid import (
     run_labels,
     vaf_score,
 )
-from skhoid.diagnosis import run_signals
+from skhoid.diagnosis import signals as run_signals
 from skhoid.diagnosis.ceiling import noise_ceiling
 from skhoid.effects import Bias, DeadZone, Effects, catalogue, title_of
 from skhoid.model.model import Model, without

@@ -35,8 +35,8 @@ from ...search.explanations import (
 )
 from ...search.shape import BY_HAND, LEAD, NO_FORM
 from ...text import DASH, VAF_RULE, Estimate, as_sentence, counted, gap_text, number, p_text
+from .page import provenance
 from .plots import Gallery, Plot
-from .provenance import provenance
 
 MANY = 40  # runs in a table
 DRAWN = 8  # channels

@@ -20,7 +20,7 @@ from ..experiment.people import PeopleResult
 from ..explore.payloads import payload_of
 from ..explore.wire import pack_text
 from .content import Results, content_of
-from .experiment_document import ExperimentReport, report_experiment
+from .experiment import ExperimentReport, report_experiment
 from .page import Page
 
 

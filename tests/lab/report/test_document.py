@@ -30,7 +30,7 @@ from skhoid import (
 )
 from skhoid.effects import Bias, DeadZone
 from skhoid.lab.report.document import _search
-from skhoid.lab.report.provenance import fingerprint, provenance, settings
+from skhoid.lab.report.page import fingerprint, provenance, settings
 
 pytestmark = pytest.mark.slow
 
@@ -463,7 +463,7 @@ def test_what_the_user_says_of_the_making_stays(
         assert name != "skhoid"  # it may be importable without being installed
         return "1.0"
 
-    monkeypatch.setattr("skhoid.lab.report.provenance.version", installed)
+    monkeypatch.setattr("skhoid.lab.report.page.version", installed)
     told = provenance(ARXRegressor(), *runs, {"date": "yesterday", "seed": "11"})
     assert list(told)[:2] == ["Date", "Seed"]
     assert told["Date"] == "yesterday"

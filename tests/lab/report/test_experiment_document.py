@@ -15,8 +15,7 @@ from skhoid import simulate_experiment
 from skhoid.arx.batch import ARXRegressor
 from skhoid.lab.experiment.people import identify_people
 from skhoid.lab.report import report, report_experiment
-from skhoid.lab.report.experiment_plots import ExperimentGallery
-from skhoid.lab.report.plots import Plot
+from skhoid.lab.report.plots import ExperimentGallery, Plot
 
 DRAWN = {name: getattr(ExperimentGallery, name) for name in ("_display", "stretch", "parameter")}
 EVIL = "<script>window.hacked=1</script>"
@@ -129,7 +128,7 @@ def test_without_statsmodels_there_are_means(
     def missing(*_: Any, **__: Any) -> None:
         raise ImportError('mixed_model needs statsmodels: pip install "skhoid[statistics]".')
 
-    monkeypatch.setattr("skhoid.lab.report.experiment_parameters.mixed_model", missing)
+    monkeypatch.setattr("skhoid.lab.report.experiment_parts.mixed_model", missing)
     made = report_experiment(made_up_people())
     text = section(parse(made.html), "parameters").text
     assert 'pip install "skhoid[statistics]"' in text

@@ -17,7 +17,7 @@ from sklearn.base import clone
 from sklearn.utils.metadata_routing import get_routing_for_object
 
 from ....diagnosis.ceiling import consistent_ceiling, noise_ceiling
-from ....diagnosis.run_signals import read_signals
+from ....diagnosis.signals import read_signals
 from ....metrics import scored_rows, scored_signals, vaf_of_rows, vaf_of_sums
 from ....pipelines import final_step, prediction_from, raw_layout, trimmed_rows
 from ....preprocessing.gate import as_output
