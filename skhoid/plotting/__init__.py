@@ -4,6 +4,7 @@ A new Display is a dataclass on the base in ``_display`` and a name in the list 
 displays share is in the files with an underscore.
 """
 
+from ._axes import names_as_they_are as names_as_they_are
 from ._roles import PALETTE, ROLES
 from .bode import BodeDisplay
 from .comparison import ComparisonDisplay

@@ -24,7 +24,11 @@ from .layout import (
     within_runs,
 )
 from .marks import DecimationMark, mark_decimated, mark_run_column, mark_run_in
+from .roles import OUTPUT as OUTPUT
 from .roles import input_columns, output_name, run_column
+from .roles import of_person as of_person
+from .roles import role_of as role_of
+from .roles import roles_of as roles_of
 from .selection import run_labels, sampling_time, select_runs
 
 __all__ = [

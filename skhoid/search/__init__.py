@@ -2,6 +2,7 @@
 
 from .effect_search import EffectSearchCV
 from .shape import Shape
+from .sketch import checked_name as checked_name
 from .statuses import Reason, Status, Verdict
 
 __all__ = ["EffectSearchCV", "Reason", "Shape", "Status", "Verdict"]

@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from support.fuzzing import RAW, fuzz
 
 from skhoid import ARXRegressor, make_tracking_runs, write_runs
-from skhoid.lab.cli import main
-from skhoid.lab.cli.parser import make_parsers
+from skhoid.lab.cli import main, make_parsers
 
 COMMANDS = next(
     action.choices

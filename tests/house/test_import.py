@@ -43,7 +43,6 @@ def test_all_names_load_nothing_that_can_wait():
         ["no-such-command"],
         *([command, "--help"] for command in COMMANDS),
         ["identify", "--decimate", "none"],
-        ["completion", "bash"],
     ],
     ids=" ".join,
 )

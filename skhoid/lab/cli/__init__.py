@@ -1,4 +1,9 @@
-"""Entry point of the command line: parses the arguments, runs the command, prints errors."""
+"""The command line, ``skhoid``: parses the arguments, runs the command, prints errors.
+
+``parser`` holds what commands share in reading options, ``files`` what they share in reading and
+writing files, ``output`` in printing; each other file is a command, or a family of them, with its
+own options.
+"""
 
 from __future__ import annotations
 
@@ -9,22 +14,35 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
-from importlib import import_module
 from typing import Any
 
+from ... import __version__
 from ..._machine import ended_by_signals
 from ...exceptions import Hinted
-from .at_once import refuse_at_once
-from .commands import Parser
-from .messages import as_option, message_for
-from .options import with_one_element
-from .output import note
-from .parser import make_parsers
+from . import compare, completion, diagnose, experiment, identify, simulate, study, workbench
+from .output import as_option, message_for, note
+from .parser import Parser, refuse_at_once, with_one_element
 
-__all__ = ["main"]
+__all__ = ["main", "make_parsers"]
 
 BAD_INPUT = 2  # as argparse
 UNEXPECTED = 1
+EXAMPLES = """\
+examples:
+  skhoid demo                hide effects in a simulated person, and find them
+  skhoid diagnose run*.csv   what is missing? columns are guessed, and said
+  skhoid identify run*.csv   the delay, the orders, and a linear model
+  skhoid report run*.csv     the same as diagnose, as a page to keep
+  skhoid simulate --remnant 0.1 --out runs.csv
+  skhoid experiment recordings/     several people and conditions, on one page
+  skhoid workbench run*.csv  fit, try effects and watch the error, in the browser
+  skhoid compare model.joblib run*.csv
+  skhoid study fig13 --replications 20
+  skhoid completion bash
+
+`skhoid COMMAND --help` has more. Without files, identify, diagnose and report
+use bundled recordings, and experiment simulates one.
+"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -61,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if not options.debug:
                 warnings.showwarning = _show_warning(options)
             refuse_at_once(options)
-            code = _run(options)
+            code = int(options.work(options))
             sys.stdout.flush()
             return code
     except KeyboardInterrupt:
@@ -76,6 +94,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.debug:
             raise
         return _explain(error, options)
+
+
+def make_parsers() -> tuple[Parser, dict[str, Parser]]:
+    """The parser of all commands, and those of each by name."""
+    parser = Parser(
+        prog="skhoid",
+        description="Identify human operators from recorded control loops.",
+        epilog=EXAMPLES,
+    )
+    parser.add_argument("--version", action="version", version=f"skhoid {__version__}")
+    commands = parser.add_subparsers(
+        dest="command", required=True, metavar="COMMAND", title="commands"
+    )
+    diagnose.add_demo(commands)
+    identify.add_identify(commands)
+    compare.add_compare(commands)
+    diagnose.add_diagnose(commands)
+    simulate.add_simulate(commands)
+    study.add_study(commands)
+    diagnose.add_report(commands)
+    experiment.add_experiment(commands)
+    workbench.add_workbench(commands)
+    completion.add_completion(commands, make_parsers)
+    return parser, dict(commands.choices)
 
 
 def _parse(
@@ -101,12 +143,6 @@ def _open_streams() -> None:
             setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w"))  # noqa: SIM115
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
-
-
-def _run(options: argparse.Namespace) -> int:
-    """Import the module of the command, and NumPy with it, now that the arguments are valid."""
-    module = import_module(f".{options.command}", __package__)
-    return int(getattr(module, options.command)(options))
 
 
 def _nobody_reads() -> int:
@@ -139,7 +175,7 @@ def _explain(error: Exception, options: argparse.Namespace) -> int:
     if isinstance(error, OSError) and error.strerror:
         text = f"{error.filename or 'the output'}: {error.strerror}"
     if isinstance(error, Hinted):
-        text = message_for(error, options)
+        text = " ".join(message_for(error, options).split())
     print(f"skhoid: error: {text}", file=sys.stderr)
     return BAD_INPUT
 

@@ -3,37 +3,107 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import joblib
-from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer
+import skhoid
 
-from ..._version import __version__
-from ...diagnosis import Comparison
-from ...diagnosis import compare as compare_runs
-from ...io.readers import first_table
-from ...pipelines import reach_model, unwrapped
-from ...runs.roles import OTHER, role_of
-from ...search.story import comparison_dict
+from ... import __version__
+from .diagnose import tables_of_comparison, write_report
 from .files import (
     check_plot_file,
+    check_tables,
     column_of,
     columns_dict,
     names_of,
     new_file,
     read_files,
     save_figures,
+    save_tables,
     without_screen,
 )
-from .messages import message_for
-from .next_steps import after_compare
-from .options import pairs, refuse
-from .output import print_json, print_wrapped, say_files, say_next
-from .search_output import print_source, tables_of_comparison, write_report
-from .tables import check_tables, save_tables
+from .output import (
+    free_name,
+    message_for,
+    print_json,
+    print_source,
+    print_wrapped,
+    say_files,
+    say_next,
+    typed,
+)
+from .parser import (
+    DOMAINS,
+    add_channel_options,
+    add_command,
+    add_file_options,
+    add_output_options,
+    probability,
+    read_roles,
+    refuse,
+)
+
+EXAMPLES = """\
+examples:
+  skhoid compare model.joblib run*.csv
+  skhoid compare model.joblib run*.csv --output stick --x pitch --run-in 5
+  skhoid compare model.joblib new.csv --estimation old1.csv --out compared.png
+  skhoid compare model.joblib new.csv --domain machine --json --tables tables
+
+The model is what joblib.dump(model, "model.joblib") wrote after fit, in Python.
+Such a file can run any code when it is read: take it only from people you
+trust.
+"""
+
+
+def add_compare(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = add_command(
+        commands,
+        "compare",
+        "compare a fitted model with recordings: how good, where bad, how much is left",
+        "Compare a model that was fitted and saved in Python with recorded runs: its free run, "
+        "where it fails, the noise ceiling, and what to do next.",
+        EXAMPLES,
+        "MODEL FILES [OPTIONS]",
+    )
+    command.set_defaults(work=compare)
+    add = command.section("Data")
+    add("model", metavar="FILE", help="the fitted model, a file of joblib or pickle")
+    add_file_options(add)
+    add(
+        "--input",
+        nargs="+",
+        metavar="NAME",
+        help="columns for those that the model was fitted on, in their order (default: those of "
+        "the same names or roles)",
+    )
+    add_channel_options(add)
+    add(
+        "--estimation",
+        nargs="+",
+        metavar="FILES",
+        help="files that the model was fitted on, for the verdict on overfit",
+    )
+    add = command.section("Comparison")
+    add(
+        "--domain",
+        choices=DOMAINS,
+        help="whose words the findings use (default: by the model and the channels)",
+    )
+    add(
+        "--false-alarm",
+        type=probability,
+        default=0.01,
+        metavar="P",
+        help="of each test (default: 0.01)",
+    )
+    add = command.section("Output")
+    add("--out", metavar="FILE", help="draw the panels (.png, .pdf, .svg), or a page (.html)")
+    add("--overwrite", action="store_true", help="replace that FILE if it exists")
+    add_output_options(add)
 
 
 def compare(options: argparse.Namespace) -> int:
@@ -52,7 +122,7 @@ def compare(options: argparse.Namespace) -> int:
     estimation = None
     if options.estimation:
         estimation = _recordings(options, fitted, options.estimation)[:2]
-    found = compare_runs(
+    found = skhoid.compare(
         model,
         X,
         y,
@@ -81,7 +151,7 @@ def compare(options: argparse.Namespace) -> int:
         for each in found.notes:
             print_wrapped(f"Note: {message_for(each, options)}")
         say_files(files)
-        say_next(after_compare(options))
+        say_next(_after_compare(options))
     return 0
 
 
@@ -89,8 +159,20 @@ def _is_page(name: str) -> bool:
     return Path(name).suffix.lower() in (".html", ".htm")
 
 
+def _after_compare(options: argparse.Namespace) -> list[tuple[str, str]]:
+    """What to do next: its picture, and what is missing."""
+    steps = []
+    if options.out is None:
+        words = [*options.command_line, "--out", free_name("compared.png")]
+        steps.append((shlex.join(["skhoid", *words]), "the same as a picture"))
+    steps.append((typed(options, "diagnose"), "which effects are missing?"))
+    return steps
+
+
 def _model(name: str) -> Any:
     """The model of a file; says what is wrong with one that holds none."""
+    import joblib
+
     path = Path(name)
     if not path.is_file():
         raise ValueError(f"{path} is no file; name what joblib.dump(model, {name!r}) wrote.")
@@ -113,6 +195,12 @@ def _recordings(
     options: argparse.Namespace, model: Any, files: list[str]
 ) -> tuple[Any, Any, dict[str, str], Any]:
     """X, y, roles of columns, and the model, which takes its own columns from X."""
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import FunctionTransformer
+
+    from ...pipelines import reach_model, unwrapped
+    from ...runs import role_of
+
     own = _columns_of(model)
     names = options.input or own
     if names is None:
@@ -122,11 +210,11 @@ def _recordings(
             f"The model was fitted on the columns {', '.join(own)}: --input names "
             f"{len(own)} channels for them, in that order; got {', '.join(names)}."
         )
-    roles = pairs(options.role, "--role", "NAME=ROLE, such as roll=motion")
+    roles = read_roles(options)
     for name, role in ((options.x, "x"), (options.target, "f_t")):
         if name is None:
             continue
-        by_name = role_of((own or names)[names.index(name)]) if name in names else OTHER
+        by_name = role_of((own or names)[names.index(name)]) if name in names else ""
         if roles.setdefault(name, by_name or role) != role:
             raise ValueError(
                 f"The channel {name!r} has two roles, {roles[name]!r} and {role!r}: name different "
@@ -160,6 +248,8 @@ def _recordings(
 
 def _has(files: list[str], name: str) -> bool:
     """Whether the first file has a column of this name."""
+    from ...io import first_table
+
     try:
         first_table(files).find(name)
     except ValueError:
@@ -169,6 +259,8 @@ def _has(files: list[str], name: str) -> bool:
 
 def _as_in(X: Any, name: str, roles: dict[str, str]) -> str:
     """A column of X for one of the model's: of its name, or else of its role."""
+    from ...runs import role_of
+
     if column_of(X, name) in X:
         return name
     by_role = {role_of(column, roles): str(column) for column in X.columns}
@@ -186,17 +278,20 @@ def _taken(X: Any, names: list[str]) -> Any:
 
 def _columns_of(model: Any) -> list[str] | None:
     """Columns that a model was fitted on; None where it does not say."""
-    first = unwrapped(model)
-    names = getattr(first, "feature_names_in_", None)
+    from ...pipelines import unwrapped
+
+    names = getattr(unwrapped(model), "feature_names_in_", None)
     return None if names is None else [str(name) for name in names]
 
 
-def _draw(found: Comparison, path: Path, X: Any, y: Any) -> list[str]:
+def _draw(found: Any, path: Path, X: Any, y: Any) -> list[str]:
     without_screen()
     return save_figures({path.name: found.plot().figure_}, path.parent, "compare", named=(X, y))
 
 
-def _as_dict(found: Comparison) -> dict[str, Any]:
+def _as_dict(found: Any) -> dict[str, Any]:
+    from ...search.story import comparison_dict
+
     leak = found.leak
     return {
         "model": found.model_name,

@@ -3,22 +3,43 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-from .arguments.names import CONDITIONS, EFFECTS, HIDDEN, STUDIES
-from .parser import make_parsers
+import skhoid
 
-# Not choices of the parser: a wrong name gets a better answer than argparse's.
-NAMES: dict[Any, tuple[str, ...]] = {
-    "effects": EFFECTS,
-    "effect": (*HIDDEN, "none"),
-    "condition": CONDITIONS,
-    "conditions": CONDITIONS,
-    ("skhoid study", "name"): STUDIES,
-}
+from .parser import add_command, add_debug
+from .study import names_of_studies
+
+CONDITIONS = ("C1", "C2", "C3", "C4", "C5", "C6")  # of the thesis, its Table III
+EXAMPLES = """\
+examples:
+  skhoid completion bash > ~/.local/share/bash-completion/completions/skhoid
+  skhoid completion zsh > ~/.zfunc/_skhoid
+                        with fpath=(~/.zfunc $fpath) before compinit in ~/.zshrc
+  skhoid completion tcsh > ~/.skhoid.tcsh
+                        with `source ~/.skhoid.tcsh` in ~/.tcshrc
+"""
 
 
-def completion(options: argparse.Namespace) -> int:
+def add_completion(commands: Any, make_parsers: Callable[[], Any]) -> None:
+    """Add the command to the parser."""
+    command = add_command(
+        commands,
+        "completion",
+        "print the script of tab completion for a shell",
+        "Print a script for your shell, with which the tab key completes commands, "
+        "options, files and names. Open a new shell afterwards.",
+        EXAMPLES,
+        "SHELL",
+    )
+    command.set_defaults(work=partial(completion, make_parsers=make_parsers))
+    command.add_argument("shell", choices=["bash", "zsh", "tcsh"], help="your shell")
+    add_debug(command.add_argument)
+
+
+def completion(options: argparse.Namespace, make_parsers: Callable[[], Any]) -> int:
     """Print the script."""
     try:
         import shtab
@@ -26,15 +47,24 @@ def completion(options: argparse.Namespace) -> int:
         raise ImportError(
             'Completion needs the package shtab: pip install "skhoid[completion]"'
         ) from error
+    effects = tuple(skhoid.effects.catalogue().index)
+    # Not choices of the parser: a wrong name gets a better answer than argparse's.
+    names: dict[Any, tuple[str, ...]] = {
+        "effects": effects,
+        "effect": (*effects, "none"),
+        "condition": CONDITIONS,
+        "conditions": CONDITIONS,
+        ("skhoid study", "name"): names_of_studies(),
+    }
     parser, commands = make_parsers()
     places = {"FILE": shtab.FILE, "FILES": shtab.FILE, "FOLDER": shtab.DIRECTORY}
     for command in commands.values():
         for action in command.arguments:
             if action.metavar in places:
-                action.complete = places[action.metavar]  # type: ignore[attr-defined]
-            elif (command.prog, action.dest) in NAMES:
-                action.choices = NAMES[command.prog, action.dest]
-            elif action.dest in NAMES:
-                action.choices = NAMES[action.dest]
+                action.complete = places[action.metavar]
+            elif (command.prog, action.dest) in names:
+                action.choices = names[command.prog, action.dest]
+            elif action.dest in names:
+                action.choices = names[action.dest]
     print(shtab.complete(parser, options.shell))
     return 0

@@ -1,27 +1,232 @@
-"""The command ``skhoid diagnose``: which effects a model of recordings is missing."""
+"""The commands ``demo``, ``diagnose`` and ``report``: which effects a model is missing.
+
+``diagnose`` and ``report`` read recordings, ``demo`` simulates them; then all three search, print
+what was found, and write plots, tables and a page.
+"""
 
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
+from typing import Any
 
-from ...search.sketch import checked_name, why_no_shape, written
-from .files import new_file
-from .next_steps import after_diagnose
-from .options import refuse
-from .output import note, say_next
-from .recordings import read_recordings
-from .search_output import figure_folder, show_search, write_results
-from .tables import check_tables
+import skhoid
+
+from ... import __version__
+from ...exceptions import did_you_mean
+from .files import (
+    check_folders,
+    check_tables,
+    column_of,
+    columns_dict,
+    figure_folder,
+    names_of,
+    new_file,
+    read_files,
+    save_figures,
+    save_tables,
+    without_screen,
+)
+from .output import (
+    free_name,
+    message_for,
+    note,
+    print_bold,
+    print_json,
+    print_source,
+    print_table,
+    print_wrapped,
+    say_files,
+    say_next,
+    shows_progress,
+    typed,
+)
+from .parser import (
+    DOMAINS,
+    MAX_EFFECTS,
+    OF_SEARCH,
+    add_command,
+    add_output_options,
+    add_plot_options,
+    add_recording_options,
+    add_search_options,
+    at_least_one,
+    not_negative,
+    read_roles,
+    refuse,
+    refuse_of_other_core,
+    seed,
+)
+
+OF_DEMO = """\
+examples:
+  skhoid demo                    a person with a dead zone and an offset
+  skhoid demo --effect saturation --remnant 0.2 --seed 3
+  skhoid demo --effect none      nothing is hidden: does it say so?
+"""
+OF_DIAGNOSE = """\
+examples:
+  skhoid diagnose                     bundled recordings of a human tracker
+  skhoid diagnose run*.csv            columns are guessed, and said
+  skhoid diagnose run*.csv --output stick --x pitch --target command
+  skhoid diagnose runs.mat --dt 0.01 --delay 0.28
+  skhoid diagnose sim.csv --role roll=motion --effects motion_feedback bias
+  skhoid diagnose arm.csv --input force --output angle --core arx --nk 1
+  skhoid diagnose run*.csv --report out.html --tables out --format pdf
+"""
+OF_REPORT = """\
+examples:
+  skhoid report                            bundled recordings of a human tracker
+  skhoid report run*.csv --out monday.html
+  skhoid report run*.csv --effects none    the model as it is, no search
+  skhoid report run*.csv --title "Subject 3" --overwrite --tables tables
+"""
+AFTER_DEMO = [
+    ("skhoid diagnose", "recordings of a real person"),
+    ("skhoid simulate --remnant 0.1 --out runs.csv", "a file, as yours may be"),
+    ("skhoid diagnose runs.csv", "what is missing in it?"),
+]
+BUNDLED = ["phase-size 2b", "phase-size 2c", "phase-size 2d", "phase-size 2e"]
+BY_HAND = 'search.sketch_effect("my_effect", "my_effect.py")'
+OF_COMPARISON = (
+    "by_run",
+    "by_time",
+    "by_frequency",
+    "by_operating_point",
+    "tests",
+    "correlations",
+    "cusum",
+    "time_frequency",
+    "remnant_spectrum",
+)
 
 
-def effect_file(name: str, overwrite: bool) -> Path:
-    """The file of an effect, checked before the work begins."""
-    path = new_file(name, overwrite)
-    if path.suffix != ".py":
-        raise ValueError(f"--sketch writes a Python file, such as my_effect.py; got {name}.")
-    checked_name(path.stem)
-    return path
+def add_demo(commands: Any) -> None:
+    """Add ``skhoid demo`` to the parser."""
+    command = add_command(
+        commands,
+        "demo",
+        "hide an effect in a simulated person, and find it",
+        "Simulate runs of a person who tracks a target, with effects hidden in them, "
+        "fit a model that knows nothing of them, and find out which are missing: the whole way, "
+        "with numbers at each step, and a report in the end.",
+        OF_DEMO,
+    )
+    command.set_defaults(work=demo)
+    add = command.section("Data")
+    add(
+        "--effect",
+        nargs="+",
+        default=["dead_zone", "bias"],
+        metavar="HIDDEN",
+        help="hidden in the person: none, or ids of skhoid's catalogue (default: dead_zone bias)",
+    )
+    add("--runs", type=at_least_one, default=4, metavar="N", help="number of runs (default: 4)")
+    add("--remnant", type=not_negative, default=0.1, metavar="P", help="P_n (default: 0.1)")
+    add("--seed", type=seed, default=0, metavar="N", help="of the simulation (default: 0)")
+    add_search_options(command.section("Search"))
+    add = command.section("Output")
+    add_plot_options(add, "skhoid-demo")
+    add("--no-report", action="store_true", help="do not write report.html into that folder")
+    add_output_options(add)
+
+
+def demo(options: argparse.Namespace) -> int:
+    """Hide effects in a simulated person, and find them."""
+    from ...effects import Effects
+    from ...search.story import HIDDEN
+
+    names = [] if options.effect == ["none"] else options.effect
+    if "none" in names:
+        raise ValueError("--effect none hides nothing, and takes no other names.")
+    for name in names:
+        if name not in HIDDEN:
+            raise ValueError(
+                f"demo hides none, {', '.join(HIDDEN)}; got {name!r}.{did_you_mean(name, HIDDEN)}"
+            )
+    if options.no_pictures and options.no_report:
+        refuse(options, ["out"], "has no use: --no-pictures and --no-report leave nothing there.")
+    if options.no_pictures:
+        refuse(options, ["format"], "is for the plots, and --no-pictures draws none.")
+    folder = Path(options.out or "skhoid-demo")
+    check_folders(folder)
+    check_tables(options)
+    hidden = Effects.of([HIDDEN[name] for name in names])
+    X, y, truth = skhoid.make_tracking_runs(
+        "C1",
+        n_runs=options.runs,
+        remnant_intensity=options.remnant,
+        channels=["e", "x", "f_t"],
+        sampling_rate=50.0,  # twice what the criterion looks at
+        effects=hidden,
+        random_state=options.seed,
+        return_truth=True,
+    )
+    source = f"simulated runs of condition C1, remnant P_n = {options.remnant:g}"
+    best = 100 * (1 - (truth.remnant**2).sum() / (y**2).sum())
+    given = truth.parameters.iloc[0].to_dict()
+    given |= {f"{n}__{p}": v for n, e in hidden for p, v in e.fixed.items()}
+    story = show_search(options, skhoid.OperatorRegressor(), X, y, source, truth=given)
+    if not options.json:
+        _reveal(story.search_, names, best)
+    write_results(
+        options,
+        story,
+        source,
+        report=None if options.no_report else folder / "report.html",
+        folder=None if options.no_pictures else folder,
+        head={"hidden": names, "truth_vaf": best},
+    )
+    if not options.json:
+        say_next(AFTER_DEMO)
+    return 0
+
+
+def _reveal(search: Any, names: list[str], best: float) -> None:
+    """What was hidden, beside what was found."""
+    from ...effects import titles_of
+
+    print_wrapped("")
+    found = search.best_effects_
+    print_bold(f"The truth: hidden {titles_of(names) if names else 'nothing'}")
+    same = "as found" if set(found) == set(names) else f"found: {titles_of(found)}"
+    print_wrapped(f"  {same}; simulated with the true parameters the VAF is {best:.1f} %")
+
+
+def add_diagnose(commands: Any) -> None:
+    """Add ``skhoid diagnose`` to the parser."""
+    command = add_command(
+        commands,
+        "diagnose",
+        "find the effects that a model of your recordings is missing",
+        "Fit a model to recorded runs, compare it with them, and find out which "
+        "physical effects it is missing, on runs held out of the fit. Without files it uses four "
+        "bundled recordings of a person tracking a target.",
+        OF_DIAGNOSE,
+        "[FILES] [OPTIONS]",
+    )
+    command.set_defaults(work=diagnose)
+    add_recording_options(command)
+    add = command.section("Search")
+    add_search_options(add)
+    add(
+        "--domain",
+        choices=DOMAINS,
+        help="what was recorded: it decides the words, and which effects are tried (default: "
+        "machine for an ARX model, unless it answers the error, target or x of a loop)",
+    )
+    add = command.section("Output")
+    add_plot_options(add, "skhoid-diagnose")
+    add("--report", metavar="FILE", help="write a report, one HTML file")
+    add(
+        "--sketch",
+        metavar="FILE",
+        help="write the shape of what has no name as an effect of your own, a Python file named "
+        "after the effect, such as my_effect.py",
+    )
+    add("--overwrite", action="store_true", help="replace these FILEs if they exist")
+    add_output_options(add)
 
 
 def diagnose(options: argparse.Namespace) -> int:
@@ -32,17 +237,349 @@ def diagnose(options: argparse.Namespace) -> int:
     if options.report is not None:
         report = new_file(options.report, options.overwrite, new_folder=True)
     if options.sketch is not None:
-        sketch = effect_file(options.sketch, options.overwrite)
+        sketch = _effect_file(options.sketch, options.overwrite)
     folder = figure_folder(options, "skhoid-diagnose")
     check_tables(options)
     X, y, estimator, source = read_recordings(options)
     story = show_search(options, estimator, X, y, source)
-    shape = story.search_.shape_
-    if sketch is not None and shape is not None:
-        written(sketch.stem, sketch, shape, overwrite=options.overwrite)
-    write_results(options, story, source, report=report, folder=folder, sketch=shape and sketch)
-    if sketch is not None and shape is None:
-        note(f"--sketch: {why_no_shape(story.search_.best_effects_)}")
+    search, why_not = story.search_, ""
+    if sketch is not None:
+        try:
+            search.sketch_effect(sketch.stem, sketch, overwrite=options.overwrite)
+        except ValueError as error:  # nothing is left without a name
+            sketch, why_not = None, f"--sketch: {error}"
+    write_results(options, story, source, report=report, folder=folder, sketch=sketch)
+    if why_not:
+        note(why_not)
     if not options.json:
-        say_next(after_diagnose(options, story.search_))
+        say_next(_after_search(options, search))
     return 0
+
+
+def _effect_file(name: str, overwrite: bool) -> Path:
+    """The file of an effect, checked before the work begins."""
+    from ...search import checked_name
+
+    path = new_file(name, overwrite)
+    if path.suffix != ".py":
+        raise ValueError(f"--sketch writes a Python file, such as my_effect.py; got {name}.")
+    checked_name(path.stem)
+    return path
+
+
+def add_report(commands: Any) -> None:
+    """Add ``skhoid report`` to the parser."""
+    command = add_command(
+        commands,
+        "report",
+        "write a report on a model of your recordings, one HTML file",
+        "Do what `skhoid diagnose` does, and write it down in one HTML file that needs "
+        "no network: data, model, comparison, ranking, error, parameters, and what to do next. "
+        "Without files it uses four bundled recordings of a person tracking a target.",
+        OF_REPORT,
+        "[FILES] [OPTIONS]",
+    )
+    command.set_defaults(work=report)
+    add_recording_options(command)
+    add_search_options(command.section("Search"), "; none: no search")
+    add = command.section("Output")
+    add("--title", metavar="TEXT", help="title of the report")
+    add("--out", default="report.html", metavar="FILE", help="the file (default: report.html)")
+    add("--overwrite", action="store_true", help="replace FILE if it exists")
+    add_output_options(add)
+
+
+def report(options: argparse.Namespace) -> int:
+    """Report on a model of recordings, with a search for missing effects or without."""
+    path = new_file(options.out, options.overwrite, new_folder=True)
+    check_tables(options)
+    searches = options.effects != ["none"]
+    if not searches:
+        refuse(options, OF_SEARCH, "is for the search, and --effects none makes none.")
+    X, y, estimator, source = read_recordings(options)
+    if not searches:
+        return _report_model(options, path, X, y, estimator.fit(X, y), source)
+    story = show_search(options, estimator, X, y, source, aloud=False)
+    if not options.json:
+        print_source(options, source)
+        for line in story.search_.summary().splitlines():
+            print_wrapped(line)
+    write_results(options, story, source, report=path)
+    if not options.json:
+        say_next(_after_search(options, story.search_))
+    return 0
+
+
+def _report_model(
+    options: argparse.Namespace, path: Path, X: Any, y: Any, model: Any, source: str
+) -> int:
+    """Report on a fitted model as it is."""
+    import pandas as pd
+
+    from ...pipelines import prediction_from
+    from ...search.story import comparison_dict, parameters_table
+
+    page = write_report(options, path, model, X, y, source, effects=None)
+    compared = page.comparison
+    vaf = model.score(X, y) if compared is None else compared.vaf
+    tables = {
+        "parameters": model.parameters_,
+        "predictions": pd.DataFrame(
+            {"measured": y, "free_run": prediction_from(model, X, y)[0]}, index=X.index
+        ),
+        **tables_of_comparison(compared),
+    }
+    files = {"report": str(path), "pictures": [], "tables": save_tables(tables, options)}
+    if options.json:
+        found = {
+            "skhoid": __version__,
+            "source": source,
+            "columns": columns_dict(options),
+            "inputs": [str(name) for name in model.inputs_],
+            "output": str(y.name),
+            "parameters": model.parameters_.reset_index().to_dict("records"),
+            "vaf": vaf,
+            "comparison": None if compared is None else comparison_dict(compared),
+        }
+        print_json({**found, **files})
+    else:
+        print_source(options, source)
+        print_wrapped(f"VAF {vaf:.1f} % of the simulated output on the rows of the fit")
+        _print_block(parameters_table(model), options, None)
+        for each in compared.notes if compared is not None else []:
+            print_wrapped(f"  note: {message_for(each, options)}")
+        say_files(files)
+    return 0
+
+
+def read_recordings(options: argparse.Namespace) -> tuple[Any, Any, Any, str]:
+    """X, y, the model of them, and where they are from; the user's files, or bundled ones."""
+    from ..opening import estimator_of, trimmed
+
+    refuse_of_other_core(options)
+    X, y, roles, source = _own(options) if options.files else _bundled(options)
+    X, y = trimmed(X, y, options)
+    inputs = [column_of(X, options.input)]
+    return X, y, estimator_of(options, X, y, inputs=inputs, roles=roles or None), source
+
+
+def _own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
+    # On a pursuit display the input is the target itself.
+    asked = options.input
+    is_target = asked in (options.target, "f_t") or (asked or "").endswith(".f_t")
+    named = [
+        ("--input", asked, "f_t" if is_target else "e"),
+        ("--x", options.x, "x"),
+        ("--target", options.target, "f_t"),
+    ]
+    roles = read_roles(options)
+    said = dict.fromkeys(roles, "--role")
+    for option, name, role in named:
+        if name is None:
+            continue
+        if roles.setdefault(name, role) != role:
+            raise ValueError(
+                f"The channel {name!r} has two roles, {roles[name]!r} by {said[name]} and {role!r} "
+                f"by {option}: name different channels."
+            )
+        said[name] = option
+    options.named_input = [] if asked is None else [asked]
+    found = read_files(options, roles, signals=asked is None)
+    X, guess = found.X, found.guess
+    of_columns = guess.roles | {column_of(X, name): role for name, role in roles.items()}
+    options.input = column_of(X, asked) if asked is not None else guess.inputs[0]
+    return X, found.y, of_columns, names_of(options.files)
+
+
+def _bundled(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
+    X, y = skhoid.load_human_tracking(BUNDLED)
+    options.display, options.remove_means = "pursuit", True
+    source = (
+        "bundled recordings: a person follows a pseudo-random target with a mouse, four times, "
+        "positions about their mean (Matic 2022, MIT licence)"
+    )
+    options.input = "f_t"  # the answer to the target, which is what a pursuit display shows
+    return X, y, {}, source
+
+
+def search_for(options: argparse.Namespace, estimator: Any) -> Any:
+    """The search that the options ask for, unfitted."""
+    from ..opening import read_element
+
+    return skhoid.EffectSearchCV(
+        estimator,
+        effects="all" if options.effects in (None, ["all"]) else options.effects,
+        display=getattr(options, "display", None),
+        controlled_element=read_element(getattr(options, "controlled_element", None)),
+        max_effects=MAX_EFFECTS if options.max_effects is None else options.max_effects,
+        domain=getattr(options, "domain", None),
+        lost_control=options.lost_control,
+    )
+
+
+def show_search(
+    options: argparse.Namespace,
+    estimator: Any,
+    X: Any,
+    y: Any,
+    source: str,
+    *,
+    aloud: bool = True,
+    truth: dict[str, float] | None = None,
+) -> Any:
+    """Search, and print each result as soon as it is known, beside the truth where it is."""
+    from sklearn.callback import ProgressBar
+
+    from ...search.story import Story
+
+    search = search_for(options, estimator)
+    if shows_progress(options):
+        search.set_callbacks(ProgressBar())
+    story = Story(search, X, y)
+    aloud = aloud and not options.json
+    if aloud:
+        print_source(options, source)
+    for block in story.tell():
+        if aloud:
+            _print_block(block, options, truth)
+    return story
+
+
+def _print_block(block: str, options: argparse.Namespace, truth: dict[str, float] | None) -> None:
+    """Print a line or a table of a story."""
+    from ...search.story import StoryTable
+
+    if not isinstance(block, StoryTable):
+        show = print_bold if block.startswith("Verdict: ") else print_wrapped
+        show(block)
+        return
+    headings, rows = list(block.headings), [list(row) for row in block.rows]
+    if block.kind == "parameters" and truth:
+        headings.insert(1, "truth")
+        for row, name in zip(rows, block.ids, strict=True):
+            row.insert(1, f"{truth[name]:.4g}" if name in truth else "")
+    left = ("effect", "parameter", "unit", "its numbers", "band", "")
+    folded = headings if block.kind == "shape" else ("effect",)
+    print_table(block.caption, headings, rows, left=left, folded=folded)
+
+
+def _after_search(options: argparse.Namespace, search: Any) -> list[tuple[str, str]]:
+    """What to do next: its report, its tables, and the linear model."""
+    steps = []
+    if not getattr(options, "report", None) and options.command != "report":
+        page = f"{typed(options, 'report')} --out {free_name('report.html')}"
+        steps.append((page, "the same as a page to keep"))
+    names = [name for name in search.best_effects_ if name != "unknown"]
+    if names:
+        alone = f"{typed(options, 'diagnose')} --effects {' '.join(dict.fromkeys(names))}"
+        steps.append((alone, "these effects alone, in less time"))
+    steps.append((typed(options, "identify"), "the delay, and a linear model"))
+    if search.shape_ is not None and options.command != "diagnose":
+        steps.append((BY_HAND, "in Python: what has no name as an effect of your own"))
+    elif search.shape_ is not None and options.sketch is None:
+        words = ["skhoid", *options.command_line, "--sketch", free_name("my_effect.py")]
+        steps.append((shlex.join(words), "what has no name as an effect of your own, in Python"))
+    return steps
+
+
+def write_results(
+    options: argparse.Namespace,
+    story: Any,
+    source: str,
+    *,
+    report: Path | None = None,
+    folder: Path | None = None,
+    sketch: Path | None = None,
+    head: dict[str, Any] | None = None,
+) -> None:
+    """Write the report, the plots and the tables, and say where; or print all as JSON."""
+    if report is not None:
+        write_report(options, report, story.search_, story.X, story.y, source)
+    form = getattr(options, "format", None) or "png"
+    plots = _draw(story, folder, options.command, form) if folder else []
+    tables = save_tables(_tables_of(story), options)
+    page = None if report is None else str(report)
+    files: dict[str, Any] = {"report": page, "pictures": plots, "tables": tables}
+    if sketch is not None:
+        files["effect"] = str(sketch)
+    if options.json:
+        first = {"skhoid": __version__, "source": source, "columns": columns_dict(options)}
+        first |= head or {}
+        print_json({**first, **story.as_dict(), **files})
+    elif any(files.values()):
+        print_wrapped("")
+        say_files(files)
+
+
+def write_report(
+    options: argparse.Namespace,
+    path: Path,
+    model: Any,
+    X: Any,
+    y: Any,
+    source: str,
+    **more: Any,
+) -> Any:
+    """Make the report and write it; returns it."""
+    made_with = {"command": names_of([shlex.join(["skhoid", *options.command_line])])}
+    if getattr(options, "seed", None) is not None:
+        made_with["seed"] = str(options.seed)
+    without_screen()
+    title = getattr(options, "title", None)
+    page = skhoid.report(model, X, y, title=title, source=source, made_with=made_with, **more)
+    page.save(path)
+    return page
+
+
+def _tables_of(story: Any) -> dict[str, Any]:
+    """All tables of a story, by name."""
+    search, shape = story.search_, story.search_.shape_
+    of_shape = {} if shape is None else {"shape": shape.curve}
+    if shape is not None and len(shape.nearest):
+        of_shape["nearest"] = shape.nearest
+    return {
+        "ranking": search.ranking_,
+        "error_path": search.error_path_,
+        "baseline": story.baseline_.parameters_,
+        "parameters": search.best_estimator_.parameters_,
+        "predictions": search.predictions_,
+        "left_out": search.left_out_,
+        "unexplained": search.unexplained_,
+        **of_shape,
+        **tables_of_comparison(story.comparison_),
+    }
+
+
+def tables_of_comparison(found: Any) -> dict[str, Any]:
+    """Tables of a comparison, if there is one."""
+    import pandas as pd
+
+    if found is None:
+        return {}
+    tables = {name: getattr(found, name) for name in OF_COMPARISON}
+    return {**tables, "findings": pd.DataFrame([vars(finding) for finding in found.findings])}
+
+
+def _draw(story: Any, folder: Path, command: str, form: str) -> list[str]:
+    """Draw the results of a search into a folder; returns the paths."""
+    without_screen()
+    show = skhoid.plotting
+    search = story.search_
+    figures: dict[str, Any] = {}
+    if story.comparison_ is not None:
+        figures["comparison.png"] = story.comparison_.plot().figure_
+    for step in search.ranking_["step"].unique():
+        display = show.EffectRankingDisplay.from_estimator(search, step=step, n_candidates=12)
+        figures[f"ranking-{step}.png"] = display.figure_
+    figures["error-path.png"] = show.ErrorPathDisplay.from_estimator(search).figure_
+    figures["before-and-after.png"] = show.EffectStepsDisplay.from_estimator(search).figure_
+    for name in search.best_estimator_.effects_.names:
+        found = show.IdentifiedEffectDisplay.from_estimator(search, name, story.X, story.y)
+        figures[f"{name}.png"] = found.figure_
+    if search.shape_ is not None:
+        figures["shape.png"] = show.ShapeDisplay.from_estimator(search).figure_
+    known = list(skhoid.effects.catalogue().index)
+    steps = [f"ranking-{step}" for step in range(1, len(known) + 2)]
+    others = [f"{name}.png" for name in ("comparison", "shape", *known, *steps)]
+    named = (story.X, story.y)
+    return save_figures(figures, folder, command, others=others, named=named, form=form)

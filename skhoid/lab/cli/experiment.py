@@ -10,48 +10,107 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from ..._version import __version__
-from ...arx.batch import ARXRegressor
-from ...arx.searches import DelaySearchCV
-from ...human.controlled_element import element_of
-from ...io._paths import shown
-from ...io.experiments import read_experiment
-from ...model import OperatorRegressor
-from ...preprocessing import RunInTrimmer
-from ...recordings.experiment_check import ExperimentCheck, check_experiment
-from ...runs import select_runs
-from ...search import EffectSearchCV
-from ...text import WIDTH
-from ..experiment import simulate_experiment
-from ..experiment.group import GroupEffectSearch
-from ..experiment.people import PeopleResult, identify_people
-from ..experiment.read import ALL
-from ..experiment.statistics import MixedModelResult, write_long, write_wide
-from ..report import report_experiment
-from .arguments.shared import MAX_EFFECTS, OF_CORE
-from .files import check_folders, new_file, without_screen
-from .options import pairs, refuse
-from .output import print_bold, print_json, print_wrapped, say, say_files
-from .search_output import shows_progress, wanted_effects
-from .tables import check_tables, save_tables
+import skhoid
 
+from ... import __version__
+from .diagnose import search_for
+from .files import check_folders, check_tables, names_of, new_file, save_tables, without_screen
+from .output import (
+    print_bold,
+    print_json,
+    print_wrapped,
+    say,
+    say_files,
+    shows_progress,
+)
+from .parser import (
+    OF_SEARCH,
+    add_command,
+    add_model_options,
+    add_output_options,
+    add_run_in,
+    add_search_options,
+    add_unit,
+    at_least_one,
+    positive,
+    read_units,
+    refuse,
+    refuse_of_other_core,
+    workers,
+)
+
+EXAMPLES = """\
+examples:
+  skhoid experiment                            a small simulated experiment
+  skhoid experiment recordings/                labels by names of folders and files
+  skhoid experiment "data/{subject}_{condition}_run{run}.csv" --out friday.html
+  skhoid experiment all.csv --subject who --condition task --run trial
+  skhoid experiment recordings/ --effects none     parameters only, no search
+  skhoid experiment recordings/ --resume kept --jobs 4
+"""
 SIMULATED = ["dead_zone", "saturation"]  # searched for where nothing else is asked
-OF_SEARCH = ["display", "max_effects", "controlled_element"]
 LONG, SCRIPT, WIDE = "parameters_long.csv", "mixed_models.R", "parameters_wide.csv"
+
+
+def add_experiment(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = add_command(
+        commands,
+        "experiment",
+        "several people and conditions: check, identify, search, compare, one HTML file",
+        "Read the recordings of several people, check them, find which effects people share, "
+        "identify each run, compare the conditions, and write it all down in one HTML file with a "
+        "part for each person. Without files it simulates a small experiment.",
+        EXAMPLES,
+        "[FOLDER_OR_PATTERN] [OPTIONS]",
+    )
+    command.set_defaults(work=experiment)
+    add = command.section("Data")
+    add(
+        "files",
+        nargs="*",
+        default=(),
+        metavar="FOLDER_OR_PATTERN",
+        help="a folder, a pattern with {subject}, {condition} and {run}, or files",
+    )
+    add("--input", metavar="NAME", help="column of the error (default: guessed)")
+    add("--output", metavar="NAME", help="output column (default: guessed)")
+    add("--x", metavar="NAME", help="the controlled element's output (default: guessed)")
+    add("--target", metavar="NAME", help="the target f_t (default: guessed)")
+    add("--time", metavar="NAME", help="time column, in seconds (default: guessed)")
+    add("--dt", type=positive, metavar="S", help="sampling time of files without a time column")
+    for level in ("subject", "condition", "run"):
+        add(f"--{level}", metavar="NAME", help=f"column with the {level} (default: by names)")
+    add_unit(add)
+    add("--last", type=at_least_one, metavar="N", help="the last N runs of each (default: all)")
+    add_run_in(add)
+    add_model_options(command.section("Model"), "people")
+    add_search_options(command.section("Search"), "; none: no search")
+    add = command.section("People")
+    add("--reference", metavar="CONDITION", help="compare others with it (default: all pairs)")
+    add("--jobs", type=workers, metavar="N", help="workers (default: 1; -1: all processors)")
+    add("--resume", metavar="FOLDER", help="keep what is finished in FOLDER, and go on from there")
+    add = command.section("Output")
+    add("--title", metavar="TEXT", help="title of the page")
+    add("--out", default="experiment.html", metavar="FILE", help="the file (default: %(default)s)")
+    add("--overwrite", action="store_true", help="replace files that exist")
+    add_output_options(add)
 
 
 def experiment(options: argparse.Namespace) -> int:
     """Read, check, search, identify, compare, and write the page."""
+    from .. import report
+
     path = new_file(options.out, options.overwrite, new_folder=True)
     _check(options)
     X, y, source = _recorded(options) if options.files else _simulated(options)
     say(source, options)
-    check = check_experiment(X, y)
+    check = skhoid.check_experiment(X, y)
     _print(check.summary(), options)
     if options.last is not None:
-        X, y = select_runs(X, y, last=options.last)
+        X, y = skhoid.select_runs(X, y, last=options.last)
     if options.run_in:
-        X = RunInTrimmer(run_in=options.run_in).fit_transform(X)
+        X = skhoid.RunInTrimmer(run_in=options.run_in).fit_transform(X)
     _check_people(X, options)
     estimator = _estimator(options, X, y)
     group = None if options.effects == ["none"] else _searched(options, estimator, X, y)
@@ -59,7 +118,7 @@ def experiment(options: argparse.Namespace) -> int:
         _print_verdict(f"Verdict: {str(group.summary()).splitlines()[0]}", options)
         _print("\n".join(str(group.summary()).splitlines()[1:]), options)
         estimator = _with_effects(estimator, group)
-    people = identify_people(
+    people = skhoid.identify_people(
         estimator,
         X,
         y,
@@ -70,7 +129,7 @@ def experiment(options: argparse.Namespace) -> int:
     if not options.json:
         print(f"\n{people.summary()}")
     without_screen()
-    page = report_experiment(
+    page = report.report_experiment(
         people if group is None else group,
         X,
         y,
@@ -79,7 +138,7 @@ def experiment(options: argparse.Namespace) -> int:
         reference=options.reference,
         title=options.title,
         source=source,
-        made_with={"command": shlex.join(["skhoid", *map(shown, options.command_line)])},
+        made_with={"command": names_of([shlex.join(["skhoid", *options.command_line])])},
     )
     page.save(path)
     tables = _tables(options, check, people, group, page.statistics)
@@ -97,9 +156,7 @@ def _check(options: argparse.Namespace) -> None:
     """Refuse what cannot be done, before the work begins."""
     check_tables(options)
     check_folders(options.resume)
-    for core, names in OF_CORE.items():
-        if core != options.core:
-            refuse(options, names, f"needs --core {core}.")
+    refuse_of_other_core(options)
     if options.effects == ["none"]:
         refuse(options, OF_SEARCH, "is for the search, and --effects none makes none.")
     if options.time is not None and options.dt is not None:
@@ -119,7 +176,7 @@ def _recorded(options: argparse.Namespace) -> tuple[Any, Any, str]:
     files = options.files[0] if len(options.files) == 1 else options.files
     said = io.StringIO()
     with contextlib.redirect_stdout(said):
-        X, y = read_experiment(
+        X, y = skhoid.read_experiment(
             files,
             subject=options.subject,
             condition=options.condition,
@@ -128,15 +185,15 @@ def _recorded(options: argparse.Namespace) -> tuple[Any, Any, str]:
             output=options.output,
             time=options.time,
             dt=options.dt,
-            units=pairs(options.unit, "--unit", "NAME=UNIT, such as e=deg") or None,
+            units=read_units(options) or None,
         )
     guessed = " ".join(said.getvalue().split())
-    return X, y, guessed or f"Files: {', '.join(map(shown, options.files))}"
+    return X, y, guessed or f"Files: {names_of(options.files)}"
 
 
 def _simulated(options: argparse.Namespace) -> tuple[Any, Any, str]:
     """Four people in two conditions; three of them cannot make large movements."""
-    X, y = simulate_experiment(
+    X, y = skhoid.simulate_experiment(
         4,
         ["C1", "C2"],
         runs=2,
@@ -184,28 +241,16 @@ def _check_people(X: Any, options: argparse.Namespace) -> None:
 
 def _estimator(options: argparse.Namespace, X: Any, y: Any) -> Any:
     """The model of each person."""
-    if options.core == "operator":
-        return OperatorRegressor(delay=options.delay)
-    orders = {name: getattr(options, name) for name in OF_CORE["arx"]}
-    arx = ARXRegressor(**{name: value for name, value in orders.items() if value is not None})
-    if options.nk is not None:
-        return arx
+    from ..opening import estimator_of
+
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of people that are fitted as one
-        return arx.set_params(nk=DelaySearchCV(arx).fit(X, y).best_nk_)
+        warnings.simplefilter("ignore")  # of people whose delay is found as if they were one
+        return estimator_of(options, X, y)
 
 
-def _searched(options: argparse.Namespace, estimator: Any, X: Any, y: Any) -> GroupEffectSearch:
-    search = EffectSearchCV(
-        estimator,
-        effects=wanted_effects(options),
-        display=options.display,
-        controlled_element=element_of(options.controlled_element),
-        max_effects=MAX_EFFECTS if options.max_effects is None else options.max_effects,
-        lost_control=options.lost_control,
-    )
-    group = GroupEffectSearch(
-        search,
+def _searched(options: argparse.Namespace, estimator: Any, X: Any, y: Any) -> Any:
+    group = skhoid.GroupEffectSearch(
+        search_for(options, estimator),
         folder=_kept(options, "group"),
         n_jobs=options.jobs,
         progress=shows_progress(options),
@@ -213,12 +258,14 @@ def _searched(options: argparse.Namespace, estimator: Any, X: Any, y: Any) -> Gr
     return group.fit(X, y)
 
 
-def _with_effects(estimator: Any, group: GroupEffectSearch) -> Any:
+def _with_effects(estimator: Any, group: Any) -> Any:
     """The model with what the group has in all conditions, which else would bend its parameters.
 
     An effect of some conditions is left out: where people have it not, its parameters are free to
     take over those of others. The page says that it is missing.
     """
+    from ..experiment.read import ALL
+
     table = group.prevalence_
     for name in group.group_effects_:
         rows = table[table["effect"] == name]
@@ -235,6 +282,8 @@ def _kept(options: argparse.Namespace, name: str) -> Path | None:
 
 def _print(text: Any, options: argparse.Namespace) -> None:
     """Lines of a summary, whose tables stay as they are."""
+    from ...text import WIDTH
+
     if options.json:
         return
     print()
@@ -254,12 +303,14 @@ def _print_verdict(text: str, options: argparse.Namespace) -> None:
 
 def _tables(
     options: argparse.Namespace,
-    check: ExperimentCheck,
-    people: PeopleResult,
-    group: GroupEffectSearch | None,
-    statistics: dict[str, MixedModelResult],
+    check: Any,
+    people: Any,
+    group: Any,
+    statistics: dict[str, Any],
 ) -> list[str]:
     """Tables in the format asked for, and the files for other programs."""
+    from ..experiment.statistics import write_long, write_wide
+
     if options.tables is None:
         return []
     tables = {
@@ -290,10 +341,10 @@ def _tables(
 
 def _as_dict(
     source: str,
-    check: ExperimentCheck,
-    people: PeopleResult,
-    group: GroupEffectSearch | None,
-    statistics: dict[str, MixedModelResult],
+    check: Any,
+    people: Any,
+    group: Any,
+    statistics: dict[str, Any],
 ) -> dict[str, Any]:
     found: dict[str, Any] = {
         "source": source,

@@ -9,16 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...io._paths import shown
-from ...io._table import split_header
-from ...io.figures import save_figure
-from ...io.guess import ColumnGuess, guess_columns
-from ...io.readers import read_guessed
-from ...preprocessing import resample_runs
-from ...regression import units_of
-from ...runs.selection import runs_of_label
-from .options import pairs, refuse
 from .output import note
+from .parser import TABLES, read_units, refuse
 
 
 @dataclass(frozen=True)
@@ -27,7 +19,7 @@ class Recorded:
 
     X: Any
     y: Any
-    guess: ColumnGuess
+    guess: Any
 
 
 def read_files(
@@ -37,6 +29,9 @@ def read_files(
 
     ``roles`` are the channels that are named; without ``signals`` no others are taken.
     """
+    from ...io import guess_columns
+    from ..opening import read_chosen
+
     if options.dt is not None and options.time is None:
         refuse(options, ["resample"], "needs --time NAME: with --dt the clock is regular.")
     if options.time is not None and options.dt is not None and not options.resample:
@@ -47,36 +42,19 @@ def read_files(
         output=options.output,
         time=options.time,
         run=options.run,
-        units=pairs(options.unit, "--unit", "NAME=UNIT, such as e=deg"),
+        units=read_units(options),
         dt=None if options.resample else options.dt,
         signals=signals,
     )
-    X, y = read_guessed(guess, irregular=options.resample)
+    X, y = read_chosen(guess, options)
     options.columns = guess
-    for level in ("subject", "condition"):
-        label = getattr(options, level)
-        if label is not None:
-            X, y = _of_label(X, y, level, label)
-    if options.resample:
-        X, y = resample_runs(X, y, dt=options.dt)
-        return Recorded(X, y, guess)
-    step = X.index.get_level_values("time")[1:2] - X.index.get_level_values("time")[:1]
-    if options.time is not None and (step == 1.0).all():
+    clock = X.index.get_level_values("time")
+    if options.time is not None and not options.resample and (clock[1:2] - clock[:1] == 1.0).all():
         note(
             f"{options.time} advances by 1 a row, counted as 1 s; if it holds row numbers, give "
             "--dt SECONDS in place of --time."
         )
     return Recorded(X, y, guess)
-
-
-def _of_label(X: Any, y: Any, level: str, label: str) -> tuple[Any, Any]:
-    """The runs of one subject, or of one condition."""
-    if level not in X.index.names:
-        raise ValueError(
-            f"--{level} selects among several {level}s, and no column of the files tells them "
-            "apart: leave it out."
-        )
-    return runs_of_label(X, y, level, label)
 
 
 def columns_dict(options: argparse.Namespace) -> dict[str, Any] | None:
@@ -87,17 +65,24 @@ def columns_dict(options: argparse.Namespace) -> dict[str, Any] | None:
 
 def names_of(files: Iterable[str]) -> str:
     """Files as text that every output takes, also where their names are not UTF-8."""
+    from ...io import shown
+
     return ", ".join(map(shown, files))
 
 
 def column_of(X: Any, asked: str) -> str:
     """Column of X that was asked for by its header, with its unit, or as a field of a struct."""
+    from ...io import split_header
+
     name = asked if asked in X else split_header(asked)[0]
     return name if name in X else name.rpartition(".")[2]
 
 
+# What is to be written is checked before the work begins.
+
+
 def new_file(name: str, overwrite: bool, *, new_folder: bool = False) -> Path:
-    """A file to write, checked before the work begins; its folder may be a new one."""
+    """A file to write; its folder may be a new one."""
     path = Path(name)
     if path.is_dir():
         raise ValueError(f"{path} is a folder; name a file in it.")
@@ -110,7 +95,7 @@ def new_file(name: str, overwrite: bool, *, new_folder: bool = False) -> Path:
 
 
 def check_plot_file(name: str, overwrite: bool) -> None:
-    """The file of a plot, checked before the work begins."""
+    """The file of a plot, of a format that can be drawn."""
     from matplotlib.figure import Figure
 
     path = new_file(name, overwrite)
@@ -119,8 +104,27 @@ def check_plot_file(name: str, overwrite: bool) -> None:
         raise ValueError(f"{path} is no image file; its name ends in one of {', '.join(formats)}.")
 
 
+def figure_folder(options: argparse.Namespace, default: str) -> Path | None:
+    """The folder for the plots, if any are drawn."""
+    if options.no_pictures:
+        refuse(options, ["out", "format"], "is for the plots, and --no-pictures draws none.")
+        return None
+    folder = Path(options.out or default)
+    check_folders(folder)
+    return folder
+
+
+def check_tables(options: argparse.Namespace) -> None:
+    """Tables that are asked for, in a format that can be written."""
+    from ...io import check_table_format
+
+    if options.tables is not None:
+        check_folders(options.tables)
+        check_table_format(options.table_format or TABLES)
+
+
 def check_folders(*names: str | Path | None) -> None:
-    """Refuse, before the work begins, folders that cannot be made or written into."""
+    """Refuse folders that cannot be made or written into."""
     for name in names:
         if name is None:
             continue
@@ -141,6 +145,24 @@ def _check_parents(path: Path) -> None:
         raise ValueError(f"{folder} is a file and no folder; choose another place than {path}.")
     if not os.access(folder, os.W_OK | os.X_OK):
         raise ValueError(f"The folder {folder} may not be written into; choose another place.")
+
+
+# And then written.
+
+
+def save_tables(tables: dict[str, Any], options: argparse.Namespace) -> list[str]:
+    """Write tables if they are asked for; returns the paths."""
+    if options.tables is None:
+        return []
+    return write_tables(tables, options.tables, options.table_format or TABLES)
+
+
+def write_tables(tables: dict[str, Any], folder: str | Path, form: str) -> list[str]:
+    """Write tables by name; returns the paths."""
+    from ... import io
+
+    named = {f"{name}.{form}": table for name, table in tables.items()}
+    return [str(path) for path in io.write_tables(named, folder)]
 
 
 def without_screen() -> None:
@@ -165,11 +187,12 @@ def save_figures(
     is X and y, whose names appear in the figures. ``form`` is "png", "pdf" or "svg", in place of
     the ends of the names.
     """
+    from ...io import save_figure
+    from ...plotting import names_as_they_are
+
     if form is not None:
         figures = {f"{Path(name).stem}.{form}": figure for name, figure in figures.items()}
         others = [f"{Path(name).stem}.{form}" for name in others]
-    from ...plotting._axes import names_as_they_are
-
     software = f"skhoid {command}"
     folder.mkdir(parents=True, exist_ok=True)
     for name in set(others) - set(figures):
@@ -196,7 +219,9 @@ def _is_drawn_by(path: Path, software: str) -> bool:
 
 def _names(X: Any, y: Any) -> list[str]:
     """Names in the data that figures may show."""
-    names = [*X.columns, y.name, *units_of(X).values(), *units_of(y).values()]
+    names = [*X.columns, y.name]
+    for data in (X, y):
+        names += data.attrs.get("units", {}).values()
     for level in getattr(X.index, "levels", []):
         if level.name != "time":
             names += list(level)

@@ -7,35 +7,179 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from sklearn.callback import ProgressBar
+import skhoid
 
-from ..._version import __version__
-from ...diagnosis.identification import Identification, ModelChoice
-from ...diagnosis.identification import identify as identify_runs
-from ...io import load_human_tracking
-from ...runs.roles import role_of
-from ...text import counted
-from .arguments.identify import LONGEST_DELAY
-from .files import column_of, columns_dict, names_of, read_files, save_figures, without_screen
-from .next_steps import after_identify
-from .options import pairs, refuse
+from ... import __version__
+from .files import (
+    check_tables,
+    column_of,
+    columns_dict,
+    figure_folder,
+    names_of,
+    read_files,
+    save_figures,
+    save_tables,
+    without_screen,
+)
 from .output import (
+    message_for,
     print_bold,
     print_json,
+    print_source,
     print_table,
     print_wrapped,
     say_files,
     say_next,
+    typed,
 )
-from .search_output import figure_folder, print_source
-from .tables import check_tables, save_tables
+from .parser import (
+    DOMAINS,
+    add_command,
+    add_file_options,
+    add_lost_control,
+    add_output_options,
+    add_plot_options,
+    add_run_in,
+    at_least_one,
+    not_negative,
+    order,
+    positive,
+    read_roles,
+    refuse,
+    samples,
+)
 
+EXAMPLES = """\
+examples:
+  skhoid identify                        a bundled recording of a human tracker
+  skhoid identify run*.csv               columns are guessed, and said
+  skhoid identify runs.mat --dt 0.01 --run-in 8.08
+  skhoid identify all.parquet --run trial --validate 7 --json
+  skhoid identify run*.csv --na 2 --nb 2 --nk 29      nothing is searched
+  skhoid identify run*.csv --method iv --instruments f_t
+  skhoid identify run*.csv --memory-time 2.56         a person who adapts
+"""
+LONGEST_DELAY = 0.5  # s
 PICTURES = ["simulation.png", "delay.png", "delay-vaf.png", "orders.png", "parameters.png"]
 CRITERIA = {"one_step": "lowest one-step error", "vaf": "highest cross-validated VAF"}
 
 
+def add_identify(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = add_command(
+        commands,
+        "identify",
+        "find delay and orders, fit, and validate on held-out data",
+        "Discard the run-in, find the delay and the orders, fit an ARX model and "
+        "validate its free run on held-out data: the last run, or the second half of a single "
+        "run. Without files it uses a bundled recording of a person tracking a target.",
+        EXAMPLES,
+        "[FILES] [OPTIONS]",
+    )
+    command.set_defaults(work=identify)
+    add = command.section("Data")
+    add_file_options(add)
+    add(
+        "--input",
+        nargs="+",
+        metavar="NAME",
+        help="input columns; then no other channel is guessed (default: guessed, the error)",
+    )
+    add("--x", metavar="NAME", help="the controlled element's output, for the leak test")
+    add("--target", metavar="NAME", help="the target f_t, for the same")
+    add_run_in(add)
+    add_lost_control(add)
+    add(
+        "--decimate",
+        type=at_least_one,
+        default=1,
+        metavar="D",
+        help="decimation factor (default: 1)",
+    )
+    add = command.section("Search")
+    add(
+        "--longest-delay",
+        type=positive,
+        metavar="S",
+        help=f"longest delay to try (default: {LONGEST_DELAY})",
+    )
+    add(
+        "--least-delay",
+        type=not_negative,
+        metavar="S",
+        help="shortest delay of e and x to try (default: 0.1 of a person, a sample of a machine)",
+    )
+    add(
+        "--domain",
+        choices=DOMAINS,
+        help="who controls (default: human where e is given with x or f_t)",
+    )
+    add(
+        "--role",
+        action="append",
+        default=[],
+        metavar="NAME=ROLE",
+        help="role of an input of another name: e, x, f_t; may be repeated",
+    )
+    add(
+        "--criterion",
+        choices=["one_step", "vaf"],
+        help="which delay to go on with (default: one_step); both are printed",
+    )
+    add = command.section("Model")
+    several = "; one number, or one per input"
+    add(
+        "--nk",
+        type=samples,
+        nargs="+",
+        metavar="N",
+        help=f"delay in samples, not searched{several}",
+    )
+    add("--na", type=order, metavar="N", help="order, not searched (nb: 2, or as given)")
+    add(
+        "--nb",
+        type=order,
+        nargs="+",
+        metavar="N",
+        help=f"order, not searched (na: 2, or as given){several}",
+    )
+    add(
+        "--method",
+        choices=["ols", "iv"],
+        default="ols",
+        help="least squares, or instrumental variables, which remnant does not bias "
+        "(default: ols); searches use least squares",
+    )
+    add(
+        "--instruments",
+        nargs="+",
+        metavar="NAME",
+        help="of iv: channels from outside the loop (default: f_t)",
+    )
+    add(
+        "--memory-time",
+        type=positive,
+        metavar="S",
+        help="also fit a model that follows changes, with a memory of this length",
+    )
+    add("--memory-horizon", type=positive, metavar="N", help="the same in samples of the model")
+    add = command.section("Validation")
+    add("--validate", nargs="+", metavar="RUN", help="runs to hold out (default: the last)")
+    add(
+        "--keep-means",
+        action="store_true",
+        help="no intercept, and VAF with the means kept, as the thesis does",
+    )
+    add = command.section("Output")
+    add_plot_options(add, "skhoid-identify")
+    add_output_options(add)
+
+
 def identify(options: argparse.Namespace) -> int:
     """Identify, and say, draw and write what is found."""
+    from ...diagnosis import ModelChoice
+    from ...diagnosis import identify as identify_runs
+
     folder = figure_folder(options, "skhoid-identify")
     check_tables(options)
     if options.nk is not None:
@@ -83,7 +227,7 @@ def identify(options: argparse.Namespace) -> int:
     else:
         _print(found, source, criterion, options)
         say_files(files)
-        say_next(after_identify(options, found.notes))
+        say_next([(_next_command(options), "which effects is the model missing?")])
     return 0
 
 
@@ -92,15 +236,24 @@ def _one_or_each(numbers: list[int] | None) -> Any:
 
 
 def _progress() -> tuple[Any, ...]:
+    from sklearn.callback import ProgressBar
+
     return (ProgressBar(max_propagation_depth=0),)
+
+
+def _next_command(options: argparse.Namespace) -> str:
+    """The command that says what the model is missing; it takes one input at most."""
+    if len(getattr(options, "named_input", None) or []) > 1:
+        options = argparse.Namespace(**{**vars(options), "named_input": None})
+    return typed(options, "diagnose")
 
 
 def _read(options: argparse.Namespace) -> tuple[Any, Any, list[str], dict[str, str], str]:
     """X, y, the instruments and roles of columns of X, and where they are from."""
-    roles = pairs(options.role, "--role", "NAME=ROLE, such as position=x")
+    roles = read_roles(options)
     if options.files:
         return _own(options, roles)
-    X, y = load_human_tracking("difficulty 80")
+    X, y = skhoid.load_human_tracking("difficulty 80")
     return (
         X,
         y,
@@ -116,6 +269,8 @@ def _read(options: argparse.Namespace) -> tuple[Any, Any, list[str], dict[str, s
 def _own(
     options: argparse.Namespace, roles: dict[str, str]
 ) -> tuple[Any, Any, list[str], dict[str, str], str]:
+    from ...runs import role_of
+
     asked = options.named_input = list(options.input or [])
     others = (options.instruments or ["f_t"]) if options.method == "iv" else []
     inside = [name for name in others if name in asked]
@@ -154,6 +309,8 @@ def _own(
 
 
 def _instruments(X: Any, names: list[str], roles: dict[str, str]) -> list[str]:
+    from ...runs import role_of
+
     columns = {role_of(column, roles): column for column in X.columns}
     found = [columns["f_t"] if n == "f_t" and "f_t" in columns else column_of(X, n) for n in names]
     missing = [name for name in found if name not in X.columns]
@@ -165,29 +322,25 @@ def _instruments(X: Any, names: list[str], roles: dict[str, str]) -> list[str]:
     return found
 
 
-def _draw(found: Identification, folder: Path, form: str | None) -> list[str]:
+def _draw(found: Any, folder: Path, form: str | None) -> list[str]:
     without_screen()
-    from ...plotting import (
-        DelayLossDisplay,
-        ParameterPathDisplay,
-        SimulationDisplay,
-        VAFContourDisplay,
-    )
-
+    show = skhoid.plotting
     displays: dict[str, Any] = {
-        "simulation.png": SimulationDisplay.from_estimator(
+        "simulation.png": show.SimulationDisplay.from_estimator(
             found.best.pipeline, found.X, found.y, centered=found.centered, **found.held_out_view
         )
     }
     if found.delay_searches:
-        displays["delay.png"] = DelayLossDisplay.from_estimator(
+        displays["delay.png"] = show.DelayLossDisplay.from_estimator(
             found.delay_searches["one_step"], unit=found.units.get(str(found.y.name))
         )
-        displays["delay-vaf.png"] = DelayLossDisplay.from_estimator(found.delay_searches["vaf"])
+        displays["delay-vaf.png"] = show.DelayLossDisplay.from_estimator(
+            found.delay_searches["vaf"]
+        )
     if found.order_search is not None:
-        displays["orders.png"] = VAFContourDisplay.from_estimator(found.order_search)
+        displays["orders.png"] = show.VAFContourDisplay.from_estimator(found.order_search)
     if found.adapting is not None:
-        displays["parameters.png"] = ParameterPathDisplay.from_estimator(
+        displays["parameters.png"] = show.ParameterPathDisplay.from_estimator(
             {m.name: m.model for m in (found.adapting, found.best)}
         )
     figures = {name: d.figure_ for name, d in displays.items()}
@@ -195,7 +348,7 @@ def _draw(found: Identification, folder: Path, form: str | None) -> list[str]:
     return save_figures(figures, folder, "identify", form=form or "png", **more)
 
 
-def _as_dict(found: Identification, source: str, columns: Any) -> dict[str, Any]:
+def _as_dict(found: Any, source: str, columns: Any) -> dict[str, Any]:
     layout = found.layout
     return {
         "skhoid": __version__,
@@ -229,13 +382,15 @@ def _as_dict(found: Identification, source: str, columns: Any) -> dict[str, Any]
     }
 
 
-def _clock(found: Identification) -> str:
+def _clock(found: Any) -> str:
     jitter, gaps = found.layout.jitter, found.n_gaps
     text = "regular clock" if jitter < 1e-4 else f"jitter {100 * jitter:.2g} %"
     return text + (f", {gaps} gaps at which the free run restarts from zero" if gaps else "")
 
 
-def _print(found: Identification, source: str, criterion: str, options: argparse.Namespace) -> None:
+def _print(found: Any, source: str, criterion: str, options: argparse.Namespace) -> None:
+    from ...text import counted
+
     layout, best, units = found.layout, found.best.model, found.units
 
     def named(channel: str) -> str:
@@ -259,7 +414,7 @@ def _print(found: Identification, source: str, criterion: str, options: argparse
         f"({chosen.name}{'; about the mean' if found.centered else ''}): {chosen.verdict}"
     )
     for note in found.notes:
-        print_wrapped(f"  note: {note}")
+        print_wrapped(f"  note: {message_for(note, options)}")
     print()
     _print_models(found)
     if found.delay_searches:
@@ -285,7 +440,7 @@ def _print(found: Identification, source: str, criterion: str, options: argparse
     print()
 
 
-def _print_models(found: Identification) -> None:
+def _print_models(found: Any) -> None:
     rows = []
     for model in found.fitted:
         orders = model.model.orders_
@@ -300,7 +455,7 @@ def _print_models(found: Identification) -> None:
     print_table(title, headings, rows, left=["model", ""], folded=["model", ""])
 
 
-def _print_delays(found: Identification, criterion: str) -> None:
+def _print_delays(found: Any, criterion: str) -> None:
     rows = [
         (
             CRITERIA[name],

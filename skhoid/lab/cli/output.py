@@ -1,11 +1,13 @@
-"""How the command line prints: text and tables that fit the terminal, JSON for programs."""
+"""How the command line prints: text and tables that fit the terminal, JSON, and what to do next."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import math
+import os
 import re
+import shlex
 import shutil
 import sys
 import textwrap
@@ -51,6 +53,19 @@ def say(text: str, options: argparse.Namespace) -> None:
         print_wrapped(text)
 
 
+def print_source(options: argparse.Namespace, source: str) -> None:
+    """Where the runs are from, and which column was taken for what."""
+    print_wrapped(source)
+    guess = getattr(options, "columns", None)
+    if guess is not None and guess.guessed:
+        print_wrapped(str(guess))
+
+
+def shows_progress(options: argparse.Namespace) -> bool:
+    """Whether somebody looks: bars are drawn on the output, which a pipe or a file keeps clean."""
+    return not options.json and sys.stderr.isatty() and sys.stdout.isatty()
+
+
 def note(text: str) -> None:
     """Print a note on stderr."""
     whole = f"skhoid: note: {' '.join(text.split())}"
@@ -59,6 +74,35 @@ def note(text: str) -> None:
             whole, width(), subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
         )
     print(whole, file=sys.stderr)
+
+
+def message_for(said: Any, options: argparse.Namespace) -> str:
+    """What an error, a warning or a note says, with options of this command as its remedy.
+
+    The hint is left out, for it is what one writes in Python. Options that this command does not
+    have are left out too.
+    """
+    from ...text import as_sentence
+
+    message = getattr(said, "message", None) or str(said)
+    known: Any = getattr(said, "options", ())
+    names = [(each, "") if isinstance(each, str) else each for each in known]
+    found = [as_option(options, *each) for each in names if hasattr(options, each[0])]
+    if not found:
+        return message
+    return f"{as_sentence(message)} On the command line: {', '.join(found)}."
+
+
+def as_option(options: argparse.Namespace, name: str, value: str = "") -> str:
+    """What settles a question, as one types it; as for an argument where there is no option."""
+    if name == "files":
+        return "leave it out of FILES"
+    if not hasattr(options, name):
+        name, value = "role", f"{value}={name}"
+    option = f"--{name.replace('_', '-')}"
+    if name == "resample" or not value:
+        return option
+    return f"{option} {value if value in ('NAME', 'SECONDS') else shlex.quote(value)}"
 
 
 def joined(text: str) -> str:
@@ -151,3 +195,35 @@ def say_next(steps: Sequence[tuple[str, str]]) -> None:
         else:
             print(f"  {command}")
             print(wrapped(f"      {why}"))
+
+
+# Options that say what is in the files, which the next command needs too.
+OF_FILES = ("output", "time", "run", "subject", "condition", "dt", "run_in", "x", "target")
+
+
+def typed(options: argparse.Namespace, command: str) -> str:
+    """A command about the same files, with what was said of them."""
+    words = ["skhoid", command, *map(str, options.files)]
+    for name in OF_FILES:
+        value = getattr(options, name, None)
+        if value is not None:
+            text = f"{value:.12g}" if isinstance(value, float) else str(value)
+            words += [f"--{name.replace('_', '-')}", text]
+    for name in ("unit", "role"):
+        for value in getattr(options, name, None) or []:
+            words += [f"--{name}", value]
+    if getattr(options, "resample", False):
+        words.append("--resample")
+    inputs = getattr(options, "named_input", None)
+    if inputs:
+        words += ["--input", *inputs]
+    return shlex.join(words)
+
+
+def free_name(name: str) -> str:
+    """A file name that is not taken yet."""
+    stem, ending = os.path.splitext(name)
+    number, free = 2, name
+    while Path(free).exists():
+        free, number = f"{stem}-{number}{ending}", number + 1
+    return free

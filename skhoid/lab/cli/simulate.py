@@ -8,26 +8,83 @@ import shlex
 import sys
 from typing import Any
 
-from ..._version import __version__
-from ...io import write_runs
-from ...io.figures import save_figure
-from ...simulation import make_tracking_runs
-from ...text import counted
+import skhoid
+
+from ... import __version__
 from .files import check_plot_file, new_file, without_screen
-from .options import refuse
 from .output import print_json, say
+from .parser import (
+    add_command,
+    add_output_options,
+    at_least_one,
+    not_negative,
+    positive,
+    refuse,
+    seed,
+)
+
+EXAMPLES = """\
+examples:
+  skhoid simulate --condition C4 --runs 5 --remnant 0.15 --out runs.parquet
+  skhoid diagnose runs.parquet
+  skhoid simulate --condition C1 --remnant 0.2 --remnant-order 3 --out c1.mat
+"""
+
+
+def add_simulate(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = add_command(
+        commands,
+        "simulate",
+        "simulate runs of a tracking task and write them to a file",
+        "Simulate a human operator in the closed loop of the thesis, with remnant, and "
+        "write the runs to a file that `skhoid identify` reads.",
+        EXAMPLES,
+        "--out FILE [OPTIONS]",
+    )
+    command.set_defaults(work=simulate)
+    add = command.section("Data")
+    add("--condition", default="C1", metavar="C", help="C1 to C6 (Table III; default: C1)")
+    add("--runs", type=at_least_one, default=5, metavar="N", help="number of runs (default: 5)")
+    add(
+        "--remnant",
+        type=not_negative,
+        default=0.0,
+        metavar="P",
+        help="P_n, such as 0.15 (default: 0)",
+    )
+    add("--remnant-order", metavar="M", help="1, 2, 3, 4 or nm (default: 2)")
+    add(
+        "--channels",
+        nargs="+",
+        default=["e", "x", "f_t"],
+        metavar="NAME",
+        help="of e, x, f_t, dist (default: e x f_t)",
+    )
+    add("--rate", type=positive, default=100.0, metavar="HZ", help="sampling rate (default: 100)")
+    add("--random-phases", action="store_true", help="new phases of the target in each run")
+    add("--open-loop", action="store_true", help="remnant does not go round the loop")
+    add("--seed", type=seed, metavar="N", help="the same number gives the same runs")
+    add = command.section("Output")
+    add("--out", required=True, metavar="FILE", help=".csv, .tsv, .parquet or .mat")
+    add("--overwrite", action="store_true", help="replace files that exist")
+    add("--picture", metavar="FILE", help="draw the first run and the spread (.png, .pdf, .svg)")
+    add_output_options(add, tables=False)
 
 
 def simulate(options: argparse.Namespace) -> int:
     """Simulate, write, and say what is in the file."""
+    from ...io import save_figure
+    from ...text import counted
+
     if options.remnant == 0:
         refuse(options, ["remnant_order", "open_loop"], "needs --remnant P: there is none.")
     order = options.remnant_order or "2"
-    seed = secrets.randbelow(2**31) if options.seed is None else options.seed
+    number = secrets.randbelow(2**31) if options.seed is None else options.seed
     path = new_file(options.out, options.overwrite)
     if options.picture:
         check_plot_file(options.picture, options.overwrite)
-    X, y, truth = make_tracking_runs(
+    X, y, truth = skhoid.make_tracking_runs(
         options.condition,
         options.runs,
         remnant_intensity=options.remnant,
@@ -36,16 +93,15 @@ def simulate(options: argparse.Namespace) -> int:
         sampling_rate=options.rate,
         random_phases=options.random_phases,
         open_loop=options.open_loop,
-        random_state=seed,
+        random_state=number,
         return_truth=True,
         progress=sys.stdout.isatty() and not options.json,
     )
-    write_runs(X, y, path, overwrite=options.overwrite)
+    skhoid.write_runs(X, y, path, overwrite=options.overwrite)
     runs = counted(options.runs, "run")
     condition = options.condition.upper()
-    say(
-        f"{path}: {runs} of {condition}, {len(X)} rows at {options.rate:g} Hz, seed {seed}", options
-    )
+    rows = f"{len(X)} rows at {options.rate:g} Hz, seed {number}"
+    say(f"{path}: {runs} of {condition}, {rows}", options)
     by_run = truth.remnant.groupby(level="run").var() / y.groupby(level="run").var()
     if options.remnant:
         say(
@@ -55,9 +111,7 @@ def simulate(options: argparse.Namespace) -> int:
         )
     if options.picture:
         without_screen()
-        from ...plotting import TrackingDisplay
-
-        display: Any = TrackingDisplay.from_runs(X, y, truth=truth)
+        display = skhoid.plotting.TrackingDisplay.from_runs(X, y, truth=truth)
         save_figure(display.figure_, options.picture)
         say(f"picture: {options.picture}", options)
     follow = shlex.join(["skhoid", "diagnose", str(path)])
@@ -73,7 +127,7 @@ def simulate(options: argparse.Namespace) -> int:
                 "n_rows": len(X),
                 "dt_s": 1 / options.rate,
                 "channels": [*X.columns, y.name],
-                "seed": seed,
+                "seed": number,
                 "remnant": {str(label): share for label, share in by_run.items()},
                 "picture": options.picture,
                 "next": follow,

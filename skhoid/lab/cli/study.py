@@ -8,18 +8,46 @@ from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from ...exceptions import did_you_mean
-from ...io.tables import check_table_format
-from ...simulation import CompensatoryTask
-from ..experiment import analyse_experiment, recommend_forgetting, simulate_experiment
-from ..studies.thesis import PAPER_STUDIES, paper_study
-from ..studies.tournament import recommend_method, run_tournament, tournament_cells
-from .arguments.study import TABLES
-from .files import check_folders, read_files, save_figures, without_screen
-from .options import refuse
-from .output import print_json, say_files
-from .tables import write_tables
+import skhoid
 
+from ...exceptions import did_you_mean
+from .files import check_folders, read_files, save_figures, without_screen, write_tables
+from .output import print_json, say_files
+from .parser import (
+    add_command,
+    add_file_options,
+    add_format,
+    add_output_options,
+    add_table_format,
+    at_least_one,
+    not_negative,
+    positive,
+    refuse,
+    seed,
+    workers,
+)
+
+EXAMPLES = """\
+examples:
+  skhoid study list
+  skhoid study fig13 --replications 20 --jobs 2
+  skhoid study fig13 --replications 100 --out studies    kept, and resumed
+  skhoid study fig9 --conditions C1 --intensities 0 0.15 0.3
+  skhoid study recommend --conditions C4 --intensities 0.15 --rate 50
+  skhoid study recommend --conditions C4 --question detect --causal
+  skhoid study tournament --size small
+  skhoid study experiment              three simulated subjects, six conditions
+  skhoid study experiment s1_*.csv --measurement-time 81.92
+"""
+TABLES = "csv"
+QUESTIONS = (
+    "follow",
+    "final",
+    "detect",
+    "predict",
+    "delay",
+)  # of skhoid.lab.studies.tournament, not loaded here
+SIZES = ("full", "small")
 OF_EXPERIMENT = ("paths", "batch", "scores", "validation", "changes", "delays", "verdicts")
 OTHERS = {
     "experiment": "subjects, conditions and runs: Figs. 16-17, App. M, Table VI",
@@ -56,8 +84,59 @@ APPLY = {
 WHOLE = ["appG", "fig12", "fig13", "appI", "appK"]  # whose cells include those of all others
 
 
+def add_study(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = add_command(
+        commands,
+        "study",
+        "Monte-Carlo studies: the paper's figures, an experiment, which method to use",
+        "Simulate many runs, fit them all, and say how it compares with the thesis: "
+        "'list' names the studies; 'all' makes every one of the paper; 'experiment' analyses "
+        "subjects, conditions and runs (simulated, or your files of one subject and condition); "
+        "'recommend' finds the memory horizon for an experiment to come, or with --question the "
+        "method; 'tournament' lets all methods that follow a changing operator compete.",
+        EXAMPLES,
+        "NAME [FILES] [OPTIONS]",
+    )
+    command.set_defaults(work=study)
+    add = command.section("Data")
+    add(
+        "name",
+        metavar="NAME",
+        help="fig9, fig10, fig12 ... (see list), all, experiment, recommend, tournament",
+    )
+    add_file_options(add)
+    add("--input", metavar="NAME", help="input column of files (default: guessed)")
+    add("--measurement-time", type=positive, metavar="S", help="keep the end of runs of files")
+    add = command.section("Study")
+    add("--replications", type=at_least_one, metavar="M", help="runs of each cell (default: 100)")
+    add("--validation", type=at_least_one, metavar="V", help="validation runs (default: 10)")
+    add("--conditions", nargs="+", metavar="C", help="such as C1 C4")
+    add("--intensities", nargs="+", type=not_negative, metavar="P", help="P_n, such as 0 0.15")
+    add("--orders", nargs="+", metavar="M", help="of the remnant filter: 1 2 3 4 nm")
+    add("--rate", type=positive, metavar="HZ", help="of recommend (default: 100)")
+    add("--question", choices=QUESTIONS, help="of recommend: which method answers it best")
+    add("--causal", action="store_true", help="with --question: only methods without later data")
+    add("--methods", nargs="+", metavar="NAME", help="of tournament and --question (default: all)")
+    add("--size", choices=SIZES, help="of tournament: its cells and runs (default: full)")
+    add("--gains", choices=["table", "tuned"], help="K_n: Table G.1, or found (default: table)")
+    add("--subjects", type=at_least_one, metavar="N", help="of experiment (default: 3)")
+    add("--runs", type=at_least_one, metavar="N", help="of experiment (default: 7)")
+    add("--last", type=at_least_one, metavar="N", help="runs used (default: 5)")
+    add("--seed", type=seed, metavar="N", help="of the simulation (default: 0)")
+    add("--jobs", type=workers, metavar="N", help="workers (default: 1; -1: all processors)")
+    add = command.section("Output")
+    add("--out", metavar="FOLDER", help="keep blocks, tables and plots in FOLDER/NAME")
+    add("--no-pictures", action="store_true", help="draw nothing")
+    add_format(add)
+    add_table_format(add, TABLES)
+    add_output_options(add, tables=False)
+
+
 def study(options: argparse.Namespace) -> int:
     """Run one study, or all of the paper."""
+    from ..studies.thesis import PAPER_STUDIES
+
     _check(options)
     if options.name == "list":
         studies = {name: one.what for name, one in PAPER_STUDIES.items()} | OTHERS
@@ -81,7 +160,9 @@ def study(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> None:
     """Refuse a study that cannot run, before the work begins."""
-    name, known = options.name, ["list", *OTHERS, *PAPER_STUDIES]
+    from ...io import check_table_format
+
+    name, known = options.name, names_of_studies()
     if name not in known:
         raise ValueError(
             f"No study {name!r}; there are {', '.join(known)}.{did_you_mean(name, known)}"
@@ -96,6 +177,13 @@ def _check(options: argparse.Namespace) -> None:
         return
     check_folders(options.out, Path(options.out) / name)
     check_table_format(options.table_format or TABLES)
+
+
+def names_of_studies() -> tuple[str, ...]:
+    """What there is to choose from."""
+    from ..studies.thesis import PAPER_STUDIES
+
+    return ("list", *OTHERS, *PAPER_STUDIES)
 
 
 def _applying(options: argparse.Namespace) -> tuple[str, list[str]]:
@@ -114,10 +202,14 @@ def _applying(options: argparse.Namespace) -> tuple[str, list[str]]:
 
 
 def _parameters(name: str) -> set[str]:
+    from ..studies.thesis import PAPER_STUDIES
+
     return set(signature(PAPER_STUDIES[name].function).parameters)
 
 
 def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
+    from ..studies.thesis import paper_study
+
     given = {key: getattr(options, part) for part, key in PARTS.items()}
     has = _parameters(name)
     given = {key: value for key, value in given.items() if value is not None and key in has}
@@ -162,10 +254,12 @@ def _save(result: Any, folder: Path, options: argparse.Namespace) -> list[str]:
 
 
 def _tournament(options: argparse.Namespace) -> int:
+    from ..studies.tournament import tournament_cells
+
     size = options.size or "full"
     folder = None if options.out is None else Path(options.out) / "tournament"
     begin = time.perf_counter()
-    result = run_tournament(
+    result = skhoid.run_tournament(
         options.methods,
         tournament_cells(
             size,
@@ -226,11 +320,11 @@ def _rankings(result: Any) -> dict[str, Any]:
     }
 
 
-def _one_task(options: argparse.Namespace) -> CompensatoryTask:
+def _one_task(options: argparse.Namespace) -> Any:
     conditions = options.conditions or ["C4"]
     if len(conditions) > 1:
         raise ValueError("recommend takes one condition; an average over tasks suits none of them.")
-    return CompensatoryTask.of_condition(conditions[0], sampling_rate=options.rate or 100.0)
+    return skhoid.CompensatoryTask.of_condition(conditions[0], sampling_rate=options.rate or 100.0)
 
 
 def _recommend_method(options: argparse.Namespace) -> int:
@@ -238,7 +332,7 @@ def _recommend_method(options: argparse.Namespace) -> int:
     orders = options.orders or [2]
     if len(orders) > 1:
         raise ValueError("recommend takes one order of the remnant filter.")
-    advice = recommend_method(
+    advice = skhoid.recommend_method(
         task,
         options.intensities or [0.15],
         question=options.question,
@@ -269,7 +363,7 @@ def _recommend_method(options: argparse.Namespace) -> int:
 
 
 def _recommend(options: argparse.Namespace) -> int:
-    advice = recommend_forgetting(
+    advice = skhoid.recommend_forgetting(
         _one_task(options),
         options.intensities or [0.15],
         n_replications=options.replications or 20,
@@ -303,7 +397,7 @@ def _experiment(options: argparse.Namespace) -> int:
         found = read_files(options, named, signals=options.input is None)
         X, y = found.X, found.y
         channel = found.guess.inputs[0]
-        result = analyse_experiment(
+        result = skhoid.analyse_experiment(
             X,
             y,
             last=last,
@@ -312,14 +406,14 @@ def _experiment(options: argparse.Namespace) -> int:
             n_jobs=options.jobs,
         )
     else:
-        X, y = simulate_experiment(
+        X, y = skhoid.simulate_experiment(
             options.subjects or 3,
             options.conditions or "C1-C6",
             options.runs or 7,
             random_state=options.seed or 0,
             n_jobs=options.jobs,
         )
-        result = analyse_experiment(X, y, last=last, n_jobs=options.jobs)
+        result = skhoid.analyse_experiment(X, y, last=last, n_jobs=options.jobs)
     files = []
     if options.out is not None:
         folder = Path(options.out) / "experiment"

@@ -5,19 +5,60 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from ...io._paths import expand_paths
-from ..workbench.choices import Choices
-from ..workbench.serving import check_installed, opened_session, serve
-from .arguments.shared import OF_CORE
-from .options import pairs, refuse
-from .search_output import wanted_effects
+from .parser import (
+    add_command,
+    add_debug,
+    add_recording_options,
+    add_search_options,
+    read_roles,
+    read_units,
+    refuse_of_other_core,
+    whole,
+)
+
+EXAMPLES = """\
+examples:
+  skhoid workbench                        choose files in the browser
+  skhoid workbench run*.csv               columns are guessed, and can be corrected
+  skhoid workbench run*.csv --display pursuit --session friday
+  skhoid workbench --session friday       go on where it ended
+  skhoid workbench run*.csv --no-browser --port 8765
+"""
+
+
+def add_workbench(commands: Any) -> None:
+    """Add the command to the parser."""
+    command = add_command(
+        commands,
+        "workbench",
+        "explore recordings in the browser: fit, see where, try effects, by hand",
+        "Serve a page, to this machine alone, in which a model of your recordings is fitted, "
+        "compared with them and extended by hand: effects are tried and seen at once, found by a "
+        "search, and kept as a report and a script. What is done is kept in a folder, the "
+        'session. It needs pip install "skhoid[workbench]".',
+        EXAMPLES,
+        "[FILES] [OPTIONS]",
+    )
+    command.set_defaults(work=workbench)
+    add_recording_options(command)
+    add_search_options(command.section("Search"))
+    add = command.section("Server")
+    add(
+        "--session",
+        metavar="FOLDER",
+        help="where all is kept, and gone on with (default: skhoid-workbench)",
+    )
+    add("--port", type=whole(1, 65535), metavar="N", help="port of 127.0.0.1 (default: a free one)")
+    add("--no-browser", action="store_true", help="print the address only")
+    add_debug(add)
 
 
 def workbench(options: argparse.Namespace) -> int:
     """Serve the workbench until Ctrl+C."""
-    for core, names in OF_CORE.items():
-        if core != options.core:
-            refuse(options, names, f"needs --core {core}.")
+    from ...io import expand_paths
+    from ..workbench.serving import check_installed, opened_session, serve
+
+    refuse_of_other_core(options)
     check_installed()
     paths = [path.absolute() for path in expand_paths(options.files)] if options.files else []
     choices = choices_of(options)
@@ -35,9 +76,11 @@ def workbench(options: argparse.Namespace) -> int:
     return 0
 
 
-def choices_of(options: argparse.Namespace) -> Choices:
+def choices_of(options: argparse.Namespace) -> Any:
     """What the options say of columns and model."""
-    roles = pairs(options.role, "--role", "NAME=ROLE, such as roll=motion")
+    from ..workbench.choices import Choices
+
+    roles = read_roles(options)
     for name, role in ((options.input, "e"), (options.x, "x"), (options.target, "f_t")):
         if name is not None:
             roles.setdefault(name, role)
@@ -46,16 +89,15 @@ def choices_of(options: argparse.Namespace) -> Choices:
         "output": options.output,
         "time": options.time,
         "run": options.run,
-        "units": pairs(options.unit, "--unit", "NAME=UNIT, such as e=deg"),
+        "units": read_units(options),
     }
     named = {key: value for key, value in named.items() if value}
     if options.input is not None:  # then no other channel is guessed
         named["signals"] = False
-    effects = wanted_effects(options)
     others = ["dt", "subject", "condition", "resample", "remove_means", "run_in", "core", "delay"]
     others += ["na", "nb", "nk", "display", "controlled_element", "max_effects", "lost_control"]
     return Choices(
         named=named,
-        effects=None if effects == "all" else list(effects),
+        effects=None if options.effects == ["all"] else options.effects,
         **{name: getattr(options, name) for name in others},
     )

@@ -119,20 +119,16 @@ def test_a_device_is_no_recording(capsys):
         ("identify --time t", "--time is about files, and there are none"),
     ],
 )
-def test_what_is_refused_at_once(line, said):
-    code = "import sys; from skhoid.lab.cli import main; code = main(sys.argv[1:]); "
-    code += "assert 'numpy' not in sys.modules; sys.exit(code)"
-    words = [sys.executable, "-c", code, *line.split()]
-    done = subprocess.run(words, stderr=subprocess.PIPE, text=True)
-    assert done.returncode == 2
-    assert said in done.stderr
+def test_what_is_refused_at_once(capsys, line, said):
+    assert main(line.split()) == 2
+    assert said in capsys.readouterr().err
 
 
 def test_a_lack_of_memory_is_said(capsys, monkeypatch):
-    def command(options):
+    def command(*given, **named):
         raise MemoryError("Unable to allocate 9 TiB")
 
-    monkeypatch.setattr("skhoid.lab.cli.simulate.simulate", command)
+    monkeypatch.setattr("skhoid.make_tracking_runs", command)
     assert main(["simulate", "--out", "a.csv"]) == 2
     assert capsys.readouterr().err.endswith("does not suffice. Unable to allocate 9 TiB\n")
 

@@ -6,13 +6,7 @@ import sys
 
 import pytest
 
-from skhoid.effects.catalogue import BY_NAME
 from skhoid.lab.cli import main
-from skhoid.lab.cli.arguments import names
-from skhoid.lab.cli.study import OTHERS
-from skhoid.lab.studies.thesis import PAPER_STUDIES
-from skhoid.lab.studies.thesis.study_result import CONDITIONS
-from skhoid.search.story import HIDDEN
 
 pytest.importorskip("shtab")
 
@@ -63,10 +57,3 @@ def test_a_missing_package_is_named(capsys, monkeypatch):
     assert capsys.readouterr().err == (
         'skhoid: error: Completion needs the package shtab: pip install "skhoid[completion]"\n'
     )
-
-
-def test_names_are_those_of_the_package():
-    assert tuple(BY_NAME) == names.EFFECTS
-    assert tuple(HIDDEN) == names.HIDDEN
-    assert names.CONDITIONS == CONDITIONS
-    assert ("list", *OTHERS, *PAPER_STUDIES) == names.STUDIES

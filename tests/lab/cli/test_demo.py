@@ -1,7 +1,6 @@
 """The commands ``skhoid demo`` and ``skhoid diagnose``."""
 
 import re
-from argparse import Namespace
 from pathlib import Path
 
 import pandas as pd
@@ -12,7 +11,6 @@ from support.shapes import Fechner
 from skhoid import make_tracking_runs, write_runs
 from skhoid.lab.cli import main
 from skhoid.lab.cli.files import save_figures
-from skhoid.lab.cli.search_output import wanted_effects
 
 FEW = ["--effects", "bias", "drift", "saturation"]
 
@@ -63,11 +61,6 @@ def test_demo_with_nothing_hidden_says_so(run_json):
     words = ["--runs", "2", "--effect", "none", "--effects", "bias", "saturation"]
     found = demo(run_json, *words)
     assert (found["verdict"], found["best_effects"]) == ("nothing is missing", [])
-
-
-def test_effects_all_are_the_default():
-    assert wanted_effects(Namespace(effects=["all"])) == "all"
-    assert wanted_effects(Namespace(effects=None)) == "all"
 
 
 @pytest.mark.slow

@@ -5,9 +5,8 @@ import pytest
 
 from skhoid import make_tracking_runs, write_runs
 from skhoid.exceptions import UsageError
-from skhoid.lab.cli import main
-from skhoid.lab.cli.messages import message_for
-from skhoid.lab.cli.parser import make_parsers
+from skhoid.lab.cli import main, make_parsers
+from skhoid.lab.cli.output import message_for
 from skhoid.text import Note
 
 

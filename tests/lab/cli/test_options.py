@@ -6,11 +6,10 @@ import pandas as pd
 import pytest
 
 from skhoid import ControlledElement, load_human_tracking, read_runs
-from skhoid.human.controlled_element import element_of
-from skhoid.lab.cli import main
-from skhoid.lab.cli.options import with_one_element
-from skhoid.lab.cli.parser import make_parsers
-from skhoid.lab.cli.recordings import read_recordings
+from skhoid.lab.cli import main, make_parsers
+from skhoid.lab.cli.diagnose import read_recordings
+from skhoid.lab.cli.parser import with_one_element
+from skhoid.lab.opening import read_element
 
 FILES = ["run.csv", "--time", "t"]
 WORDS = {
@@ -194,9 +193,9 @@ def test_names_are_printed_and_drawn_as_they_are(capsys):
 def test_controlled_elements(words, element):
     given = ["diagnose", "--input", "e", "--controlled-element", *words]
     options = make_parsers()[0].parse_args(with_one_element(given))
-    assert element_of(options.controlled_element) == element
+    assert read_element(options.controlled_element) == element
 
 
 def test_an_element_that_cannot_be_read():
     with pytest.raises(ValueError, match="'K' is unknown"):
-        element_of("K/s")
+        read_element("K/s")

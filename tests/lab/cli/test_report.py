@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from skhoid.lab.cli import main
-from skhoid.lab.cli.search_output import shows_progress
+from skhoid.lab.cli.output import shows_progress
 
 FEW = ["--effects", "bias", "drift"]
 
@@ -29,7 +29,7 @@ def calls(monkeypatch):
         made.append({"model": model, "rows": len(X), **options})
         return Page()
 
-    monkeypatch.setattr("skhoid.lab.cli.search_output.report", report)
+    monkeypatch.setattr("skhoid.report", report)
     return made
 
 
@@ -167,15 +167,13 @@ def test_a_search_shows_its_progress_where_somebody_looks(monkeypatch, terminals
 
 @pytest.mark.slow
 def test_the_search_of_a_report_has_its_progress(monkeypatch, calls, biased_file):
-    monkeypatch.setattr("skhoid.lab.cli.search_output.shows_progress", lambda options: True)
+    monkeypatch.setattr("skhoid.lab.cli.diagnose.shows_progress", lambda options: True)
     begun = []
     monkeypatch.setattr(
-        "skhoid.lab.cli.search_output.ProgressBar.setup",
+        "sklearn.callback.ProgressBar.setup",
         lambda self, estimator, context: begun.append(type(estimator).__name__),
     )
     for event in ("teardown", "on_fit_task_begin", "on_fit_task_end"):
-        monkeypatch.setattr(
-            f"skhoid.lab.cli.search_output.ProgressBar.{event}", lambda *args, **kwargs: None
-        )
+        monkeypatch.setattr(f"sklearn.callback.ProgressBar.{event}", lambda *args, **kwargs: None)
     assert main(["report", *biased_file, *FEW]) == 0
     assert begun == ["EffectSearchCV"]

@@ -85,7 +85,7 @@ def test_simulate_says_what_is_wrong(capsys, tmp_path, words, message):
 
 
 def test_a_missing_folder_is_found_before_the_work(capsys, monkeypatch):
-    monkeypatch.setattr("skhoid.lab.cli.simulate.make_tracking_runs", None)
+    monkeypatch.setattr("skhoid.make_tracking_runs", None)
     assert main(["simulate", "--out", "nowhere/runs.csv"]) == 2
     assert "The folder nowhere of nowhere/runs.csv does not exist" in capsys.readouterr().err
 

@@ -7,7 +7,7 @@ import pytest
 
 from skhoid import make_tracking_runs, write_runs
 from skhoid.lab.cli import main
-from skhoid.lab.cli.arguments import study as arguments
+from skhoid.lab.cli import study as arguments
 from skhoid.lab.studies.tournament.cells import SIZES
 from skhoid.lab.studies.tournament.questions import QUESTIONS
 
