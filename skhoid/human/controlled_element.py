@@ -196,13 +196,3 @@ def simplest(element: LinearElement) -> ControlledElement | LinearElement:
     """The same element, as a ``ControlledElement`` where it has that form."""
     constants = element.constants
     return element if constants is None else ControlledElement(*constants)
-
-
-def element_of(text: str | None) -> Any:
-    """A transfer function, or the numbers K_c and omega_b; None for none."""
-    if text is None:
-        return None
-    words = text.split()
-    if len(words) == 2 and all(is_number(word) for word in words):
-        return ControlledElement(float(words[0]), float(words[1]))
-    return LinearElement.of(text)

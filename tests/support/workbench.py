@@ -8,7 +8,7 @@ import numpy as np
 
 from skhoid.lab.explore.wire import unpack
 from skhoid.lab.workbench.bench import Workbench
-from skhoid.lab.workbench.security import Keys
+from skhoid.lab.workbench.server import Keys
 
 PORT = 8765
 OWN = f"http://127.0.0.1:{PORT}"

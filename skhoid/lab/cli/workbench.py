@@ -56,7 +56,7 @@ def add_workbench(commands: Any) -> None:
 def workbench(options: argparse.Namespace) -> int:
     """Serve the workbench until Ctrl+C."""
     from ...io import expand_paths
-    from ..workbench.serving import check_installed, opened_session, serve
+    from ..workbench.server import check_installed, opened_session, serve
 
     refuse_of_other_core(options)
     check_installed()
@@ -78,7 +78,7 @@ def workbench(options: argparse.Namespace) -> int:
 
 def choices_of(options: argparse.Namespace) -> Any:
     """What the options say of columns and model."""
-    from ..workbench.choices import Choices
+    from ..workbench.columns import Choices
 
     roles = read_roles(options)
     for name, role in ((options.input, "e"), (options.x, "x"), (options.target, "f_t")):

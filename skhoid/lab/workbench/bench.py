@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
+import json
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ... import report
+from ...effects import Effects
 from ...exceptions import IrregularSamplingError
-from ...io._column_guess import UnclearColumnsError
-from ...io._paths import shown
-from ..explore.exploration import Exploration
-from .choices import KINDS, Choices
-from .columns import Columns, look, noted
-from .events import News
+from ...io import UnclearColumnsError, shown
+from ..explore import Exploration
+from ..explore.payloads import payload_of_exploration
+from ..opening import estimator_of
+from .columns import KINDS, Choices, Columns, Recorded, look, noted, read, search_settings
 from .jobs import SearchJob
-from .opening import Recorded, estimator_of, read, search_settings
-from .saving import Searched, saved_report
 from .session import NotSaved, SessionFolder, changed, digest_of, gone
 
-__all__ = ["HISTORY", "Workbench", "words_of"]
+__all__ = ["HISTORY", "News", "Workbench", "words_of"]
 
 HISTORY = frozenset(("add", "remove", "release", "refit", "free", "undo", "redo", "use"))
 READING = frozenset(("trace", "preview", "drag", "state", "script"))
@@ -38,6 +39,8 @@ NOT_KEPT = (
     "It has no ranking: of a search before the workbench was restarted only the result is kept. "
     "Search again for the rest."
 )
+QUIET = 15.0  # s, after which a comment keeps the connection alive
+MOST_WAITING = 100  # messages that wait for one page, before it is told to ask anew
 
 
 def words_of(error: BaseException) -> str:
@@ -48,6 +51,80 @@ def words_of(error: BaseException) -> str:
         return f"{error.filename or 'The file'}: {error.strerror}."
     text = error.args[0] if isinstance(error, KeyError) and error.args else error
     return " ".join(str(text).split()) or type(error).__name__
+
+
+class News:
+    """What has changed, told to every page that listens."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._listeners: dict[asyncio.Queue[Any], asyncio.AbstractEventLoop] = {}
+        self.counts = {"state": 0, "opening": 0}
+        self._closed = False
+
+    def tell(self, *changed: str, **more: Any) -> None:
+        """Tell that "state" or "opening" has changed, and more."""
+        with self._lock:
+            for name in changed:
+                self.counts[name] += 1
+            message = {**self.counts, **more}
+            listeners = list(self._listeners.items())
+        for queue, loop in listeners:
+            _put(queue, loop, message)
+
+    def close(self) -> None:
+        """End all connections: no page is to hold up the end of the server."""
+        with self._lock:
+            self._closed = True
+            listeners = list(self._listeners.items())
+        for queue, loop in listeners:
+            _put(queue, loop, None)
+
+    async def stream(self) -> AsyncIterator[str]:
+        """Messages for one page, beginning with how things are."""
+        queue: asyncio.Queue[Any] = asyncio.Queue()
+        with self._lock:
+            if self._closed:
+                return
+            self._listeners[queue] = asyncio.get_running_loop()
+            message: Any = dict(self.counts)
+        try:
+            while message is not None:
+                yield f"data: {json.dumps(message)}\n\n"
+                message = await self._next(queue)
+                while message == "":
+                    yield ": still here\n\n"
+                    message = await self._next(queue)
+        finally:
+            with self._lock:
+                self._listeners.pop(queue, None)
+
+    async def _next(self, queue: asyncio.Queue[Any]) -> Any:
+        try:
+            message = await asyncio.wait_for(queue.get(), QUIET)
+        except TimeoutError:
+            return ""
+        # A page that sleeps is told the last only.
+        while queue.qsize() > MOST_WAITING and message is not None:
+            message = queue.get_nowait()
+        return message
+
+
+def _put(queue: asyncio.Queue[Any], loop: asyncio.AbstractEventLoop, message: Any) -> None:
+    try:
+        loop.call_soon_threadsafe(queue.put_nowait, message)
+    except RuntimeError:  # its loop has ended, and the page with it
+        return
+
+
+@dataclass(frozen=True)
+class Searched:
+    """A search of this session that is in memory, and the runs on which it was fitted."""
+
+    search: Any
+    train: tuple[int, ...]
+    X: Any
+    y: Any
 
 
 class Workbench:
@@ -323,8 +400,9 @@ class Workbench:
         recorded = self.recorded
         assert recorded is not None
         self._now(this, phase="fitting", doing="Fitting the model without effects ...")
+        about = {"inputs": recorded.inputs, "roles": recorded.roles or None}
         exploration = Exploration(
-            estimator_of(recorded, self.choices),
+            estimator_of(self.choices, recorded.X, recorded.y, **about),
             recorded.X,
             recorded.y,
             options=search_settings(self.choices),
@@ -507,3 +585,39 @@ class Workbench:
 
 class _Overtaken(Exception):
     """Something else was chosen meanwhile."""
+
+
+def saved_report(
+    folder: SessionFolder, exploration: Exploration, searched: Searched | None, source: str
+) -> Path:
+    """Write the report beside those that there are; returns its path."""
+    made_with = {"Session": f"skhoid workbench --session {folder.path}"}
+    more: dict[str, Any] = {"source": source, "made_with": made_with}
+    with exploration.lock:
+        here, model = exploration.here, exploration.model
+        of_search = searched is not None and _is_found(exploration, searched)
+        data = exploration.runs.part(here.train)
+        payload = None if of_search else payload_of_exploration(exploration)
+        held = exploration.figures.vaf(exploration.figures.prediction(here), here)["hold"]
+    if held is not None:
+        names = ", ".join(exploration.runs.labels[run] for run in here.hold)
+        made_with["Held out"] = f"VAF {held:.1f} % on {names}, which are not in this page's figures"
+    if payload is None:
+        assert searched is not None
+        page = report(searched.search, searched.X, searched.y, **more)
+    else:
+        page = report(model, *data, effects=None, **more)._embed(payload)
+    return page.save(folder.free("report.html"))
+
+
+def _is_found(exploration: Exploration, searched: Searched) -> bool:
+    """Whether the present model is the one that the search has found."""
+    here = exploration.here
+    if here.moved or here.train != searched.train:
+        return False
+    return _chosen(Effects.of(searched.search.best_estimator_.effects)) == _chosen(here.effects)
+
+
+def _chosen(effects: Effects) -> dict[str, str]:
+    """Choices and given numbers of effects, by name."""
+    return {name: repr(effect.get_params()) for name, effect in effects}

@@ -1,27 +1,166 @@
-"""Columns of the files: what each was guessed to be, or is by the user's correction."""
+"""Columns of the files, and what the user chose: from there to X, y and a script that makes them.
+
+``look`` says which column is what, ``read`` makes X and y of it.
+"""
 
 from __future__ import annotations
 
+import math
+import pprint
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...io._column_guess import ColumnGuess, Problem
-from ...io._formats import open_table
-from ...io._likeness import numbers_of
-from ...io._table import FileTable, split_header
-from ...io.guess import guess_columns
-from ...runs.roles import OUTPUT, role_of
-from .choices import KINDS, NOT_USED, Choices
+from ... import check_channels
+from ...io import (
+    ColumnGuess,
+    FileTable,
+    Problem,
+    guess_columns,
+    numbers_of,
+    open_table,
+    split_header,
+)
+from ...runs import OUTPUT, read_layout, role_of
+from ...text import counted
+from ..opening import read_chosen, read_element, trimmed
 
-__all__ = ["Columns", "look", "noted"]
+__all__ = [
+    "KINDS",
+    "NOT_USED",
+    "Choices",
+    "Columns",
+    "Recorded",
+    "look",
+    "noted",
+    "read",
+    "search_settings",
+]
 
+WIDTH = 96  # columns of the script
 PEEK = 1000  # rows
 POINTS = 120  # of the small picture of a column
 OF_OPTION = {"input": "e", "output": "u", "target": "f_t"}
+NOT_USED = ""
+KINDS = {
+    NOT_USED: "not used",
+    "time": "time",
+    "run": "run",
+    "subject": "subject",
+    "condition": "condition",
+    "session": "session",
+    "block": "block",
+    "e": "error e",
+    "u": "output u, what the person did",
+    "x": "x, output of the controlled element",
+    "f_t": "target f_t",
+    "dist": "disturbance",
+    "motion": "motion",
+    "other": "other channel",
+}
+CORES = ("operator", "arx")
+DISPLAYS = ("compensatory", "pursuit", "preview")
+LONGEST = 200  # characters of a unit
+
+
+@dataclass(frozen=True)
+class Choices:
+    """All that is needed, beside the files, to make X, y and the model of them.
+
+    ``named`` is what the command line says of columns, for the guess; ``kinds`` and ``units`` are
+    by column, as corrected in the page, and None as long as the guess is left as it is.
+    """
+
+    named: dict[str, Any] = field(default_factory=dict)
+    kinds: dict[str, str] | None = None
+    units: dict[str, str] | None = None
+    dt: float | None = None
+    subject: str | None = None
+    condition: str | None = None
+    resample: bool = False
+    remove_means: bool = False
+    run_in: float | None = None
+    core: str = "operator"
+    delay: float | None = None
+    na: int | None = None
+    nb: int | None = None
+    nk: int | None = None
+    display: str | None = None
+    controlled_element: str | None = None
+    effects: list[str] | None = None
+    max_effects: int | None = None
+    lost_control: str = "leave_out"
+
+    @property
+    def clock(self) -> float | None:
+        """The sampling time where no column is the time; of a resampled one it is the new."""
+        return None if self.resample else self.dt
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, found: Mapping[str, Any]) -> Choices:
+        """Choices of a session; what this version does not know is left out."""
+        known = {one.name for one in fields(cls)}
+        return cls(**{name: value for name, value in found.items() if name in known})
+
+    def corrected(self, asked: Mapping[str, Any], columns: list[str]) -> Choices:
+        """These choices with what the page sends, which is checked.
+
+        ``columns`` are those of the files, the only ones that may be named.
+        """
+        kinds = asked.get("kinds", self.kinds)
+        units = asked.get("units", self.units)
+        return replace(
+            self,
+            kinds=None if kinds is None else _by_column(kinds, columns, "kind", KINDS),
+            units=None if units is None else _by_column(units, columns, "unit", None),
+            dt=_number(asked.get("dt", self.dt), "The sampling time"),
+            core=_one_of(asked.get("core", self.core), CORES, "core"),
+            display=_one_of(
+                asked.get("display", self.display) or None, (None, *DISPLAYS), "display"
+            ),
+            remove_means=bool(asked.get("remove_means", self.remove_means)),
+            resample=bool(asked.get("resample", self.resample)),
+        )
+
+
+def _by_column(
+    given: Any, columns: list[str], what: str, allowed: Mapping[str, str] | None
+) -> dict[str, str]:
+    if not isinstance(given, Mapping):
+        raise ValueError(f"The {what}s of the columns must be an object; got {given!r:.80}.")
+    for column, value in given.items():
+        if column not in columns:
+            raise ValueError(f"The files have no column {column!r:.200}.")
+        if not isinstance(value, str) or (allowed is not None and value not in allowed):
+            raise ValueError(f"Column {column!r:.200} cannot be {value!r:.80}.")
+        if len(value) > LONGEST:
+            raise ValueError(f"The {what} of column {column!r:.200} is too long: {len(value)}.")
+    return {str(column): value.strip() for column, value in given.items()}
+
+
+def _number(value: Any, what: str) -> float | None:
+    if value is None or value == "":
+        return None
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not (math.isfinite(number) and number > 0):
+        raise ValueError(f"{what} must be a number above 0, in seconds; got {value!r:.80}.")
+    return number
+
+
+def _one_of(value: Any, allowed: tuple[Any, ...], what: str) -> Any:
+    if value not in allowed:
+        raise ValueError(f"There is no {what} {value!r:.80}.")
+    return value
 
 
 @dataclass(frozen=True)
@@ -248,3 +387,117 @@ def _points(values: np.ndarray) -> list[float | None]:
     with np.errstate(over="ignore", invalid="ignore"):
         level = (values - low) / (high - low) if high > low else np.full(values.size, 0.5)
     return [round(float(one), 3) if np.isfinite(one) else None for one in level]
+
+
+# X and y of them.
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """X and y, what they are in words, what is wrong with them, and the script that reads them."""
+
+    X: Any
+    y: Any
+    inputs: list[str]
+    roles: dict[str, str]
+    words: str
+    findings: list[dict[str, str]]
+    source: list[str]
+
+
+def read(paths: list[Path], columns: Columns, choices: Choices) -> Recorded:
+    """Read all files, and check units, clocks and channels."""
+    guess = columns.guess
+    X, y = read_chosen(guess, choices)
+    findings = [] if choices.resample else check_channels(X, y)
+    X, y = trimmed(X, y, choices)
+    said = [
+        {
+            "title": one.title,
+            "evidence": one.evidence,
+            "meaning": one.meaning,
+            "next_step": one.next_step,
+        }
+        for one in findings
+    ]
+    return Recorded(
+        X, y, guess.inputs, guess.roles, _words(X), said, _source(paths, columns, choices)
+    )
+
+
+def search_settings(choices: Choices) -> dict[str, Any]:
+    """Parameters of the search that the user has set."""
+    names = ("display", "controlled_element", "effects", "max_effects", "lost_control")
+    settings = {name: getattr(choices, name) for name in names}
+    settings["controlled_element"] = read_element(choices.controlled_element)
+    return {name: value for name, value in settings.items() if value is not None}
+
+
+def _words(X: Any) -> str:
+    """How much there is: runs, rows, duration, rate."""
+    levels = [name for name in X.index.names if name != "time"]
+    time = X.index.get_level_values("time").to_numpy()
+    n_runs = len(read_layout(X).labels)
+    step = np.diff(time[: min(len(time), 1000)])
+    dt = float(np.median(step)) if step.size else float("nan")
+    people = X.index.unique("subject") if "subject" in levels else []
+    who = f" of {len(people)} people" if len(people) > 1 else ""
+    seconds = len(X) * dt
+    return (
+        f"{counted(n_runs, 'run')}{who}, {counted(len(X), 'row')}: {seconds:.4g} s in all, one "
+        f"row every {dt:.4g} s."
+    )
+
+
+def _source(paths: list[Path], columns: Columns, choices: Choices) -> list[str]:
+    """Lines of Python that make X and y as they were made here; the script imports readers."""
+    names = [str(path) for path in paths]
+    listed = pprint.pformat(names[0] if len(names) == 1 else names, width=WIDTH - 4)
+    if columns.as_guessed and not choices.resample:
+        lines = [f"X, y = read_runs({listed})"]
+    else:
+        lines = [
+            "from skhoid.io.guess import ColumnGuess",
+            "from skhoid.io.readers import read_guessed",
+            "",
+            f"columns = ColumnGuess({listed})",
+            *_set(columns.guess),
+            f"X, y = read_guessed(columns{', irregular=True' if choices.resample else ''})",
+        ]
+    return lines + _worked_on(choices)
+
+
+def _set(guess: ColumnGuess) -> list[str]:
+    names = ("channels", "roles", "output", "time", "dt", "run", "levels", "units", "error_from")
+    values = {name: getattr(guess, name) for name in names}
+    return [
+        f"columns.{name} = {pprint.pformat(value, width=WIDTH - 20, sort_dicts=False)}"
+        for name, value in values.items()
+        if value
+    ]
+
+
+def _worked_on(choices: Choices) -> list[str]:
+    lines = []
+    for level in ("subject", "condition"):
+        label = getattr(choices, level)
+        if label is not None:
+            lines += [
+                f"chosen = X.index.get_level_values({level!r}).astype(str) == {label!r}",
+                f"X, y = X[chosen].droplevel({level!r}), y[chosen].droplevel({level!r})",
+                "X.index, y.index = (part.index.remove_unused_levels() for part in (X, y))",
+            ]
+    if choices.resample:
+        lines += [f"X, y = resample_runs(X, y, dt={choices.dt})"]
+    if choices.run_in:
+        lines += [
+            "from skhoid import RunInTrimmer",
+            f"X = RunInTrimmer(run_in={choices.run_in!r}).fit_transform(X)",
+        ]
+    if choices.remove_means:
+        lines += [
+            "units = X.attrs, y.attrs",
+            "X, y = X - X.mean(), y - y.mean()",
+            "X.attrs, y.attrs = units",
+        ]
+    return lines

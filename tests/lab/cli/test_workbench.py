@@ -14,7 +14,7 @@ def served(monkeypatch):
         found.append((session, kept, paths, choices, more))
         session.give_back()
 
-    monkeypatch.setattr("skhoid.lab.workbench.serving.serve", serve)
+    monkeypatch.setattr("skhoid.lab.workbench.server.serve", serve)
     return found
 
 

@@ -7,10 +7,9 @@ from support.workbench import OWN, PORT, Page
 
 from skhoid import make_tracking_runs, write_runs
 from skhoid.effects import Bias, DeadZone
-from skhoid.lab.workbench.app import make_app
 from skhoid.lab.workbench.bench import Workbench
-from skhoid.lab.workbench.choices import Choices
-from skhoid.lab.workbench.security import Keys
+from skhoid.lab.workbench.columns import Choices
+from skhoid.lab.workbench.server import Keys, make_app
 from skhoid.lab.workbench.session import SessionFolder
 
 FEW = Choices(effects=["dead_zone", "bias"])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from support.workbench import OWN
 
-from skhoid.lab.workbench import app as app_module
+from skhoid.lab.workbench import server as app_module
 from skhoid.lab.workbench.session import SessionFolder
 
 pytestmark = pytest.mark.slow  # a model is fitted for each

@@ -8,7 +8,7 @@ import pytest
 from support.workbench import same, until
 
 from skhoid.lab.workbench.bench import words_of
-from skhoid.lab.workbench.choices import Choices
+from skhoid.lab.workbench.columns import Choices
 
 pytestmark = pytest.mark.slow  # a server's model for each
 
@@ -101,7 +101,7 @@ def test_what_is_not_clear_is_said_and_can_be_settled(begun, runs, tmp_path):
 def test_a_model_that_cannot_be_fitted_is_said(begun, runs_file):
     page = begun(runs_file, choices=Choices(subject="A"))
     found = page.wait("columns")
-    assert "no column is the subject" in found["message"]
+    assert "which column is the subject" in found["message"]
 
 
 @pytest.mark.slow  # models are fitted several times

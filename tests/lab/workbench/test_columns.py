@@ -4,9 +4,7 @@ import pandas as pd
 import pytest
 
 from skhoid import OperatorRegressor
-from skhoid.lab.workbench.choices import Choices
-from skhoid.lab.workbench.columns import look
-from skhoid.lab.workbench.opening import read
+from skhoid.lab.workbench.columns import Choices, look, read
 
 ROWS = 400
 

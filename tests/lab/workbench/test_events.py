@@ -4,8 +4,8 @@ import asyncio
 import json
 import threading
 
-from skhoid.lab.workbench import events
-from skhoid.lab.workbench.events import News
+from skhoid.lab.workbench import bench as events
+from skhoid.lab.workbench.bench import News
 
 
 def told(text):
@@ -60,7 +60,7 @@ def test_silence_is_kept_alive(monkeypatch):
 
 
 def test_a_page_that_sleeps_gets_the_newest(monkeypatch):
-    monkeypatch.setattr(events, "MOST", 3)
+    monkeypatch.setattr(events, "MOST_WAITING", 3)
     news = News()
 
     async def listening():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from skhoid.lab.workbench.names import LONGEST, free_name, safe_name
+from skhoid.lab.workbench.session import LONGEST_NAME, free_name, safe_name
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,7 @@ def test_names_are_made_safe(name, safe):
 
 
 def test_long_names_are_cut():
-    assert safe_name("a" * 1000 + ".csv") == "a" * LONGEST + ".csv"
+    assert safe_name("a" * 1000 + ".csv") == "a" * LONGEST_NAME + ".csv"
 
 
 @pytest.mark.parametrize("name", ["", "a", "a.exe", "a.csv/", "a.csv\x00.sh", "session.json", ".."])

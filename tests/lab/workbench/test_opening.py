@@ -2,23 +2,12 @@
 
 import pytest
 
-from skhoid.lab.workbench.choices import Choices
-from skhoid.lab.workbench.columns import look
-from skhoid.lab.workbench.opening import estimator_of, read, search_settings
+from skhoid.lab.workbench.columns import Choices, look, read, search_settings
 
 
 @pytest.fixture
 def recorded(runs_file):
     return read([runs_file], look([runs_file], Choices()), Choices())
-
-
-def test_the_model_is_what_was_chosen(recorded):
-    model = estimator_of(recorded, Choices(delay=0.28))
-    assert model.get_params()["delay"] == 0.28
-    assert model.inputs == ["e"]
-    arx = estimator_of(recorded, Choices(core="arx", na=3, nk=4))
-    assert (arx.na, arx.nb, arx.nk) == (3, 2, 4)
-    assert estimator_of(recorded, Choices(core="arx")).nk > 0  # found
 
 
 def test_the_search_is_what_was_chosen():

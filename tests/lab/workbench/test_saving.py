@@ -8,7 +8,7 @@ import pytest
 from skhoid import EffectSearchCV, OperatorRegressor
 from skhoid.lab.explore import Exploration
 from skhoid.lab.report.page import Page as ReportPage
-from skhoid.lab.workbench.saving import Searched, _is_found
+from skhoid.lab.workbench.bench import Searched, _is_found
 
 pytestmark = pytest.mark.slow  # reports are made and drawn
 

@@ -3,7 +3,7 @@
 import pytest
 from support.workbench import OWN, PORT
 
-from skhoid.lab.workbench.security import HEADERS, Keys
+from skhoid.lab.workbench.server import HEADERS, Keys
 
 
 @pytest.fixture

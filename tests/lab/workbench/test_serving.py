@@ -13,9 +13,9 @@ from http.cookiejar import CookieJar
 import pytest
 from support.workbench import until
 
-from skhoid.lab.workbench import serving
-from skhoid.lab.workbench.choices import Choices
-from skhoid.lab.workbench.serving import FOLDER, opened_session
+from skhoid.lab.workbench import server as serving
+from skhoid.lab.workbench.columns import Choices
+from skhoid.lab.workbench.server import FOLDER, opened_session
 from skhoid.lab.workbench.session import BrokenSession, SessionInUse
 
 
