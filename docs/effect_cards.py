@@ -20,7 +20,7 @@ from sphinx.util.docutils import SphinxDirective
 from skhoid.effects import Dimension, Effect, title_of
 from skhoid.effects.catalogue import BY_NAME, CLASSES
 from skhoid.effects.composition import PLACES
-from skhoid.search.explanations import ANY_EXPERIMENT, EXPERIMENTS
+from skhoid.search.likeness import ANY_EXPERIMENT, EXPERIMENTS
 
 DOCS = Path(__file__).parent
 SYMBOLS = {"K_e": "K_e", "K_edot": r"K_{\dot e}", "t_M": "t_M", "T_I": "T_I"} | {

@@ -12,8 +12,8 @@ from ..model.estimator import vaf_of_output
 from ..model.extend import on_all_runs
 from ..model.model import Model
 from ..model.simulator import Simulator
-from .candidates import SearchStep
-from .forward import Search
+from .judging import SearchStep
+from .path import Search
 
 Held = tuple[np.ndarray, np.ndarray]  # columns, and rows of these (n_samples, n_columns)
 

@@ -42,20 +42,15 @@ from .explanations import (
     untried_notes,
 )
 from .explores import ExploredByHand, remember
-from .forward import Path, Search, forward
-from .given_delay import GivenDelay, with_given_delay
-from .held_out import HeldOutRows
+from .judges import HeldOutRows
 from .left_out import control_of, without_rows
-from .pairs import pair_of
-from .progress import Progress
+from .leftover import SearchNumbers, numbers_of
+from .path import GivenDelay, Path, Progress, Search, forward, pair_of, with_given_delay
 from .results import error_path, held_out_table, ranking_table, short_ranking, unexplained_table
-from .search_numbers import SearchNumbers, numbers_of
-from .shape import fitted_shape, told_shape
-from .shapes import shaped
+from .shape import fitted_shape, shaped, told_shape
 from .sketch import SketchesEffects
 from .started import Started
-from .statuses import Verdict
-from .verdict import Ending
+from .statuses import Ending, Verdict
 
 GUARD = 5.0  # s beside held-out blocks of a single run
 MOST_FOLDS = 20  # of a search in some of very many runs

@@ -9,7 +9,7 @@ from ..model.likelihood import likelihood_fit
 from ..model.model import Model
 from ..model.prepared import Prepared, SimulatedModel
 from .all_runs import on_rows_of
-from .forward import output_error_fit
+from .path import output_error_fit
 
 
 class Estimators:

@@ -14,11 +14,10 @@ from threadpoolctl import threadpool_limits
 
 from ..effects.composition import Effects
 from ..preprocessing.base import keep_parameters
-from .candidates import OF_TARGET, Candidate, SearchStep
 from .effect_search import EffectSearchCV
-from .forward import Search
+from .judging import Candidate, SearchStep, evidence_for
+from .path import Search
 
-LEAST_LOOP_GAIN = 0.1  # points in the loop, below which a response to the target is imitated
 COLUMNS = [
     "instead_of",
     "effect",
@@ -91,26 +90,4 @@ def _weighed(search: EffectSearchCV, kept: Effects, tried: list[Any], X: Any, y:
 
 def _row(out: str, c: Candidate) -> tuple[Any, ...]:
     in_loop = np.nan if c.in_loop is None else c.in_loop.delta_bic
-    return (out, c.id, evidence(c), c.gain, c.delta_bic, c.joint, in_loop, c.inapplicable)
-
-
-def evidence(c: Candidate) -> float:
-    """The least ΔBIC that a judge grants whom the remnant that returns in the error cannot mislead.
-
-    The closed loop judges linear effects, and a noise model estimated along those that are not.
-    What loses on held-out rows has no evidence for it.
-    """
-    if c.inapplicable or c.model is None:
-        return np.nan
-    judged, found = c.in_loop, [c.delta_bic]
-    if np.isfinite(c.joint):
-        found.append(c.joint)
-    if judged is not None and not np.isnan(judged.delta_bic):
-        if not judged.bends:
-            found = [judged.delta_bic]
-            if c.id in OF_TARGET and judged.gain < LEAST_LOOP_GAIN:
-                found.append(0.0)
-        else:
-            found = [one - judged.against for one in found]
-    least = float(min(found))
-    return least if c.gain > 0 else min(least, 0.0)
+    return (out, c.id, evidence_for(c), c.gain, c.delta_bic, c.joint, in_loop, c.inapplicable)

@@ -13,11 +13,10 @@ from ..model.estimator import vaf_of_output
 from ..model.parameters import parameter_table, parameter_text
 from ..model.prepared import Prepared
 from ..text import DASH, p_text
-from .candidates import LEAST_DELTA_BIC, Candidate
 from .explanations import sentence_of, with_effects
-from .leftover import Leftover
-from .search_numbers import SearchNumbers
-from .statuses import Against, Reason, Status
+from .judging import Candidate, against_candidate
+from .leftover import Leftover, SearchNumbers
+from .statuses import Reason, Status
 
 DESCRIBED = 5  # candidates of a step whose parameters are written out
 
@@ -180,59 +179,6 @@ def short_ranking(ranking: pd.DataFrame, n: int, step: int | None) -> pd.DataFra
 
 def _listed(ranking: pd.DataFrame) -> str:
     return ", ".join(map(str, ranking["step"].unique()))
-
-
-def against_candidate(candidate: Candidate, winner: str, *, taken_out: bool) -> Against:
-    """Why a candidate is not part of what was found; ``winner`` is what its step added, or none."""
-    c = candidate
-    if c.inapplicable:
-        return Against(Reason.REFUSED, c.inapplicable)
-    if c.refused is not None:
-        return c.refused
-    if not c.passes:
-        loses = c.refuted and (c.trace or c.helps)
-        return Against(Reason.REFUTED, refuted(c)) if loses else short(c)
-    if taken_out:
-        return Against(Reason.SUPERFLUOUS, "it no longer pays once the later effects are added")
-    if winner:
-        text = f"it improves the free run too; {title_of(winner)} was added instead"
-        return Against(Reason.RIVAL, text)
-    return Against(Reason.CUT_SHORT, "it pays, but max_effects was reached")
-
-
-def short(candidate: Candidate) -> Against:
-    """Which criteria of the free run are not met, with what was found and what is asked."""
-    found = []
-    if not candidate.delta_bic > LEAST_DELTA_BIC:
-        found.append(f"ΔBIC {candidate.delta_bic:.1f}, needs more than {LEAST_DELTA_BIC:g}")
-    if not candidate.gain >= candidate.least_gain:
-        # What gains too little on the rows of its fit was not held out.
-        rows = "the rows of the fit" if candidate.prediction is None else "held-out rows"
-        found.append(
-            f"{candidate.gain:+.3g} points on {rows}, needs at least {candidate.least_gain:.2g}"
-        )
-    return Against(Reason.TOO_LITTLE, "; ".join(found))
-
-
-def refuted(candidate: Candidate) -> str:
-    """Why a candidate that fits the measured error better is not added."""
-    found, judged = [], candidate.in_loop
-    if judged is not None and judged.delta_bic == -np.inf:
-        return "the closed loop does not settle with it"
-    if candidate.joint <= LEAST_DELTA_BIC:
-        found.append(f"estimated together with a noise model, it has ΔBIC {candidate.joint:.0f}")
-    if judged is not None and np.isfinite(judged.gain):
-        verdict = "no better" if judged.gain <= 0.0 else "hardly better"
-        found.append(
-            f"in the closed loop it is {verdict} ({judged.gain:+.2f} points, ΔBIC "
-            f"{judged.delta_bic:.0f})"
-        )
-    if not found and np.isnan(candidate.joint):
-        found.append("neither a likelihood nor the closed loop confirms it")
-    elif not found:
-        likely = min(candidate.joint, candidate.weight)
-        found.append(f"the loop is not known with it, and it has ΔBIC {likely:.0f}")
-    return f"{'; '.join(found)}: it may follow the remnant that returns in the error"
 
 
 def _form(candidate: Candidate) -> str:

@@ -1,4 +1,4 @@
-"""``Shape``: what a search shows of an effect that has no name."""
+"""``Shape``: what a search shows of an effect that has no name, and the free form that fits it."""
 
 from __future__ import annotations
 
@@ -9,26 +9,54 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..effects.free_form import FreeForm
+from ..effects.catalogue import FREE_FORMS
+from ..effects.composition import Effects
+from ..effects.free_form import FEWEST, FreeForm
+from ..effects.free_forms import TIME, one_sided
+from ..effects.record import Record
 from ..effects.registry import titles_of
 from ..model.estimator import vaf_of_output
-from ..model.fitting import Criterion, RemnantModel
+from ..model.extend import extended
+from ..model.fitting import Criterion, RemnantModel, derivatives, scaled_inverse
 from ..model.likelihood import TOLERATED, settled
 from ..model.model import Model
 from ..model.parameters import effects_with_values
 from ..model.prepared import Prepared, SimulatedModel
-from ..model.smoothing import N_FINE, crowded, in_detail
+from ..model.simulator import Simulator
+from ..model.smoothing import (
+    CROWDED,
+    N_FINE,
+    change_if_finer,
+    change_if_rougher,
+    crowded,
+    in_detail,
+    posterior_of,
+)
+from ..model.uncertainty import covariance_of
 from ..text import Summary, TextTable, number
 from .all_runs import on_rows_of
-from .band import curve_with_band
-from .candidates import AS_GOOD, LEAST_GAIN, Candidate
 from .formulas import Fitted, formula_of
-from .forward import CLAIM, Search, output_error_fit
-from .held_out import held_out
-from .leftover import leftovers
-from .nearest import nearest_effects, nearest_table, recordings_for
-from .search_numbers import gap_of
-from .shapes import Shaped
+from .judges import HeldOutRows, held_out
+from .judging import (
+    AS_GOOD,
+    AS_GOOD_FORM,
+    BESIDE_ONE,
+    BESIDE_SEVERAL,
+    CLAIM,
+    LEAST_DELTA_BIC,
+    LEAST_GAIN,
+    Candidate,
+    SearchStep,
+    decided,
+    elsewhere,
+    excess_asked,
+    first_stands,
+    unnamed,
+)
+from .leftover import Leftover, SearchNumbers, gap_of, leftovers, points_gained
+from .likeness import nearest_effects, nearest_table, recordings_for
+from .path import Search, lead, output_error_fit
+from .statuses import Ending, Verdict
 
 SHOWN = 3  # nearest names in a sentence
 NEAR = 0.7  # distance of a curve that has half of the power in common
@@ -44,6 +72,16 @@ NAMES_AHEAD = "Nearest names, by distance (0: the same curve; 1: nothing in comm
 BY_HAND = 'search.sketch_effect("my_effect", "my_effect.py")'
 LEAD = "The shape of what has no name: "
 NO_FORM = "No free form explains it at any place either"
+FOLLOWED = 4  # forms whose curves are fitted to the end
+SIZES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # of the prior, times the usual one
+NAME = "free"
+HOPEFUL = 0.5  # times what the effects found gain: at least what a form explains, linearised
+TRIED = 3  # forms that are fitted in place of effects with names
+ONE_FORM = "one free form explains more than all the effects named"
+N_POINTS = 101  # of a curve
+N_DRAWS = 4000
+LEVEL = 0.95  # of the band
+AT_A_KINK = 3.0  # times the change by half the distance of knots; twice if nothing kept it back
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -437,3 +475,292 @@ def _fitted(
         rest = max([item.points for item in leftovers(fitted, folds)], default=0.0)
     closed = float(found.gain / max(found.gain + max(rest, 0.0), 1e-300))
     return shape_of(found, best, closed, prepared.units)
+
+
+@dataclass(frozen=True)
+class Hint:
+    """A form on probation: what its curves explain of a residual, linearised."""
+
+    effect: FreeForm
+    points: float
+    delta_bic: float
+
+
+def forms_judged(search: Search, parent: Model, forms: list[Candidate]) -> SearchStep:
+    """Free forms for a parent, at the least error of simulation, judged as effects with names are.
+
+    From what is far from linear one Gauss-Newton step does not lead to the fit of a fold: those are
+    refitted.
+    """
+    step = search.judged(parent, forms)
+    far = [one for one in forms if one.model is not None and is_far(one.effect, search.record)]
+    for one in far:
+        assert one.model is not None
+        one.vaf = search.refit(one.model)
+        one.gain = one.vaf - max(step.vaf, step.refitted_vaf)
+    if far:
+        step.rank()
+    return step
+
+
+def is_far(form: Any, record: Record) -> bool:
+    """Whether a form begins far from what is linear."""
+    return any(form.starts(record)[0].values())
+
+
+def candidates_of(
+    search: Search, parent: Model, hints: Sequence[Hint], first: int = 0
+) -> list[Candidate]:
+    """Free forms, fitted beside a parent; the ``first`` of their numbers."""
+    candidates = []
+    for which, hint in enumerate(hints, first):
+        name = f"{NAME}_{which}"
+        model = extended(parent, name, hint.effect, search.criterion, search.coarse)
+        candidates.append(Candidate(name, dict(model.effects.steps)[name], model=model))
+    return candidates
+
+
+def best_of(search: Search, step: SearchStep) -> Candidate | None:
+    """The best form, with what it gains where folds are refitted, as it is told of names."""
+    best = step.best
+    if best is None or best.model is None:
+        return None
+    vaf = search.refit(best.model)
+    return replace(best, vaf=vaf, gain=vaf - step.refitted_vaf)
+
+
+def hints_of(search: Search, parent: Model) -> list[Hint]:
+    """Forms at every place where they apply, those first that explain most of held-out rows.
+
+    Of those that explain about as much, the likeliest: a level is less than a map that has one.
+    """
+    record = replace(search.record, prediction=parent.output)
+    criterion = Criterion(search.record)
+    criterion.set_noise(criterion.remnant_model(parent.output))
+    own, values = derivatives(parent.simulator, criterion, parent.theta), parent.values()
+    found = []
+    for form in (form() for form in FREE_FORMS):
+        if form.refusal_in(record, search.core.kind):
+            continue
+        for one in form.alternatives(record):
+            for variant in one.variants(record):
+                if len(variant.knots) < FEWEST:
+                    continue  # what does not move has no curve
+                if is_far(variant, record):
+                    if one_sided(record):
+                        found.append(Hint(variant, np.inf, np.inf))
+                    continue
+                effects = Effects([*parent.effects.steps, (NAME, variant)])
+                simulator = Simulator(search.core, effects, search.record)
+                theta = np.array([values.get(name, 0.0) for name in simulator.names])
+                at = [i for i, name in enumerate(simulator.names) if name not in values]
+                columns = derivatives(simulator, criterion, theta, at)[:-1]
+                prior = simulator.prior.normal_equations(theta)[0][np.ix_(at, at)]
+                result = hinted(own, columns, prior, criterion, search.folds)
+                if result is not None:
+                    found.append(Hint(variant, *result))
+                search.record.forget()  # one channel after the other
+    most = max([hint.points for hint in found if np.isfinite(hint.points)], default=0.0)
+
+    def order(hint: Hint) -> tuple[float, float]:
+        near = most - AS_GOOD_FORM < hint.points < np.inf
+        return -(most if near else hint.points), -hint.delta_bic
+
+    return sorted(found, key=order)
+
+
+def hinted(
+    own: np.ndarray,
+    columns: np.ndarray,
+    prior: np.ndarray,
+    criterion: Criterion,
+    folds: Sequence[HeldOutRows],
+) -> tuple[float, float] | None:
+    """Points that curves gain on held-out rows beside a model's derivatives, and their ΔBIC.
+
+    At the size of the prior, of some, with which the ΔBIC is largest; what counts as parameters are
+    the effective degrees of freedom. The last of ``own`` is the residual.
+    """
+    n_own = len(own) - 1
+    plain = np.concatenate([own[:-1], columns])
+    residual = own[-1]
+    white = criterion.whitened(np.concatenate([plain, residual[None]]))
+    gram = white @ white.T
+    n = criterion.n
+    before = gram[-1, -1] - gram[:n_own, -1] @ _solve(gram[:n_own, :n_own], gram[:n_own, -1])
+    known = np.zeros_like(gram[:-1, :-1])
+    best: tuple[float, np.ndarray] = (-np.inf, known)
+    for size in SIZES:
+        known = known.copy()
+        known[n_own:, n_own:] = before / n * prior / size**2
+        inverse = scaled_inverse(gram[:-1, :-1] + known)
+        theta = inverse @ gram[:-1, -1]
+        after = gram[-1, -1] - 2 * theta @ gram[:-1, -1] + theta @ gram[:-1, :-1] @ theta
+        dof = np.trace(inverse @ gram[:-1, :-1]) - n_own
+        delta_bic = n * np.log(max(before, 1e-300) / max(after, 1e-300)) - dof * np.log(n)
+        best = max(best, (float(delta_bic), known), key=lambda one: one[0])
+    delta_bic, known = best
+    if delta_bic < LEAST_DELTA_BIC:
+        return None
+    points = points_gained(white, plain, residual, n_own, criterion, folds, _solve, known)
+    return (points, delta_bic) if points > 0 else None
+
+
+def _solve(gram: np.ndarray, product: np.ndarray) -> np.ndarray:
+    return np.asarray(scaled_inverse(gram) @ product)
+
+
+@dataclass(frozen=True)
+class Shaped:
+    """Numbers and verdict of a search, and the free form that explains what has no name.
+
+    Without one, ``doubtful`` are forms that the closed loop alone speaks against.
+    """
+
+    search: Search
+    found: SearchNumbers
+    ending: Ending
+    shape: Candidate | None = None
+    doubtful: tuple[Candidate, ...] = ()
+
+
+def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
+    """The verdict, with the shape of what has no name.
+
+    One free form in place of all the effects that were found, which explains more, is structure
+    that these leave: they may stand in for something else together.
+    """
+    ending, baseline = decided(found, tries_all=tries_all), found.steps[0].plain
+    rival, hints = None, None
+    if found.added:
+        hints = hints_of(search, baseline)
+        found, rival = beside_one_form(search, found, hints)
+        ending = decided(found, tries_all=tries_all)
+    elif ending.verdict is Verdict.NOTHING and (found.left or one_sided(search.record)):
+        hints = hints_of(search, baseline)[:FOLLOWED]
+        forms = candidates_of(search, baseline, hints)
+        shape = best_of(search, forms_judged(search, baseline, forms))
+        if shape is None or shape.gain < BESIDE_ONE[0] * found.share:
+            return Shaped(search, found, ending)
+        return Shaped(search, found, Ending(unnamed(tries_all), [], []), shape)
+    if not ending.verdict.leaves_unknown:
+        return Shaped(search, found, ending)
+    parent = unnamed_parent(found, ending)
+    if rival is None or parent is not baseline:
+        if hints is None or parent is not baseline:
+            hints = hints_of(search, parent)
+        forms = candidates_of(search, parent, hints[:FOLLOWED])
+        step = forms_judged(search, parent, forms)
+        rival = best_of(search, step)
+        if rival is None:
+            doubtful = [c for c in step.candidates if c.pays and c.joint > LEAST_DELTA_BIC]
+            return Shaped(search, found, ending, None, tuple(doubtful))
+    return Shaped(search, found, ending, rival)
+
+
+def beside_one_form(
+    search: Search, found: SearchNumbers, hints: Sequence[Hint]
+) -> tuple[SearchNumbers, Candidate | None]:
+    """The numbers, with what one free form in place of all effects explains beyond them; the form.
+
+    Where it explains as much as several and is likelier, none of these explains its part, unless
+    the first acts where the form does and leaves little of what that explains. The same where it
+    acts elsewhere than a single one, and what it explains beyond that would count as an effect:
+    then the place is wrong. Of its own place it explains more than a name because any curve does,
+    so that this is structure only where it shows at first sight, or is most of all. ``hints`` are
+    those of the baseline.
+    """
+    several = len(found.added) > 1
+    least, share = (BESIDE_SEVERAL if several else BESIDE_ONE)[:2]
+    baseline = found.steps[0].plain
+    most = max([hint.points for hint in hints], default=0.0)
+    hopeful = [h for h in hints[:TRIED] if h.points > HOPEFUL * found.gained]
+    named = output_error_fit(found.path.model) if hopeful else baseline
+    tried = candidates_of(search, baseline, hopeful)
+    better = [
+        one
+        for one in tried
+        if one.model is not None
+        and 100 * (named.sse - one.model.sse) / search.criterion.power > excess_asked(one, found)
+    ]
+    if several and better:  # of which another may explain more of held-out rows
+        n = len(tried)
+        better = [*tried, *candidates_of(search, baseline, hints[n:FOLLOWED], n)]
+    rival = best_of(search, forms_judged(search, baseline, better)) if better else None
+    if rival is None or rival.model is None:
+        return found, None
+    excess, one_cause = rival.gain - found.gained, False
+    refutes = not first_stands(rival, found) if several else elsewhere(rival.effect, found)
+    if refutes and excess > excess_asked(rival, found):
+        lead_asked = 0.0 if several else LEAST_DELTA_BIC
+        one_cause = lead(search, baseline, rival.model, found.path.model) > lead_asked
+    effect: Any = rival.effect
+    more = Leftover("shape", effect.over, ONE_FORM, excess, rival.delta_bic)
+    at_sight = most >= found.gained + max(least * found.share, share * most)
+    counts = excess >= least * found.share and (several or at_sight or excess > found.gained)
+    left = sorted([*found.left, more] if counts else found.left, key=lambda item: -item.points)
+    return replace(found, left=left, one_cause=one_cause), rival
+
+
+def unnamed_parent(found: SearchNumbers, ending: Ending) -> Model:
+    """The model with the effects that are named, without those that stand in for others."""
+    model = found.path.model
+    ids = [dict(model.effects.steps)[name].name for name in found.added]
+    kept = sum(1 for name in ids if name in ending.named)
+    return found.steps[kept].plain
+
+
+def curve_with_band(
+    model: Model, name: str, n_points: int = N_POINTS
+) -> tuple[pd.DataFrame, float]:
+    """Curve of a free form of a model with a simultaneous band, and its degrees of freedom.
+
+    ``model`` is at the largest likelihood. The band is that of the posterior, enlarged so that it
+    holds the whole curve: Ruppert, Wand and Carroll, Semiparametric regression (2003), section 6.5.
+    The posterior has what parameters have too: a remnant that is not quite the noise model's, and
+    the accuracy of the simulation. More is added at each point: what smoothing may have taken from
+    a bend that is sharper than the rest, which is how far the curve moves where it may be much
+    rougher; how far it moves on rows at half the rate; and, where the data use most coefficients,
+    what few knots miss at a kink, by what further ones half-way between would change.
+    """
+    effect: Any = dict(model.effects.steps)[name]
+    simulator = model.simulator
+    criterion = Criterion(simulator.record)
+    criterion.set_noise(criterion.remnant_model(model.output))
+    own = [i for i, n in enumerate(simulator.names) if n.startswith(f"{name}__")]
+    first = effect.knots[0]
+    if effect.over == TIME:  # before rows count, nothing tells it
+        record = simulator.record
+        first = max(first, float(record.t[record.known.any(axis=1)].min()))
+    at = np.linspace(first, effect.knots[-1], n_points)
+    design = effect.design(at)
+    value = effect.at_rest + design @ model.theta[own]
+    covariance = covariance_of(simulator, criterion, model.fit, simulator.prior)
+    half = half_width(design, np.nan_to_num(covariance)[np.ix_(own, own)])
+    rougher = design @ change_if_rougher(model, name, criterion)[own]
+    half = half + np.abs(rougher) + np.abs(design @ change_if_slower(model)[own])
+    dof = float(posterior_of(model, criterion).dof[own].sum())
+    finer = effect.with_more_knots()
+    if dof > CROWDED * len(own) and finer.knots != effect.knots:
+        missed = change_if_finer(model, name, criterion, finer, at) - rougher
+        half = half + AT_A_KINK * np.abs(missed)
+    shown = {"value": value, "low": value - half, "high": value + half}
+    curve = pd.DataFrame(shown, index=pd.Index(at, name=effect.over)).clip(lower=effect.least)
+    return curve, dof
+
+
+def half_width(design: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Half the width of a band that holds a whole curve of normal coefficients."""
+    sd = np.sqrt(np.einsum("ij,jk,ik->i", design, covariance, design))
+    rng = np.random.default_rng(0)
+    draws = rng.multivariate_normal(np.zeros(len(covariance)), covariance, N_DRAWS, method="eigh")
+    widest = np.abs(draws @ design.T / np.maximum(sd, 1e-300)).max(axis=1)
+    return np.asarray(float(np.quantile(widest, LEVEL)) * sd)
+
+
+def change_if_slower(model: Model) -> np.ndarray:
+    """Change of the parameters on rows at half the rate of the criterion."""
+    record = model.simulator.record
+    criterion = Criterion(record, rate=record.criterion_rate / 2)
+    criterion.set_noise(criterion.remnant_model(model.output))
+    return model.refined(criterion, max_iter=4).theta - model.theta

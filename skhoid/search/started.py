@@ -11,7 +11,7 @@ from ..effects.record import Record
 from ..model.prepared import Prepared
 from ..recordings.loss_of_control import ControlCheck
 from .all_runs import Held
-from .held_out import HeldOutRows
+from .judges import HeldOutRows
 
 
 @dataclass(frozen=True)

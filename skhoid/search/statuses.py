@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum, StrEnum
 from typing import NamedTuple
+
+UNKNOWN = "unknown"  # the last of ``best_effects_`` where something has no name
 
 
 class Verdict(Enum):
@@ -88,3 +91,16 @@ class Against(NamedTuple):
 
     code: Reason
     text: str
+
+
+@dataclass(frozen=True)
+class Ending:
+    """The end of a search: ids of effects that are named, and of those that stand in for others."""
+
+    verdict: Verdict
+    named: list[str]
+    stand_ins: list[str]
+
+    @property
+    def best_effects(self) -> list[str]:
+        return [*self.named, UNKNOWN] if self.verdict.leaves_unknown else self.named

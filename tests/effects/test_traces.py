@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skhoid.effects.record import stop_of
-from skhoid.search.signatures import traces_of
+from skhoid.search.judges import traces_of
 from skhoid.testing import synthetic_record
 
 

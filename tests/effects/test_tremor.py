@@ -10,7 +10,7 @@ from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import Bias, Dimension, Effect, Parameter, Signature, Tremor
 from skhoid.effects.catalogue import CLASSES
 from skhoid.plotting import IdentifiedEffectDisplay
-from skhoid.search.signatures import noises_in, without_noise
+from skhoid.search.judges import noises_in, without_noise
 from skhoid.testing import check_effect, synthetic_record
 
 

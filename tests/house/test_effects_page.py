@@ -14,7 +14,7 @@ import skhoid.effects
 from skhoid.effects import CoreKind, catalogue, title_of
 from skhoid.effects.catalogue import BY_NAME, CLASSES
 from skhoid.effects.composition import PLACES
-from skhoid.search.explanations import ANY_EXPERIMENT, EXPERIMENTS
+from skhoid.search.likeness import ANY_EXPERIMENT, EXPERIMENTS
 
 pytestmark = pytest.mark.slow
 

@@ -9,7 +9,7 @@ from skhoid import OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import FreeGain, FreeMap
 from skhoid.model.fitting import Criterion
 from skhoid.model.smoothing import in_detail
-from skhoid.search.band import curve_with_band, half_width
+from skhoid.search.shape import curve_with_band, half_width
 
 N_SEEDS = 6
 LEVELS = np.linspace(0.025, 0.975, 96)

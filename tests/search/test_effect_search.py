@@ -23,7 +23,7 @@ from skhoid.effects import Bias, DeadZone, Effects, catalogue, title_of
 from skhoid.model.model import Model, without
 from skhoid.model.parameters import parameter_text
 from skhoid.search import Verdict, effect_search
-from skhoid.search.search_numbers import gap_of
+from skhoid.search.leftover import gap_of
 from skhoid.search.story import Story
 
 

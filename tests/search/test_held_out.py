@@ -12,7 +12,7 @@ from skhoid.model.extend import refitted
 from skhoid.model.fitting import Criterion
 from skhoid.model.model import Model
 from skhoid.model.simulator import Simulator
-from skhoid.search.held_out import HeldOutRows, held_out, refitted_prediction, within_seen
+from skhoid.search.judges import HeldOutRows, held_out, refitted_prediction, within_seen
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ import pytest
 from support.person_in_loop import pursued
 from support.searching import search_of
 
-from skhoid.search.candidates import LEAST_DELTA_BIC
-from skhoid.search.joint import JointParent
+from skhoid.search.judges import JointParent
+from skhoid.search.judging import LEAST_DELTA_BIC
 
 SHORT = {"n_runs": 3, "duration": 30.0}
 

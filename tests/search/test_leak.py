@@ -8,9 +8,8 @@ import pytest
 from support.hidden_disturbance import tracked
 
 from skhoid.effects import Disturbance, Effects
-from skhoid.search.candidates import Candidate, SearchStep
-from skhoid.search.in_loop import InLoop
-from skhoid.search.leak import leak_of
+from skhoid.search.judges import InLoop, leak_of
+from skhoid.search.judging import Candidate, SearchStep
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from support.synthetic import arx_runs
 
 from skhoid import ARXRegressor, EffectSearchCV
 from skhoid.search import Verdict, leftover
-from skhoid.search.joint import RATES
+from skhoid.search.judges import RATES
 from skhoid.search.leftover import Leftover, leftovers
 
 

@@ -28,8 +28,7 @@ from skhoid.effects import (
     TimeVaryingDelay,
 )
 from skhoid.effects.free_form import SmoothCurve
-from skhoid.search.likeness import departure_of
-from skhoid.search.nearest import nearest_effects, nearest_table, recordings_for
+from skhoid.search.likeness import departure_of, nearest_effects, nearest_table, recordings_for
 from skhoid.testing import synthetic_record
 
 DIVIDED = ("gain", "input", "output", "command", "spring")

@@ -11,7 +11,7 @@ from support.shapes import a_shape, nothing_near
 from skhoid.effects import Bias, FreeHysteresis, FreeMap, WrongDelay
 from skhoid.plotting import ShapeDisplay
 from skhoid.search import shape
-from skhoid.search.candidates import Candidate
+from skhoid.search.judging import Candidate
 from skhoid.search.shape import NO_FORM, sentence_of, told_shape
 
 

@@ -1,16 +1,10 @@
 """The shape of what has no name: found where it acts, with a band, and not where nothing is."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from support.shapes import Fechner, searched
 
-from skhoid.effects import FreeMap, FreeOffset, Lapses, TimeVaryingDelay
-from skhoid.effects.catalogue import BY_NAME
-from skhoid.search import shapes
-from skhoid.search.candidates import LEAST_GAIN
-from skhoid.search.shapes import AS_GOOD, excess_asked, group_of
+from skhoid.effects import Lapses, TimeVaryingDelay
 
 
 @pytest.fixture(scope="module")
@@ -82,43 +76,3 @@ def test_a_gain_that_vanishes_for_seconds_is_shown_in_detail():
     assert inside.max() < 0.3 * outside.mean()
     assert shape.curve["low"].min() >= 0.0  # as the gains
     assert shape.curve.index[0] > 0.5  # not before rows count
-
-
-def test_a_plainer_form_elsewhere_need_not_explain_more():
-    """As of stretches found in the data, each of whose ends counts."""
-
-    def asked(form, n_of_form, n_named, name="lapses"):
-        effects = SimpleNamespace(steps=[(name, BY_NAME[name]())])
-        model = SimpleNamespace(effects=effects, n_parameters=n_named)
-        found = SimpleNamespace(added=[name], path=SimpleNamespace(model=model), share=0.5)
-        fitted = SimpleNamespace(n_parameters=n_of_form)
-        return excess_asked(SimpleNamespace(effect=form, model=fitted), found)
-
-    assert asked(FreeMap(at="error"), 15.0, 40) == -AS_GOOD
-    assert asked(FreeMap(at="error"), 15.0, 9) == LEAST_GAIN / 2
-    assert asked(FreeMap(at="command"), 15.0, 40) > LEAST_GAIN / 2  # where lapses act too
-
-
-def test_an_offset_goes_before_a_map_that_has_a_level():
-    assert FreeMap.name in FreeOffset.within
-
-
-def test_places_that_data_cannot_tell_apart_are_one():
-    of = {name: group_of(kind()) for name, kind in BY_NAME.items()}
-    assert of["saturation"] & of["hardening_stiffness"] & of["backlash"]
-    assert of["wrong_delay"] & of["higher_order"] & of["output_feedback"]
-    assert not of["tv_gain"] & of["tv_delay"]
-    assert not of["dead_zone"] & of["saturation"]
-    assert of["dead_zone"] == group_of(FreeMap(at="error"))
-    assert of["rate_limit"] == group_of(FreeMap(at="rate"))
-
-
-@pytest.mark.parametrize(("far", "gain"), [(True, 16.4), (False, -0.2)])
-def test_a_form_far_from_what_is_linear_is_refitted_without_each_fold(far, gain):
-    form = SimpleNamespace(starts=lambda record: [{"c0": -0.5 if far else 0.0}])
-    one, ranked = SimpleNamespace(model="a model", effect=form, vaf=77.0, gain=-0.2), []
-    step = SimpleNamespace(vaf=77.0, refitted_vaf=-0.6, rank=lambda: ranked.append(one.gain))
-    search = SimpleNamespace(judged=lambda *args: step, refit=lambda model: 93.4, record=None)
-    assert shapes.forms_judged(search, None, [one]) is step
-    assert one.gain == pytest.approx(gain)
-    assert ranked == ([one.gain] if far else [])

@@ -4,8 +4,8 @@ import numpy as np
 
 from skhoid import OperatorRegressor
 from skhoid.effects import Effects
-from skhoid.search.forward import Search
-from skhoid.search.held_out import HeldOutRows
+from skhoid.search.judges import HeldOutRows
+from skhoid.search.path import Search
 
 
 def search_of(X, y, effects, text=None, **options):

@@ -24,7 +24,7 @@ from ...runs import RunLayout, run_name
 from ...runs.fingerprint import as_frame
 from ...runs.roles import output_name, roles_of
 from ...search import EffectSearchCV, Shape, Status
-from ...search.candidates import LEAST_DELTA_BIC, LEAST_GAIN
+from ...search.judging import LEAST_DELTA_BIC, LEAST_GAIN
 from ...search.explanations import (
     HOW_TO_GO_ON,
     headline_of,

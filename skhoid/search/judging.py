@@ -1,21 +1,28 @@
-"""Effects tried in a model, the result of each, and which is the best."""
+"""What counts: all rules and thresholds by which a search adds, refuses and names effects.
+
+What they are applied to is measured in :mod:`skhoid.search.judges`.
+"""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from .judges import InLoop, LoopParent, leak_of
+from .statuses import Against, Ending, Reason, Verdict
+
+if TYPE_CHECKING:
+    from .leftover import SearchNumbers
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from ..diagnosis.leaks import SLOPE, LeakTest
 from ..effects.base import Effect
+from ..effects.registry import title_of
 from ..model.model import AT_BOUND, Model
-from .in_loop import LEAST_DELTA_BIC as LEAST_DELTA_BIC_IN_LOOP
-from .in_loop import LEAST_GAIN as LEAST_IN_LOOP
-from .in_loop import LEAST_IF_BETTER, InLoop, LoopParent
-from .leak import leak_of
-from .statuses import Against, Reason
 
 LEAST_DELTA_BIC = 25.0  # of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
@@ -33,6 +40,60 @@ MAY_BE_BEST = 0.5  # of the weight of the best, for another that may be it once 
 RIVAL = 0.3  # of the weight of the best, at least, of another that may be it
 N_RIVALS = 3  # which the closed loop compares with the best
 CONFUSED = 12.0  # of ΔBIC, within which two effects are not told apart
+
+# In the closed loop: of an effect that counts; of one that gains so many points there.
+LOOP_DELTA_BIC, LOOP_GAIN = 20.0, 0.1
+LOOP_DELTA_BIC_IF_BETTER, MUCH_BETTER = 5.0, 0.3
+# ΔBIC asked with a noise model that is estimated along: usually; of the first; beside what bends.
+LIKELY, LIKELY_IF_FIRST, LIKELY_BESIDE_BENT = 25.0, 12.0, 50.0
+# Structure left counts as unknown if it exceeds so many points (about the mean) and the first share
+# of what could be explained. Above the second share the effects found do not name it: several
+# effects that leave something may together imitate what is missing. That share grows with what
+# they gain, up to the third, since hardly anything else imitates much. The first of several may
+# stay named.
+BESIDE_ONE = (0.6, 0.1, 0.12, 0.5)
+BESIDE_SEVERAL = (0.4, 0.04, 0.04, 0.25)
+MUCH_GAINED = 10.0  # points about the mean, for which the last share holds
+AS_GOOD_FORM = 0.1  # points
+BEHIND, LINEAR = "behind the muscles' delay", "linear"
+# A linear answer may be a delay, dynamics or a path, and a path may answer the size of the error.
+GROUPS = {
+    "delay": frozenset({LINEAR}),
+    "path": frozenset({LINEAR, "input"}),
+    "command": frozenset({LINEAR, BEHIND}),
+    "spring": frozenset({BEHIND}),
+    "output": frozenset({BEHIND}),
+    "inside": frozenset({BEHIND}),
+}
+LEAST_GAIN_OF_CLAIM = 0.6  # VAF points: a little delay makes up for much that is not one
+CLAIM = "wrong_delay"  # the effect by which a given delay is freed
+
+
+def refutes(judged: InLoop) -> bool:
+    """Whether the loop is known, and the model no better than the parent there."""
+    if judged.bends:
+        return judged.delta_bic < -LOOP_DELTA_BIC
+    least = LOOP_DELTA_BIC_IF_BETTER if judged.gain >= MUCH_BETTER else LOOP_DELTA_BIC
+    return judged.delta_bic <= least or judged.gain < LOOP_GAIN
+
+
+def likely_asked(judged: InLoop) -> float:
+    """ΔBIC asked of a model by a noise model that is estimated along.
+
+    Less where it is the first, and not linear: of nothing, such effects have hardly any. Where
+    the loop is not asked, what stands beside one that bends takes up what its form leaves.
+    """
+    if judged.beside == "nothing" and judged.bends:
+        return LIKELY_IF_FIRST
+    unsolved = bool(np.isnan(judged.delta_bic))
+    if unsolved and (judged.beside == "bent" or judged.bends is False):
+        return LIKELY_BESIDE_BENT
+    return LIKELY
+
+
+def loop_against(judged: InLoop | None) -> float:
+    """ΔBIC that the loop has against a model that is not linear."""
+    return max(-judged.delta_bic, 0.0) if judged is not None and judged.bends else 0.0
 
 
 @dataclass
@@ -92,16 +153,16 @@ class Candidate:
             return judged.bends is not None and self.gain < MUCH
         likely = min(self.joint, self.weight)
         if np.isnan(judged.delta_bic):
-            return likely <= judged.asked
+            return likely <= likely_asked(judged)
         if self.effect.name in OF_TARGET and not judged.bends:
             # The loop is not blind to it: of nothing, ΔBIC to 80, but hardly any points.
-            least = LEAST_IF_BETTER if judged.gain >= CLEAR else CERTAIN
-            return judged.delta_bic <= least or judged.gain < LEAST_IN_LOOP
+            least = LOOP_DELTA_BIC_IF_BETTER if judged.gain >= CLEAR else CERTAIN
+            return judged.delta_bic <= least or judged.gain < LOOP_GAIN
         if np.isnan(self.joint) or not judged.bends:
             blind = self.effect.place != "inside" and judged.gain > -BLIND
             much = blind and self.gain >= MORE and likely > MORE_DELTA_BIC
-            return judged.refutes and not much
-        return self.joint - judged.against <= judged.asked
+            return refutes(judged) and not much
+        return self.joint - loop_against(judged) <= likely_asked(judged)
 
     @property
     def linear_in_loop(self) -> bool:
@@ -117,8 +178,7 @@ class Candidate:
         what a jointly estimated noise model would take for remnant.
         """
         unbiased = self.joint if np.isfinite(self.joint) else self.delta_bic / 2
-        against = 0.0 if self.in_loop is None else self.in_loop.against
-        return self.delta_bic / 2 + unbiased - against
+        return self.delta_bic / 2 + unbiased - loop_against(self.in_loop)
 
     @property
     def at_most(self) -> float:
@@ -169,7 +229,7 @@ class SearchStep:
         judged: list[Candidate] = []
         while True:
             weigh_likely(self.candidates, self.weigh)
-            self.candidates.sort(key=place_of)
+            self.candidates.sort(key=order_key)
             plainest_first(self.candidates)
             first = self.candidates[0] if self.candidates else None
             if first is None or not first.passes or any(first is one for one in judged):
@@ -191,7 +251,7 @@ class SearchStep:
         rivals = [c for c in self.rivals() if not c.trace][:N_RIVALS]
         assert self.loop is not None
         assert first.in_loop is not None
-        enough = first.in_loop.delta_bic + LEAST_DELTA_BIC_IN_LOOP
+        enough = first.in_loop.delta_bic + LOOP_DELTA_BIC
         if not any(self._likely_in_loop(c, enough) for c in rivals):  # whatever rows held out say
             for c in rivals:
                 if abs(c.weight - first.weight) < CONFUSED:
@@ -203,7 +263,7 @@ class SearchStep:
             assert c.in_loop is not None
             return c.in_loop.delta_bic
 
-        least = max(in_loop(c) for c in [first, *near]) - LEAST_DELTA_BIC_IN_LOOP
+        least = max(in_loop(c) for c in [first, *near]) - LOOP_DELTA_BIC
         best = next(c for c in [first, *near] if in_loop(c) >= least)
         self.candidates.remove(best)
         self.candidates.insert(0, best)
@@ -211,7 +271,7 @@ class SearchStep:
     def rivals(self) -> list[Candidate]:
         """Candidates that pass and have much of the weight of the first."""
         weigh_likely(self.candidates, self.weigh, RIVAL)
-        self.candidates[1:] = sorted(self.candidates[1:], key=place_of)
+        self.candidates[1:] = sorted(self.candidates[1:], key=order_key)
         least = RIVAL * self.candidates[0].weight
         return [c for c in self.candidates[1:] if c.passes and c.weight > least]
 
@@ -299,7 +359,7 @@ def likeliest_alternatives(candidates: list[Candidate]) -> list[Candidate]:
     return list(found.values())
 
 
-def place_of(candidate: Candidate) -> tuple[bool, bool, float]:
+def order_key(candidate: Candidate) -> tuple[bool, bool, float]:
     """Key of the order: what the output shows, what passes, and then by ΔBIC."""
     passes = candidate.passes
     trace = passes and bool(candidate.trace)
@@ -386,3 +446,192 @@ def mark_confused(candidates: list[Candidate]) -> None:
             for o in candidates
             if o is not c and o.passes and c.passes and abs(o.weight - c.weight) < CONFUSED
         ]
+
+
+def special_cases_of(general: Candidate, candidates: list[Candidate]) -> list[Candidate]:
+    """Candidates that a general form contains, so far as they pass, the likeliest first."""
+    special = [c for c in candidates if general.id in c.effect.within and c.passes]
+    return sorted(special, key=lambda c: -c.weight)
+
+
+def as_good(special: Candidate, general: Candidate) -> bool:
+    """Whether what a general form has beyond a special case would not count as an effect.
+
+    That is asked as of any other effect: in the closed loop where that has judged both as linear,
+    else by ΔBIC and by points of held-out rows. A general form also takes up errors of the
+    simulation and of the noise model, so that ΔBIC prefers it in long records, whatever is true.
+    Where it has no more parameters, so that the special case is one in the limit only, the unbiased
+    likelihood decides, if it is known.
+    """
+    one, other = special.in_loop, general.in_loop
+    if one is not None and other is not None and special.linear_in_loop and general.linear_in_loop:
+        more, gain = other.delta_bic - one.delta_bic, other.gain - one.gain
+        if more <= LOOP_DELTA_BIC or gain < LOOP_GAIN:
+            return True
+    joint, more = general.joint - special.joint, general.weight - special.weight
+    if general.n_parameters > special.n_parameters:
+        fewer_points = general.gain - special.gain < special.least_gain
+        return bool(more <= LEAST_DELTA_BIC or fewer_points)
+    return bool((joint if np.isfinite(joint) else more) <= LEAST_DELTA_BIC)
+
+
+def put_special_first(step: SearchStep) -> None:
+    """Put a special case before the best of a step, where that has nothing beyond it that counts.
+
+    It must have passed all criteria itself, those of the closed loop and of rows left out included.
+    """
+    general = step.best
+    if general is None or general.trace:
+        return
+    for special in special_cases_of(general, step.candidates):
+        if step.judge(special) and as_good(special, general):
+            step.candidates.remove(special)
+            step.candidates.insert(0, special)
+            return
+
+
+def against_candidate(candidate: Candidate, winner: str, *, taken_out: bool) -> Against:
+    """Why a candidate is not part of what was found; ``winner`` is what its step added, or none."""
+    c = candidate
+    if c.inapplicable:
+        return Against(Reason.REFUSED, c.inapplicable)
+    if c.refused is not None:
+        return c.refused
+    if not c.passes:
+        loses = c.refuted and (c.trace or c.helps)
+        return Against(Reason.REFUTED, speaks_against(c)) if loses else falls_short(c)
+    if taken_out:
+        return Against(Reason.SUPERFLUOUS, "it no longer pays once the later effects are added")
+    if winner:
+        text = f"it improves the free run too; {title_of(winner)} was added instead"
+        return Against(Reason.RIVAL, text)
+    return Against(Reason.CUT_SHORT, "it pays, but max_effects was reached")
+
+
+def falls_short(candidate: Candidate) -> Against:
+    """Which criteria of the free run are not met, with what was found and what is asked."""
+    found = []
+    if not candidate.delta_bic > LEAST_DELTA_BIC:
+        found.append(f"ΔBIC {candidate.delta_bic:.1f}, needs more than {LEAST_DELTA_BIC:g}")
+    if not candidate.gain >= candidate.least_gain:
+        # What gains too little on the rows of its fit was not held out.
+        rows = "the rows of the fit" if candidate.prediction is None else "held-out rows"
+        found.append(
+            f"{candidate.gain:+.3g} points on {rows}, needs at least {candidate.least_gain:.2g}"
+        )
+    return Against(Reason.TOO_LITTLE, "; ".join(found))
+
+
+def speaks_against(candidate: Candidate) -> str:
+    """Why a candidate that fits the measured error better is not added."""
+    found, judged = [], candidate.in_loop
+    if judged is not None and judged.delta_bic == -np.inf:
+        return "the closed loop does not settle with it"
+    if candidate.joint <= LEAST_DELTA_BIC:
+        found.append(f"estimated together with a noise model, it has ΔBIC {candidate.joint:.0f}")
+    if judged is not None and np.isfinite(judged.gain):
+        verdict = "no better" if judged.gain <= 0.0 else "hardly better"
+        found.append(
+            f"in the closed loop it is {verdict} ({judged.gain:+.2f} points, ΔBIC "
+            f"{judged.delta_bic:.0f})"
+        )
+    if not found and np.isnan(candidate.joint):
+        found.append("neither a likelihood nor the closed loop confirms it")
+    elif not found:
+        likely = min(candidate.joint, candidate.weight)
+        found.append(f"the loop is not known with it, and it has ΔBIC {likely:.0f}")
+    return f"{'; '.join(found)}: it may follow the remnant that returns in the error"
+
+
+def decided(found: SearchNumbers, *, tries_all: bool) -> Ending:
+    """Whether what was found can be named, and whether something else is missing."""
+    ids, stand_ins, worst = found.ids, [], found.worst
+    share = worst / max(worst + found.gained, 1e-300)
+    limits = BESIDE_SEVERAL if len(found.added) > 1 else BESIDE_ONE
+    least, small = limits[:2]
+    large = largest_left(limits, found.gained, found)
+    left = worst >= least * found.share and share > small
+    if not (left or found.one_cause):
+        return Ending(Verdict.FOUND if ids else Verdict.NOTHING, ids, [])
+    if found.one_cause:
+        ids, stand_ins = [], ids
+    elif share > large:
+        kept = 1 if len(found.added) > 1 and first_explains(found) else 0
+        ids, stand_ins = ids[:kept], ids[kept:]
+    if found.path.steps[-1].best is not None:
+        return Ending(Verdict.CUT_SHORT, ids, stand_ins)
+    return Ending(unnamed(tries_all), ids, stand_ins)
+
+
+def unnamed(tries_all: bool) -> Verdict:
+    """The verdict of a search that leaves something without a name."""
+    return Verdict.NOT_IN_CATALOGUE if tries_all else Verdict.NOT_TRIED
+
+
+def first_explains(found: SearchNumbers) -> bool:
+    """Whether the first effect would stay named on its own: later ones take nothing from it."""
+    gained = found.steps[1].vaf - found.steps[0].vaf
+    left = found.worst + found.gained - gained
+    return left <= largest_left(BESIDE_ONE, gained, found) * (left + gained)
+
+
+def largest_left(
+    limits: tuple[float, float, float, float], gained: float, found: SearchNumbers
+) -> float:
+    """Share of what could be explained that may be left when a named effect gains so much."""
+    return max(limits[2], limits[3] * min(gained / (MUCH_GAINED * found.share), 1.0))
+
+
+def first_stands(rival: Candidate, found: SearchNumbers) -> bool:
+    """Whether the first effect acts where a form does, and leaves little of what that explains."""
+    first = dict(found.path.model.effects.steps)[found.added[0]]
+    left = rival.gain - (found.steps[1].vaf - found.steps[0].vaf)
+    return bool(group_of(rival.effect) & group_of(first)) and left <= BESIDE_ONE[1] * rival.gain
+
+
+def excess_asked(one: Candidate, found: SearchNumbers) -> float:
+    """Points by which a form must exceed all effects that were found to speak against them.
+
+    One with fewer numbers, such as those at which stretches begin and end, need not exceed them.
+    """
+    if len(found.added) > 1:
+        return -AS_GOOD_FORM
+    if not elsewhere(one.effect, found):
+        return found.share * BESIDE_ONE[0]
+    named, form = found.path.model, one.model
+    plainer = form is not None and form.n_parameters < named.n_parameters
+    return -AS_GOOD_FORM if plainer else found.share * LEAST_GAIN
+
+
+def elsewhere(form: Any, found: SearchNumbers) -> bool:
+    """Whether a form acts elsewhere than all effects that were found."""
+    effects = dict(found.path.model.effects.steps)
+    own = group_of(form)
+    return all(not own & group_of(effects[name]) for name in found.added)
+
+
+def group_of(effect: Effect) -> frozenset[str]:
+    """What an effect changes, so far as data tell places apart."""
+    return GROUPS.get(effect.place, frozenset({effect.place}))
+
+
+def evidence_for(c: Candidate) -> float:
+    """The least ΔBIC that a judge grants whom the remnant that returns in the error cannot mislead.
+
+    The closed loop judges linear effects, and a noise model estimated along those that are not.
+    What loses on held-out rows has no evidence for it.
+    """
+    if c.inapplicable or c.model is None:
+        return np.nan
+    judged, found = c.in_loop, [c.delta_bic]
+    if np.isfinite(c.joint):
+        found.append(c.joint)
+    if judged is not None and not np.isnan(judged.delta_bic):
+        if not judged.bends:
+            found = [judged.delta_bic]
+            if c.id in OF_TARGET and judged.gain < LOOP_GAIN:
+                found.append(0.0)
+        else:
+            found = [one - loop_against(judged) for one in found]
+    least = float(min(found))
+    return least if c.gain > 0 else min(least, 0.0)

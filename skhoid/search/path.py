@@ -1,8 +1,9 @@
-"""Forward search: adds the best effect step by step, and has the criteria for what counts."""
+"""How a search goes: effects tried beside a model, the best added, pairs, and a given delay."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -16,29 +17,40 @@ from .._machine import ended_by_signals
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
-from ..model.cores import Core
+from ..model.cores import Core, OperatorCore
 from ..model.estimator import vaf_of_output
 from ..model.extend import beside_each_other, explored_from, extended
 from ..model.fitting import Criterion, Fit, minimise, sse_at
 from ..model.model import Model, in_order, without
+from ..model.prepared import Prepared, SimulatedModel
 from ..model.simulator import Simulator
-from .candidates import (
+from .judges import (
+    HeldOutRows,
+    JointParent,
+    LoopJudge,
+    held_out,
+    refitted_prediction,
+    traces_of,
+    without_folds,
+    without_noise,
+)
+from .judging import (
     AS_GOOD,
+    CLAIM,
+    LEAST_DELTA_BIC,
     LEAST_GAIN,
+    LEAST_GAIN_OF_CLAIM,
+    LIKELY_IF_FIRST,
     LITTLE_NOISE,
     Candidate,
     SearchStep,
     Weigh,
     likeliest_alternatives,
+    put_special_first,
     weigh_likely,
     without_name,
 )
-from .held_out import HeldOutRows, held_out, refitted_prediction, without_folds
-from .in_loop import LIKELY_IF_FIRST, LoopJudge
-from .joint import JointParent
-from .progress import Progress
-from .signatures import traces_of, without_noise
-from .special_cases import special_first
+from .statuses import Ending, Verdict
 
 PARTS = 3  # of the work for each process
 N_RIVALS = 2  # effects that may be the first instead
@@ -46,8 +58,52 @@ HOPELESS = 0.002  # of the output's power
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
 TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
 ADDED = ("path", "sum")  # places where the order of effects changes nothing
-CLAIM = "wrong_delay"  # the effect by which a given delay is freed
-LEAST_GAIN_OF_CLAIM = 0.6  # VAF points: a little delay makes up for much that is not one
+N_FEW = 3  # candidates beside which others are tried
+
+
+class Progress:
+    """Steps of a search, and what is done in each, as subtasks of its ``fit``.
+
+    Without a context it says nothing, as in other processes.
+
+    Parameters
+    ----------
+    estimator : EffectSearchCV or None, default=None
+        The search.
+    context : CallbackContext or None, default=None
+        That of its ``fit``.
+    """
+
+    def __init__(self, estimator: Any = None, context: Any = None):
+        self._estimator, self._context = estimator, context
+        self._task: Any = None
+        self._left = 0
+
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(Progress())
+
+    @contextmanager
+    def step(self, n: int) -> Iterator[Callable[[int], None]]:
+        """A step of n pieces of work; inside another it is part of that."""
+        if self._context is None or self._task is not None:
+            yield self.done
+            return
+        task = self._context.subcontext(task_name="effects tried", max_subtasks=n)
+        self._task, self._left = task, n
+        task.call_on_fit_task_begin(estimator=self._estimator)
+        try:
+            yield self.done
+        finally:
+            self._task = None
+            task.call_on_fit_task_end(estimator=self._estimator)
+
+    def done(self, n: int) -> None:
+        """Say that n more pieces of work are done."""
+        for _ in range(min(n, self._left) if self._task is not None else 0):
+            self._left -= 1
+            piece = self._task.subcontext()
+            piece.call_on_fit_task_begin(estimator=self._estimator)
+            piece.call_on_fit_task_end(estimator=self._estimator)
 
 
 def unique_name(effect: Effect, effects: Effects) -> str:
@@ -218,7 +274,7 @@ class Search:
         known = base, parent, base_vaf, base_prediction
         step = SearchStep(*known, candidates, loop, self.refit, weigh)
         step.rank()
-        special_first(step)
+        put_special_first(step)
         return step
 
     def _weighing(self, base: Model) -> Weigh:
@@ -535,3 +591,172 @@ def without_superfluous(search: Search, path: Path) -> Path:
             path = replace(path, model=step.parent)
             return without_superfluous(search, path)
     return path
+
+
+def likeliest_few(first: SearchStep, path: Path) -> list[Candidate]:
+    """Candidates of the first step that gain on held-out rows, the likeliest first.
+
+    What the search began with has been tried beside all others.
+    """
+    begun = path.added[:1]
+    if first.weigh is not None:
+        first.weigh([c for c in first.candidates if c.unweighed])
+    found = [
+        c
+        for c in first.candidates
+        if c.model is not None
+        and not c.refused
+        and c.name not in begun
+        and c.gain >= c.least_gain
+        and np.isfinite(c.weight)
+    ]
+    return sorted(found, key=lambda c: -c.weight)[:N_FEW]
+
+
+def pair_of(search: Search, path: Path, most: int) -> Path | None:
+    """A path that begins with two effects which are named together, and not alone; or None.
+
+    Each must pass all criteria beside the other, as an effect added to a model that has the other.
+    """
+    first = path.steps[0]
+    if most < len(first.parent.effects) + 2:
+        return None
+    for one in likeliest_few(first, path):
+        assert one.model is not None
+        step = search.step(output_error_fit(one.model))
+        if step.best is None or step.best.model is None:
+            continue
+        pair = step.best.model
+        fewer = output_error_fit(search.fewer(pair, one.name, path.core))
+        effect = dict(pair.effects.steps)[one.name]
+        beside = search.judged(fewer, [Candidate(one.name, effect, model=output_error_fit(pair))])
+        if beside.best is None:
+            continue
+        longer = follow_from(search, Path([first, step], pair), most)
+        found = in_gaining_order(search, trimmed(search, longer, most), first)
+        if len(found.added) > 1:
+            return found
+    return None
+
+
+@dataclass
+class GivenDelay:
+    """A search whose model has a given delay, and the effect that frees it, with its name.
+
+    ``first`` is the first step of the search; for an operator, for which a search with a free delay
+    tries the same, it waits for that.
+    """
+
+    search: Search
+    baseline: Model
+    name: str
+    claim: Effect
+    first: SearchStep | None
+
+    @classmethod
+    def of(cls, search: Search, baseline: Model) -> GivenDelay | None:
+        """None where no delay was given, or it is not to be tested."""
+        claim = next((effect for effect in search.effects if effect.name == CLAIM), None)
+        known = {effect.name for _, effect in baseline.effects}
+        if claim is None or CLAIM in known or claim.refusal_in(search.record, search.core.kind):
+            return None
+        waits = type(search.core) is OperatorCore and bool(claim.free)
+        first = None if waits else search.step(baseline)
+        return cls(search, baseline, unique_name(claim, baseline.effects), claim, first)
+
+    def freed(self, prepared: Prepared, model: SimulatedModel) -> tuple[Prepared, Search, Model]:
+        """Data, search and baseline of the same model whose delay is free.
+
+        An operator is one that was given no delay, so that the search is the same; other models
+        keep the effect that frees theirs.
+        """
+        core, search = self.search.core, self.search
+        if self.first is not None:
+            claim = next(c for c in self.first.candidates if c.id == CLAIM)
+            assert claim.model is not None
+            return prepared, search, output_error_fit(claim.model)
+        assert type(core) is OperatorCore
+        free = OperatorCore(None, core.least)
+        record, searched = (
+            free.on(replace(one, _derived={})) for one in (prepared.record, search.record)
+        )
+        spec = replace(prepared.spec, core=free, given={})
+        prepared = replace(prepared, spec=spec, record=record)
+        effects = [*search.effects, *search.noises]
+        search = Search(free, searched, effects, search.folds, search.n_jobs, search.progress)
+        return prepared, search, model.first_fit(replace(prepared, record=searched))
+
+    def tested(self, free: Path) -> Path:
+        """The result of a search with a free delay; with the given one if the data allow it."""
+        search, name = self.search, self.name
+        first = self.first or self._first_beside(free.steps[0])
+        steps = [first, *(replace(step, parent=self._told(step.parent)) for step in free.steps)]
+        model = output_error_fit(self._told(free.model))
+        before = first.parent.effects.names
+        added = [n for n in model.effects.names if n not in (name, *before)]
+        path = Path(steps, model)
+        fixed = self._with_given(model, added, path.core)
+        step = search.judged(fixed, [Candidate(name, self.claim, model=model)])
+        ways = [(model, [name, *added]), (model, [*added, name])]
+        if not step.judge(step.candidates[0]):
+            ways.insert(0, (fixed, added))
+        for found, order in ways:
+            path = replace(path, model=ordered(found, [*before, *order]))
+            if rises(search, path):
+                return path
+        return in_gaining_order(search, path, first)
+
+    def stands(self, path: Path) -> bool:
+        """Whether one effect beside the given delay explains clearly more than another delay alone.
+
+        A free delay takes up much of what is fed back late, and leaves too little of it to find.
+        """
+        first = path.steps[0]
+        best, claim = first.best, next(c for c in first.candidates if c.name == self.name)
+        if path.added != [self.name] or best is None or best is claim or not best.linear_in_loop:
+            return False
+        first.judge(claim)
+        more = min(best.weight - claim.weight, best.joint - claim.joint)
+        return bool(more > LEAST_DELTA_BIC and best.gain > claim.gain)
+
+    def _first_beside(self, free: SearchStep) -> SearchStep:
+        """The first step with the given delay, from what that with a free one has found."""
+        claim = Candidate(self.name, self.claim, model=self._told(free.plain))
+        return self.search.step_from(self.baseline, free, [claim])
+
+    def _with_given(self, model: Model, added: list[str], core: dict[str, float]) -> Model:
+        """The model with the given delay: without what frees it, or built up anew, if better."""
+        search, effects = self.search, dict(model.effects.steps)
+        fewer = without(model, self.name, core)
+        again = self.baseline
+        for name in added:
+            again = extended(again, name, effects[name], search.criterion, search.coarse)
+        return min(fewer, output_error_fit(again), key=lambda one: one.sse)
+
+    def _told(self, model: Model) -> Model:
+        """A model with a free delay as one with a given delay and the effect that frees it."""
+        name, before = self.name, self.baseline.effects.names
+        if name in model.effects.names:
+            return model
+        core, steps = self.search.core, model.effects.steps
+        freeing = (name, self.claim)
+        effects = Effects([*steps[: len(before)], freeing, *steps[len(before) :]])
+        simulator = Simulator(core, effects, self.search.record)
+        extra = f"{name}__{self.claim.free[0].name}"
+        at = [model.simulator.names.index("tau_e" if n == extra else n) for n in simulator.names]
+        fit = model.fit.permuted(at)
+        theta = fit.theta.copy()
+        theta[simulator.names.index(extra)] -= core.delay({})
+        theta = np.clip(theta, simulator.low, simulator.high)
+        return Model(simulator, replace(fit, theta=theta))
+
+
+def with_given_delay(ending: Ending, free: Path, path: Path) -> Ending:
+    """The end of a search with a free delay, for the model whose delay was given."""
+    lost = {*free.ids} - {*path.ids}
+    named = [CLAIM] if CLAIM in path.ids else []
+    named += [name for name in ending.named if name not in lost]
+    verdict = ending.verdict
+    if not verdict.leaves_unknown:
+        verdict = Verdict.FOUND if named else Verdict.NOTHING
+    return Ending(verdict, named, ending.stand_ins)

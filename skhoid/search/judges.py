@@ -1,35 +1,186 @@
-"""Candidates judged in the closed loop, where the remnant cannot pass for a response."""
+"""What judges a model of a search, in numbers: held-out rows, closed loop, noise models, traces.
+
+What counts in these numbers is in :mod:`skhoid.search.judging`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
+from ..diagnosis.leaks import LeakTest, leak_of_channels
 from ..effects.base import Effect
+from ..effects.catalogue import CLASSES
 from ..effects.composition import Effects
-from ..effects.record import Record
+from ..effects.record import Record, Signature, fastest_of, step_of, stop_of
 from ..model.cores import Core
 from ..model.estimator import vaf_of_output
-from ..model.fitting import Criterion, minimise
+from ..model.extend import refitted, shared_derivatives
+from ..model.fitting import Criterion, minimise, whitened_derivatives
+from ..model.likelihood import likeliest, usual_starts
 from ..model.loop import Loop, LoopSimulator, drawn, loop_of
 from ..model.model import Model
 from ..model.simulator import Simulator
-from .held_out import HeldOutRows, refitted_prediction
-from .joint import RATES
 
-LEAST_DELTA_BIC = 20.0  # of an effect that counts
-LEAST_GAIN = 0.1  # VAF points on held-out rows of an effect that counts
-LEAST_IF_BETTER, MUCH_BETTER = 5.0, 0.3  # the same, of one that gains so many points of VAF there
+TAKEN_BACK = (0.9, 0.8, 0.5)  # shares of the way
+RATES = (12.5, 6.25)  # Hz: faster, errors of sensors and simulation count more than the remnant
+LOST = 10.0  # by which a larger model that has not been fitted well is worse
 LEAST_RATE = 45.0  # Hz, to which records are thinned
-LIKELY, LIKELY_IF_FIRST, LIKELY_BESIDE_BENT = 25.0, 12.0, 50.0  # with a noise model of its own
 MOSTLY = 0.5  # of the power of a change of the output
 ITERATIONS = 10
 N_TRIED = 2  # iterations from each of several starts
 TOLERANCE = 1e-4
+
+
+@dataclass
+class HeldOutRows:
+    """Rows to hold out, and rows to fit on, of shape (n_samples, n_runs)."""
+
+    test: np.ndarray
+    train: np.ndarray
+
+
+def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -> np.ndarray:
+    """Free runs of each fold's rows with parameters fitted without them.
+
+    The parameters of a fold are one Gauss-Newton step from those of all rows, with the normal
+    equations of its training rows; rows in no fold keep the prediction of all rows.
+    """
+    simulator, record = model.simulator, model.simulator.record
+    output = model.output
+    prediction = output.copy()
+    table = whitened_derivatives(simulator, criterion, model.theta)
+    by_row = table.reshape(len(table), *criterion.y.shape)
+    variance = float(table[-1] @ table[-1]) / max(criterion.n, 1)
+    curvature, slope = simulator.prior.weighing(variance).normal_equations(model.theta)
+    inside = (model.theta > simulator.low) & (model.theta < simulator.high)
+    if not inside.any():
+        return prediction
+    for fold in folds:
+        train = fold.train[:: criterion.thin]
+        rows = by_row[:, train]
+        gram = rows @ rows.T
+        normal, gradient = gram[:-1, :-1] + curvature, gram[:-1, -1] + slope
+        block = normal[np.ix_(inside, inside)]
+        ridge = 1e-9 * np.diag(block).max() if block.size else 0.0
+        step = np.zeros_like(model.theta)
+        scale = np.sqrt(np.maximum(np.diag(block), ridge + 1e-300))
+        scaled = block / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
+        step[inside] = np.linalg.solve(scaled, gradient[inside] / scale) / scale
+        moved = simulator.run(np.clip(model.theta + step, simulator.low, simulator.high))
+        # Beyond the range of its linearisation a step may worsen even its own training rows.
+        after = criterion.whitened(criterion.residual(moved)[None])[0].reshape(train.shape)
+        if not np.sum(after[train] ** 2) <= gram[-1, -1]:
+            moved = output
+        prediction[fold.test] = moved[fold.test]
+    assert record.y is not None
+    return np.where(np.isfinite(prediction), prediction, 0.0)
+
+
+def refitted_prediction(
+    model: Model, criterion: Criterion, folds: Sequence[HeldOutRows], **ends: Any
+) -> np.ndarray:
+    """Free runs of each fold's rows with parameters fitted anew without them, to the end.
+
+    Fits end as those of :func:`~skhoid.model.extend.refitted` do, which ``ends`` may set. A fit
+    in a loop may end at the brink of what settles, where the loop is not solved again: it is taken
+    back towards where it began. NaN where that has no solution either. Curves over a channel hold
+    their last value beyond what the rows that were fitted have of it.
+    """
+    prediction = model.output.copy()
+    for fold, fitted in without_folds(model, criterion, folds, **ends):
+        prediction[fold.test] = within_seen(fitted, fold).output[fold.test]
+    return prediction
+
+
+def within_seen(fitted: Model, fold: HeldOutRows) -> Model:
+    """A model on the record with channels that curves are over within what the fold was fitted on.
+
+    Beyond, the data say nothing of the curve, and a straight line may lead anywhere.
+    """
+    simulator = fitted.simulator
+    record, changed = simulator.record, {}
+    for _, effect in fitted.effects:
+        name = getattr(effect, "channel", None)
+        if not effect.free_form or name is None or getattr(effect, "over", None) != name:
+            continue
+        channel = record.channel(name)
+        seen = channel[fold.train]
+        bounded = np.clip(channel, seen.min(), seen.max())
+        if (bounded != channel)[fold.test].any():
+            changed[name] = bounded
+    if not changed:
+        return fitted
+    return Model(simulator.on(record.changed(changed)), fitted.fit, fitted.other_cores)
+
+
+def without_folds(
+    model: Model, criterion: Criterion, folds: Sequence[HeldOutRows], **ends: Any
+) -> Iterator[tuple[HeldOutRows, Model]]:
+    """Each fold and the model of :func:`refitted_prediction` that was fitted without its rows."""
+    rows = shared_derivatives(model, criterion)
+    for fold in folds:
+        fitted = refitted(model, criterion, fold.train, rows=rows, **ends)
+        theta = fitted.theta
+        for share in TAKEN_BACK:
+            if np.isfinite(fitted.output).all():
+                break
+            fitted = fitted.at(model.theta + share * (theta - model.theta))
+        yield fold, fitted
+
+
+class JointParent:
+    """A model against which others are judged by likelihood.
+
+    The remnant comes back in the error, and the noise model of a simulation-error fit holds the
+    bias which that makes. Here each model has the noise model with which it is likeliest. What is
+    likely at one rate only is an error of the simulation or of a sensor, or structure that the
+    noise model cannot hold: ΔBIC is the least of all rates.
+    """
+
+    def __init__(self, parent: Model):
+        self.parent = parent
+        simulator = parent.simulator
+        starts = [parent.theta, *usual_starts(simulator, parent.theta)]
+        self.found = [likeliest(simulator, starts, RATES[0])]
+        for rate in RATES[1:]:  # its minimum is near that of the rate before
+            last = self.found[-1]
+            starts = starts if last is None else [last[1], parent.theta]
+            self.found.append(likeliest(simulator, starts, rate))
+
+    def delta_bic(self, model: Model, least: float = -np.inf) -> float:
+        """Of what a model has beside the parent; NaN where a likelihood has no maximum.
+
+        Rates after one at which it is not above ``least`` are left out.
+        """
+        found = np.inf
+        for at_parent, rate in zip(self.found, RATES, strict=True):
+            found = float(np.minimum(found, self._at_rate(model, at_parent, rate)))
+            if not found > least:
+                break
+        return found
+
+    def _at_rate(self, model: Model, found: tuple[float, np.ndarray] | None, rate: float) -> float:
+        simulator, parent = model.simulator, self.parent.simulator
+        shared = [simulator.names.index(name) for name in parent.names]
+        starts = [model.theta]
+        if found is not None:
+            beside = model.theta.copy()
+            beside[shared] = found[1]
+            starts.append(beside)
+        larger = likeliest(simulator, starts, rate)
+        if larger is None:
+            return np.nan
+        fewer = likeliest(parent, [larger[1][shared]], rate, known=found)
+        if fewer is None or fewer[0] < larger[0] - LOST:
+            return np.nan
+        n = Criterion(simulator.record, rate=rate).n
+        added = model.n_parameters - self.parent.n_parameters
+        return fewer[0] - larger[0] - added * float(np.log(n))
 
 
 @dataclass(frozen=True)
@@ -48,33 +199,6 @@ class InLoop:
     gain: float = np.nan
     bends: bool | None = None
     beside: Literal["nothing", "others", "bent"] = "others"
-
-    @property
-    def refutes(self) -> bool:
-        """Whether the loop is known, and the model no better than the parent there."""
-        if self.bends:
-            return self.delta_bic < -LEAST_DELTA_BIC
-        least = LEAST_IF_BETTER if self.gain >= MUCH_BETTER else LEAST_DELTA_BIC
-        return self.delta_bic <= least or self.gain < LEAST_GAIN
-
-    @property
-    def asked(self) -> float:
-        """ΔBIC asked of it by a noise model that is estimated along.
-
-        Less where it is the first, and not linear: of nothing, such effects have hardly any. Where
-        the loop is not asked, what stands beside one that bends takes up what its form leaves.
-        """
-        if self.beside == "nothing" and self.bends:
-            return LIKELY_IF_FIRST
-        unsolved = bool(np.isnan(self.delta_bic))
-        if unsolved and (self.beside == "bent" or self.bends is False):
-            return LIKELY_BESIDE_BENT
-        return LIKELY
-
-    @property
-    def against(self) -> float:
-        """ΔBIC that the loop has against a model that is not linear."""
-        return max(-self.delta_bic, 0.0) if self.bends else 0.0
 
 
 def only_levels(added: Sequence[Effect], parent: Model, model: Model) -> bool:
@@ -284,3 +408,77 @@ class LoopParent:
         if not np.isfinite(predicted[judge.record.known]).all():
             return np.nan
         return vaf_of_output(judge.record, predicted)
+
+
+def leak_of(model: Model) -> LeakTest | None:
+    """The leak test of a model's free run; None where x is not known, or nobody steers."""
+    record = model.simulator.record
+    if record.y is None or record.roles.get(record.inputs[0]) != "e":
+        return None
+    names: dict[str, str] = {}
+    for name, role in record.roles.items():
+        if role and record.channels[name].shape == record.y.shape:
+            names.setdefault(role, name)
+    channels = {role: record.channels[name] for role, name in names.items()}
+    told = {getattr(effect, "channel", None) for _, effect in model.effects}
+    with np.errstate(all="ignore"):
+        return leak_of_channels(
+            np.where(record.known, record.y, np.nan),
+            model.output,
+            channels,
+            record.dt,
+            told=lambda role: names[role] in told,
+            least_delay=record.least_delay or record.dt,
+        )
+
+
+def traces_of(record: Record) -> dict[str, str]:
+    """Sentences on stops, rate limits and levels seen in the measured output, by effect."""
+    step = step_of(record)
+    if step is not None:
+        return {"quantised": f"the output takes few values, {step:.3g} apart"}
+    found = {}
+    stop = stop_of(record)
+    if stop is not None:
+        found["saturation"] = f"{100 * stop.share:.0f} % of the samples lie at {stop.where}"
+    fastest = fastest_of(record)
+    if fastest is not None:
+        share, limit = fastest
+        found["rate_limit"] = f"{100 * share:.0f} % of the rates lie at ±{limit:.3g} per second"
+    return found
+
+
+def noises_in(
+    residual: np.ndarray, record: Record, tried: Sequence[Effect]
+) -> tuple[list[tuple[Effect, Signature]], list[Signature]]:
+    """Effects that are noise to the free run, and show in a residual.
+
+    Those of ``tried`` with their signatures, then signatures of others of the catalogue.
+    """
+    by_name = {effect.name: effect for effect in tried if effect.noise}
+    named, others = [], []
+    for effect in by_name.values():
+        found = effect.signature(residual, record)
+        if found is not None:
+            named.append((effect, found))
+    for kind in CLASSES:
+        if kind.noise and kind.name not in by_name:
+            found = kind().signature(residual, record)
+            if found is not None:
+                others.append(found)
+    return named, others
+
+
+def without_noise(record: Record, output: np.ndarray, tried: Sequence[Effect]) -> Record | None:
+    """A record whose output lacks what effects of ``tried`` that are noise show in a residual.
+
+    The residual is that of a model's ``output``. None where nothing shows. A tremor bends the fit
+    of simulations, which has no noise model, and a resonance or a map that follows the error round
+    the loop could take up some of it.
+    """
+    assert record.y is not None
+    parts = [effect.noise_part(record.y - output, record) for effect in tried]
+    shown = [part for part in parts if part is not None]
+    if not shown:
+        return None
+    return replace(record, y=record.y - np.sum(shown, axis=0), _derived={})
