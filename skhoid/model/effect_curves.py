@@ -110,7 +110,7 @@ class Bench:
     def unit(self, signal: str) -> str | None:
         """Unit of a channel, or of the output for "u"."""
         units: dict[str, str | None] = self.model._units
-        return units.get(self.model._output_name if signal == "u" else signal)
+        return units.get(self.model.simulation_.output if signal == "u" else signal)
 
     @property
     def error(self) -> str:
@@ -245,7 +245,7 @@ def _runs(model: Any, X: Any, y: Any) -> tuple[Record, np.ndarray | None]:
     """Channels of runs as the model takes them, and their output; both empty where X is None."""
     simulation = model.simulation_
     if X is not None:
-        record, _ = simulation.record_of(model, *model._read_X(X, reset=False))
+        record = model.record_of(X)
         output = np.asarray(model.predict(X) if y is None else y, dtype=float)
         return record, output[np.isfinite(output)]
     element = model.controlled_element_
@@ -451,7 +451,7 @@ def signal_map(bench: Bench, signal: str) -> Response:
     up, down = out(bench.values)[:half], out(bench.values)[half:][::-1]
     loop = np.abs(up - down).max() > SEEN * size
     part = slice(None) if loop else slice(half)
-    name = bench.error if signal == "e" else bench.model._output_name
+    name = bench.error if signal == "e" else bench.model.simulation_.output
     unit = bench.unit(name if signal == "e" else "u")
     what = {"e": _answered(bench), "u": "output"}.get(signal, "command")
     met = {"e": bench.error, "u": "u"}.get(signal)  # the command is not measured
@@ -682,7 +682,7 @@ def spring(bench: Bench) -> Response:
         "spring",
         x,
         lines,
-        with_unit(f"output {bench.model._output_name}", bench.unit("u")),
+        with_unit(f"output {bench.model.simulation_.output}", bench.unit("u")),
         with_unit("command that holds it", unit),
         without=Curve(x, _holding(bench, bench.theta) * x),
         measured=bench.met("u"),
@@ -718,7 +718,7 @@ def inside(bench: Bench) -> Response:
             return {"with the effect": added.force(np.zeros_like(x), x)}
         return {"with the effect": _holding(bench, theta) * x + added.force(x)}
 
-    name, unit = bench.model._output_name, bench.unit("u")
+    name, unit = bench.model.simulation_.output, bench.unit("u")
     without = np.zeros(N_WAVE) if of_rate else x if has_stops else _holding(bench, bench.theta) * x
     what = "force against the input" if of_rate else "input that holds it"
     if limb:

@@ -22,11 +22,15 @@ from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.parameter import CoreKind
 from ..effects.record import Record
-from ..exceptions import did_you_mean
+from ..exceptions import UsageError, did_you_mean
 from ..human import ELEMENT, ControlledElement, LinearElement
+from ..human.controlled_element import simplest
+from ..parameters import ParameterTable
 from ..preprocessing.base import keep_parameters
 from ..preprocessing.grid import ModelGrid
-from ..regression import RunRegressor
+from ..regression import DataToFit, RunRegressor
+from ..runs import run_column
+from ..runs.roles import EXACT, roles_of
 from ..text import (
     VAF_RULE,
     ModelSummary,
@@ -36,6 +40,7 @@ from ..text import (
     signal_facts,
 )
 from .cores import Core
+from .element import estimate_element, given_element
 from .extend import beside_each_other, extended, on_all_runs
 from .fitting import Criterion, RemnantModel, minimise, record_of_some
 from .initial import begun_where_it_pays, error_of
@@ -48,7 +53,16 @@ from .parameters import (
     moved,
     parameter_table,
 )
-from .prepared import Prepared, SegmentColumns, SimulatedCore, build_record, measured, prepared_for
+from .prepared import (
+    Prepared,
+    SegmentColumns,
+    SimulatedCore,
+    beginning,
+    build_record,
+    check_moving,
+    check_rows,
+    measured,
+)
 from .simulator import Simulator
 from .uncertainty import covariance_of, profile_intervals
 
@@ -58,14 +72,15 @@ class Simulation:
     """Estimates of a core with effects, and what free runs and texts also need.
 
     ``effects`` have their choices made, with None for what was estimated, as ``theta`` has it;
-    ``spread`` are standard deviations of the channels and of the output "u" in the fit,
-    ``duration`` is that of its longest run in seconds.
+    ``output`` is the name of the output; ``spread`` are standard deviations of the channels and of
+    the output "u" in the fit, ``duration`` is that of its longest run in seconds.
     """
 
     spec: SimulatedCore
     effects: Effects
     theta: np.ndarray
     covariance: pd.DataFrame
+    output: str
     channels: list[int]
     roles: dict[str, str]
     settling: float
@@ -77,75 +92,173 @@ class Simulation:
     begins: str
     levels: tuple[float, float]
 
-    def record_of(
-        self, estimator: Any, grid: ModelGrid, values: np.ndarray
-    ) -> tuple[Record, SegmentColumns]:
-        """Data to predict as a record."""
-        names = estimator._channel_names(self.channels)
-        held = estimator._hold(grid, grid.thin_inputs(values), self.channels, names)
-        element = estimator.controlled_element_
-        return build_record(
-            grid,
-            names,
-            held,
-            self.roles,
-            estimator.inputs_,
-            controlled_element=None if element is None else LinearElement.of(element),
-        )
-
-    def free_run(self, estimator: Any, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
-        """Free run on the grid."""
-        record, columns = self.record_of(estimator, grid, values)
-        return columns.rows(self._run(self.spec.core.on(record), self.begins))
-
-    def _run(self, record: Record, initial: str) -> np.ndarray:
-        begun = replace(record, initial=initial, levels=self.levels)
+    def run(self, record: Record, begins: str | None = None) -> np.ndarray:
+        """Free run (n_samples, n_runs) from rest, or as the fit found that runs begin."""
+        begun = replace(record, initial=begins or self.begins, levels=self.levels)
         return Simulator(self.spec.core, self.effects, begun).run(self.theta)
 
-    def from_rest(self, estimator: Any, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
-        """Free run on the grid from rest."""
-        record, columns = self.record_of(estimator, grid, values)
-        return columns.rows(self._run(self.spec.core.on(record), REST))
-
     def run_from(
-        self,
-        estimator: Any,
-        grid: ModelGrid,
-        values: np.ndarray,
-        output: np.ndarray,
-        initial: str | None,
+        self, record: Record, known: np.ndarray, y: np.ndarray, initial: str | None
     ) -> np.ndarray:
         """Free run from initial states that fit the output; None: only in runs that show them."""
-        record, columns = self.record_of(estimator, grid, values)
-        record = self.spec.core.on(record)
-        free = self._run(record, self.begins)
+        free = self.run(record)
         if initial == REST:
-            return columns.rows(free)
-        known, y = measured(grid, columns, output), columns.beside(np.nan_to_num(output))
+            return free
         record = replace(record, y=y, known=known, _derived={})
-        fitted = self._run(record, ESTIMATE)
-        return columns.rows(
-            begun_where_it_pays(record, free, fitted) if initial is None else fitted
-        )
+        fitted = self.run(record, ESTIMATE)
+        return begun_where_it_pays(record, free, fitted) if initial is None else fitted
 
 
-class SimulatedModelMixin:
-    """What a search needs from a model with a core: see :class:`~.protocol.SimulatedModel`.
+class GreyBox(RunRegressor):
+    """A core with effects, simulated, whose parameters are estimated by maximum likelihood.
 
-    An estimator names its core in ``_simulated_core``, and sets its attributes from an estimate
-    in ``_take_over``.
+    A subclass has the parameters ``inputs``, ``effects``, ``roles``, ``controlled_element``,
+    ``settling``, ``dt`` and ``run``, stores them in ``__init__`` as every estimator does, and says
+    in ``_simulated_core`` what the core is and how it is fitted without effects. It is a
+    :class:`SimulatedModel`: searches take it.
     """
 
     effects: Any
-    _takes_first = False  # channel, where none has the role e
+    controlled_element: Any
+    settling: float
+    parameter_table_: ParameterTable
+    _takes_first = True  # channel, where none has the role e
     _fixed_core = False  # whether parameters of the core stay as fitted
+
+    _parameter_constraints: dict = {
+        "inputs": ["array-like", str, int, None],
+        "effects": [Effect, Effects, str, list, tuple, None],
+        "roles": [dict, None],
+        "controlled_element": ELEMENT,
+        "settling": [Interval(Real, 0, None, closed="left")],
+        "initial": [StrOptions({"rest", "estimate"}), None],
+        "start": [dict, None],
+        "dt": DT,
+        "run": "no_validation",
+    }
 
     def _simulated_core(self) -> SimulatedCore:
         raise NotImplementedError
 
+    def set_params(self, **params: Any) -> Any:
+        """Set parameters, of effects and of what else is nested by ``<name>__<parameter>``.
+
+        Parameters
+        ----------
+        **params : dict
+            Values.
+
+        Returns
+        -------
+        self : estimator
+
+        Raises
+        ------
+        ValueError
+            If there is no such parameter: effects given by name have none.
+        """
+        nested = next((name for name in params if name.startswith("effects__")), None)
+        effects = params.get("effects", self.effects)
+        if nested is not None and not hasattr(effects, "set_params"):
+            raise ValueError(
+                f"{nested} cannot be set: effects={effects!r} has no parameters of its own. Give "
+                f"effects as objects instead: "
+                f"effects=skhoid.effects.Effects.of({'...' if effects is None else repr(effects)})."
+            )
+        return super().set_params(**params)
+
+    @fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X: Any, y: Any) -> Any:
+        """Estimate all parameters.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Output of the operator; NaN where not measured.
+
+        Returns
+        -------
+        self : estimator
+        """
+        prepared = self._prepared(self._read_data(X, y, "all", in_parts=True))
+        model = self.first_fit(prepared)
+        self._take_over(prepared, *likelihood_fit(model, Criterion(prepared.record)))
+        return self
+
     def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
         """Set the attributes of a fit."""
-        raise NotImplementedError
+        self._set_estimates(prepared, model, noise)
+        self.simulation_parameters_ = of_least_error(model, prepared)
+
+    def _set_estimates(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
+        record = model.simulator.record
+        criterion = Criterion(record, noise)
+        intervals = {}
+        if record.core != CoreKind.ARX:
+            own = criterion_of(model, noise)
+            covariance = covariance_of(model.simulator, own, model.fit, prior_of(model.simulator))
+            intervals = profile_intervals(model, own, covariance)
+        else:
+            covariance = model.covariance()
+        n, output = criterion.n, model.output
+        self.noise_ar_ = noise.ar
+        self.loglik_ = -0.5 * n * float(np.log(max(model.sse, 1e-300) / n))
+        self.bic_ = -2 * self.loglik_ + model.n_parameters * float(np.log(n))
+        self.n_rows_used_ = int(record.known.sum())
+        self.vaf_ = vaf_of_output(record, output)
+        self.parameter_table_ = parameter_table(
+            model.simulator,
+            model.theta,
+            covariance,
+            prepared.units,
+            prepared.spec.given,
+            intervals,
+        )
+        self.parameters_ = self.parameter_table_.estimates()
+        self.effects_ = effects_with_values(model)
+        self.covariance_ = covariance_frame(model.simulator, covariance)
+        self.simulation_ = Simulation(
+            spec=prepared.spec,
+            effects=model.effects,
+            theta=model.theta,
+            covariance=self.covariance_,
+            output=prepared.output,
+            channels=prepared.channels,
+            roles=prepared.roles,
+            settling=self.settling,
+            n_residuals=n,
+            rmse=float(np.sqrt(np.mean((record.y - output)[record.known] ** 2))),
+            duration=record.duration,
+            spread={name: record.sd(name) for name in (*record.channels, "u")},
+            **self._first_samples(prepared, model),
+        )
+
+    def _first_samples(self, prepared: Prepared, model: Model) -> dict[str, Any]:
+        """How free runs begin: from rest, or from where inputs held at their first values have led.
+
+        By default from rest, unless the fitted rows show otherwise.
+        """
+        record = replace(model.simulator.record, known=prepared.measured, _derived={})
+        assert record.y is not None
+        initial = getattr(self, "initial", None)
+        if not getattr(model.simulator.core, "has_states", False):
+            initial = REST
+        y = record.y[record.known]
+        levels = float(y.min()), float(y.max())
+        begins = REST if initial == REST else HELD
+        if initial is None:
+            left = {}
+            for way in (REST, HELD):
+                begun = replace(record, initial=way, levels=levels)
+                simulator = Simulator(model.simulator.core, model.effects, begun)
+                left[way] = error_of(record, simulator.run(model.theta))
+            begins = HELD if pays(left[REST], left[HELD], y) else REST
+        self.initial_ = REST if begins == REST and record.initial == REST else ESTIMATE
+        if self.initial_ == ESTIMATE:
+            initial = ESTIMATE
+        return {"initial": initial, "begins": begins, "levels": levels}
 
     def with_effect(self, effect: Any) -> Any:
         """A new, unfitted model with one more effect: fit it to add the effect.
@@ -195,18 +308,12 @@ class SimulatedModelMixin:
         True
         """
         check_is_fitted(self)
-        if self._fixed_core and not len(self.effects_):  # type: ignore[attr-defined]
+        if self._fixed_core and not len(self.effects_):
             raise ValueError(
                 f"This {type(self).__name__} has no effects, and only parameters of effects can be "
                 "moved: add one by with_effect(...), and fit."
             )
-        taken, simulation = moved(self, values, self._fixed_core)
-        taken._move(simulation)
-        return taken
-
-    def _move(self, simulation: Simulation) -> None:
-        """Simulate with other parameters from now on."""
-        raise NotImplementedError
+        return moved(self, values, self._fixed_core)
 
     def prepare(self, X: Any, y: Any) -> Prepared:
         """Read data for :meth:`first_fit`; searches call it.
@@ -223,7 +330,74 @@ class SimulatedModelMixin:
         prepared : Prepared
             The runs side by side as a record, and the core to simulate on them.
         """
-        return prepared_for(self, self._read_data(X, y, "all", in_parts=True))  # type: ignore[attr-defined]
+        return self._prepared(self._read_data(X, y, "all", in_parts=True))
+
+    def _prepared(self, data: DataToFit) -> Prepared:
+        """Data as a record; sets the controlled element."""
+        grid, _, output, thinned, values, known = data
+        if self._takes_first and self.inputs is None and len(self._columns) > 1:
+            # None has the role e.
+            self._columns, self.inputs_ = self._columns[:1], self.inputs_[:1]
+        if len(self._columns) != 1:
+            raise UsageError(
+                f"{type(self).__name__} with effects responds to one channel, but got inputs="
+                f"{self.inputs_}. Effects may use the other columns.",
+                hint='Name it by inputs=["..."].',
+                options=["input"],
+            )
+        columns = self._names or list(range(values.shape[1]))
+        skipped = None if self._run is None else run_column(columns, self._run)
+        channels = [i for i in range(values.shape[1]) if i != skipped]
+        names = self._channel_names(channels)
+        found = roles_of([columns[i] for i in channels], self.roles)
+        roles = dict(zip(names, found.values(), strict=True))
+        error, output_name = self.inputs_[0], self._output_name
+        roles[error] = "e"
+        held = self._hold(grid, thinned, channels, names)
+        given = self.controlled_element
+        record, sides = build_record(
+            grid,
+            names,
+            held,
+            roles,
+            self.inputs_,
+            output=output,
+            settling=self.settling,
+        )
+        if given is not None:
+            some = record_of_some(record) or record
+            record = replace(record, controlled_element=given_element(given, some))
+        spec = self._simulated_core()
+        if spec.check is not None:
+            spec.check(grid)
+        record = spec.core.on(record)
+        initial = getattr(self, "initial", None)
+        record = replace(record, initial=beginning(spec.core, record, initial, self.settling))
+        check_rows(record, len(spec.core.parameters), grid, self.settling)
+        check_moving(record, thinned[:, self._columns[0]], error, output_name)
+        if given is None:
+            some = record_of_some(record) or record
+            record = replace(record, controlled_element=estimate_element(some))
+        element = record.controlled_element
+        self.controlled_element_ = None if element is None else simplest(element)
+        units = self._units
+        return Prepared(
+            spec=spec,
+            record=record,
+            columns=sides,
+            grid=grid,
+            table=values,
+            names=columns,
+            channels=channels,
+            roles=roles,
+            units={"u": units.get(output_name), "e": units.get(error)}
+            | {f"[{role}]": units.get(name) for name, role in roles.items() if role in EXACT}
+            | {f"[{name}]": unit for name, unit in units.items()},
+            n_missing=int(np.isnan(output).sum()),
+            output=output_name,
+            measured=measured(grid, sides, output),
+            known=known,
+        )
 
     def first_fit(self, prepared: Prepared) -> Model:
         """Fit the core with the model's effects, by the simulation error alone.
@@ -257,7 +431,7 @@ class SimulatedModelMixin:
         model : estimator
             Remembers the columns of X as this one does, and shares no parameter with it.
         """
-        taken = copy.copy(self).set_params(**clone(self).get_params(deep=False))  # type: ignore[attr-defined]
+        taken = copy.copy(self).set_params(**clone(self).get_params(deep=False))
         keep_parameters(taken)
         taken._take_over(prepared, fitted, noise)
         return taken
@@ -275,97 +449,108 @@ class SimulatedModelMixin:
         y_pred : ndarray of shape (n_rows,)
             The same as ``predict(X)``.
         """
-        found = self._free_run(prepared.grid, prepared.table)  # type: ignore[attr-defined]
+        found = self._free_run(prepared.grid, prepared.table)
         return prepared.grid.to_full_rate(found)
 
-
-class GreyBox(SimulatedModelMixin, RunRegressor):
-    """A core with effects, simulated, whose parameters are estimated by maximum likelihood.
-
-    A subclass has the parameters ``inputs``, ``effects``, ``roles``, ``controlled_element``,
-    ``settling``, ``dt`` and ``run``, stores them in ``__init__`` as every estimator does, and says
-    in ``_simulated_core`` what the core is and how it is fitted without effects.
-    """
-
-    controlled_element: Any
-    settling: float
-    _takes_first = True
-
-    _parameter_constraints: dict = {
-        "inputs": ["array-like", str, int, None],
-        "effects": [Effect, Effects, str, list, tuple, None],
-        "roles": [dict, None],
-        "controlled_element": ELEMENT,
-        "settling": [Interval(Real, 0, None, closed="left")],
-        "initial": [StrOptions({"rest", "estimate"}), None],
-        "start": [dict, None],
-        "dt": DT,
-        "run": "no_validation",
-    }
-
-    def set_params(self, **params: Any) -> Any:
-        """Set parameters, of effects and of what else is nested by ``<name>__<parameter>``.
-
-        Parameters
-        ----------
-        **params : dict
-            Values.
-
-        Returns
-        -------
-        self : estimator
-
-        Raises
-        ------
-        ValueError
-            If there is no such parameter: effects given by name have none.
-        """
-        nested = next((name for name in params if name.startswith("effects__")), None)
-        effects = params.get("effects", self.effects)
-        if nested is not None and not hasattr(effects, "set_params"):
-            raise ValueError(
-                f"{nested} cannot be set: effects={effects!r} has no parameters of its own. Give "
-                f"effects as objects instead: "
-                f"effects=skhoid.effects.Effects.of({'...' if effects is None else repr(effects)})."
-            )
-        return super().set_params(**params)
-
-    @fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X: Any, y: Any) -> Any:
-        """Estimate all parameters.
+    def record_of(self, X: Any) -> Record:
+        """Channels of runs as a record, as simulations of this fitted model take them.
 
         Parameters
         ----------
         X : DataFrame or array of shape (n_rows, n_columns)
             Channels, one row per sample.
-        y : Series or array of shape (n_rows,)
-            Output of the operator; NaN where not measured.
 
         Returns
         -------
-        self : estimator
+        record : Record
         """
-        prepared = prepared_for(self, self._read_data(X, y, "all", in_parts=True))
-        model = self.first_fit(prepared)
-        self._take_over(prepared, *likelihood_fit(model, Criterion(prepared.record)))
-        return self
+        return self._record(*self._read_X(X, reset=False))[0]
 
-    def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
-        self.simulation_ = simulation_of(self, prepared, model, noise)
-        self.covariance_ = self.simulation_.covariance
-        self.simulation_parameters_ = of_least_error(model, prepared)
-
-    def _move(self, simulation: Simulation) -> None:
-        self.simulation_ = simulation
+    def _record(self, grid: ModelGrid, values: np.ndarray) -> tuple[Record, SegmentColumns]:
+        """Data to predict as a record."""
+        simulation, element = self.simulation_, self.controlled_element_
+        names = self._channel_names(simulation.channels)
+        record, columns = build_record(
+            grid,
+            names,
+            self._hold(grid, grid.thin_inputs(values), simulation.channels, names),
+            simulation.roles,
+            self.inputs_,
+            controlled_element=None if element is None else LinearElement.of(element),
+        )
+        return simulation.spec.core.on(record), columns
 
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
-        return self.simulation_.free_run(self, grid, values)
+        record, columns = self._record(grid, values)
+        return columns.rows(self.simulation_.run(record))
 
     def _run_from(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
-        return self.simulation_.run_from(self, grid, values, output, self.simulation_.initial)
+        return self._run_begun(grid, values, output, self.simulation_.initial)
+
+    def _run_begun(
+        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, initial: str | None
+    ) -> np.ndarray:
+        record, columns = self._record(grid, values)
+        known, y = measured(grid, columns, output), columns.beside(np.nan_to_num(output))
+        return columns.rows(self.simulation_.run_from(record, known, y, initial))
 
     def _summary(self) -> ModelSummary:
-        return simulated_summary(self, self.simulation_)
+        simulation, element = self.simulation_, self.controlled_element_
+        facts = {
+            "Model": simulation.spec.description,
+            "Effects": ", ".join(self.effects_.names) or "none",
+            **signal_facts(self),
+            "Method": "maximum likelihood",
+            "Rows": f"{self.n_rows_used_}",
+            "Runs": f"{self._n_runs}",
+            **grid_facts(self),
+            "Residuals": f"{simulation.n_residuals} in the likelihood",
+            "Settling": f"{simulation.settling:g} s left out",
+            **self._fit_facts(),
+            "Noise model": f"AR({len(self.noise_ar_)})",
+        }
+        if element is not None:
+            facts["Element"] = (
+                f"K_c = {element.K_c:.4g}, omega_b = {element.omega_b:.4g} rad/s"
+                if isinstance(element, ControlledElement)
+                else str(element)
+            )
+        notes = [
+            simulation.spec.errors_note,
+            "They do not allow for effects that the model lacks: see compare and EffectSearchCV.",
+            "VAF and RMSE are those of the fitted rows; summary(X, y) gives the VAF of others. "
+            f"{VAF_RULE} Log-likelihood and BIC are without constants.",
+        ]
+        table = self.parameters_
+        if not (table["sd"] > 0).all():
+            notes.append(
+                "A dash in place of a standard error: given, at a bound, or not determined."
+            )
+        notes += delay_notes(table, getattr(simulation.spec.core, "least", 0.0))
+        least_error = getattr(self, "simulation_parameters_", None)  # of an operator
+        if least_error is not None:
+            notes += difference_notes(table, least_error)
+        return ModelSummary(
+            f"{type(self).__name__}: {simulation.output} from {self.inputs_[0]}",
+            facts,
+            estimates_table(table),
+            [
+                *notes,
+                *(f"{n}: {e.physics_in('human')} {e.formula}" for n, e in self.effects_),
+            ],
+        )
+
+    def _fit_facts(self) -> dict[str, str]:
+        """How good the fit is, as long as the parameters are those of the fit."""
+        if not hasattr(self, "vaf_"):
+            return {"Fit": "none: parameters were moved by hand"}
+        return {
+            "VAF, fit": f"{self.vaf_:.1f} % (free run)",
+            "RMSE, fit": quantity(self.simulation_.rmse, self._units.get(self._output_name))
+            + " (free run)",
+            "Log-likelihood": f"{self.loglik_:.1f}",
+            "BIC": f"{self.bic_:.1f}",
+        }
 
 
 def first_model(prepared: Prepared, effects: Effects) -> Model:
@@ -422,142 +607,12 @@ def started(model: Model, criterion: Criterion, start: Mapping[str, float]) -> M
     return Model(simulator, fit, model.other_cores) if fit.sse < model.sse else model
 
 
-def simulation_of(
-    estimator: Any, prepared: Prepared, model: Model, noise: RemnantModel
-) -> Simulation:
-    """Set what an estimator shows of a fit in simulation; return what predictions need."""
-    record = model.simulator.record
-    criterion = Criterion(record, noise)
-    intervals = {}
-    if record.core != CoreKind.ARX:
-        own = criterion_of(model, noise)
-        covariance = covariance_of(model.simulator, own, model.fit, prior_of(model.simulator))
-        intervals = profile_intervals(model, own, covariance)
-    else:
-        covariance = model.covariance()
-    n, output = criterion.n, model.output
-    estimator.noise_ar_ = noise.ar
-    estimator.loglik_ = -0.5 * n * float(np.log(max(model.sse, 1e-300) / n))
-    estimator.bic_ = -2 * estimator.loglik_ + model.n_parameters * float(np.log(n))
-    estimator.n_rows_used_ = int(record.known.sum())
-    estimator.vaf_ = vaf_of_output(record, output)
-    estimator.parameter_table_ = parameter_table(
-        model.simulator,
-        model.theta,
-        covariance,
-        prepared.units,
-        prepared.spec.given,
-        intervals,
-    )
-    estimator.parameters_ = estimator.parameter_table_.estimates()
-    estimator.effects_ = effects_with_values(model)
-    return Simulation(
-        spec=prepared.spec,
-        effects=model.effects,
-        theta=model.theta,
-        covariance=covariance_frame(model.simulator, covariance),
-        channels=prepared.channels,
-        roles=prepared.roles,
-        settling=estimator.settling,
-        n_residuals=n,
-        rmse=float(np.sqrt(np.mean((record.y - output)[record.known] ** 2))),
-        duration=record.duration,
-        spread={name: record.sd(name) for name in (*record.channels, "u")},
-        **first_samples(estimator, prepared, model),
-    )
-
-
-def first_samples(estimator: Any, prepared: Prepared, model: Model) -> dict[str, Any]:
-    """How free runs begin: from rest, or from where inputs held at their first values have led.
-
-    By default from rest, unless the fitted rows show otherwise.
-    """
-    record = replace(model.simulator.record, known=prepared.measured, _derived={})
-    assert record.y is not None
-    initial = getattr(estimator, "initial", None)
-    if not getattr(model.simulator.core, "has_states", False):
-        initial = REST
-    y = record.y[record.known]
-    levels = float(y.min()), float(y.max())
-    begins = REST if initial == REST else HELD
-    if initial is None:
-        left = {}
-        for way in (REST, HELD):
-            begun = replace(record, initial=way, levels=levels)
-            simulator = Simulator(model.simulator.core, model.effects, begun)
-            left[way] = error_of(record, simulator.run(model.theta))
-        begins = HELD if pays(left[REST], left[HELD], y) else REST
-    estimator.initial_ = REST if begins == REST and record.initial == REST else ESTIMATE
-    if estimator.initial_ == ESTIMATE:
-        initial = ESTIMATE
-    return {"initial": initial, "begins": begins, "levels": levels}
-
-
 def vaf_of_output(record: Record, output: np.ndarray) -> float:
     """VAF in percent over what is known."""
     assert record.y is not None
     y, error = record.y[record.known], (record.y - output)[record.known]
     power = float(y @ y)
     return 100.0 * (1.0 - float(error @ error) / power) if power > 0 else 0.0
-
-
-def simulated_summary(model: Any, simulation: Simulation) -> ModelSummary:
-    """Summary of a model whose parameters minimise the simulation error."""
-    output, element = model._output_name, model.controlled_element_
-    facts = {
-        "Model": simulation.spec.description,
-        "Effects": ", ".join(model.effects_.names) or "none",
-        **signal_facts(model),
-        "Method": "maximum likelihood",
-        "Rows": f"{model.n_rows_used_}",
-        "Runs": f"{model._n_runs}",
-        **grid_facts(model),
-        "Residuals": f"{simulation.n_residuals} in the likelihood",
-        "Settling": f"{simulation.settling:g} s left out",
-        **fit_facts(model, simulation),
-        "Noise model": f"AR({len(model.noise_ar_)})",
-    }
-    if element is not None:
-        facts["Element"] = (
-            f"K_c = {element.K_c:.4g}, omega_b = {element.omega_b:.4g} rad/s"
-            if isinstance(element, ControlledElement)
-            else str(element)
-        )
-    notes = [
-        simulation.spec.errors_note,
-        "They do not allow for effects that the model lacks: see compare and EffectSearchCV.",
-        "VAF and RMSE are those of the fitted rows; summary(X, y) gives the VAF of others. "
-        f"{VAF_RULE} Log-likelihood and BIC are without constants.",
-    ]
-    table = model.parameters_
-    if not (table["sd"] > 0).all():
-        notes.append("A dash in place of a standard error: given, at a bound, or not determined.")
-    notes += delay_notes(table, getattr(simulation.spec.core, "least", 0.0))
-    least_error = getattr(model, "simulation_parameters_", None)  # of an operator
-    if least_error is not None:
-        notes += difference_notes(table, least_error)
-    return ModelSummary(
-        f"{type(model).__name__}: {output} from {model.inputs_[0]}",
-        facts,
-        estimates_table(table),
-        [
-            *notes,
-            *(f"{n}: {e.physics_in('human')} {e.formula}" for n, e in model.effects_),
-        ],
-    )
-
-
-def fit_facts(model: Any, simulation: Simulation) -> dict[str, str]:
-    """How good the fit is, as long as the parameters are those of the fit."""
-    if not hasattr(model, "vaf_"):
-        return {"Fit": "none: parameters were moved by hand"}
-    return {
-        "VAF, fit": f"{model.vaf_:.1f} % (free run)",
-        "RMSE, fit": quantity(simulation.rmse, model._units.get(model._output_name))
-        + " (free run)",
-        "Log-likelihood": f"{model.loglik_:.1f}",
-        "BIC": f"{model.bic_:.1f}",
-    }
 
 
 def delay_notes(table: pd.DataFrame, least: float) -> list[str]:

@@ -77,12 +77,13 @@ def parameter_table(
         rows.append(given(ModelParameter(name, unit=S.label(units), meaning="given"), value))
     for name, effect in simulator.effects:
         limits = effect.limits(simulator.record)
-        for p in effect.parameters:
-            if p.name in effect.fixed:
-                one = p.on(simulator.record, effect.place, f"{name}__{p.name}", limits[p.name])
-                meaning = f"{p.meaning} (given)"
+        for spec in effect.parameters:
+            key = spec.name
+            if key in effect.fixed:
+                one = spec.on(simulator.record, effect.place, f"{name}__{key}", limits[key])
+                meaning = f"{spec.meaning} (given)"
                 one = replace(one, unit=one.dimension.label(units), meaning=meaning)
-                rows.append(given(one, effect.fixed[p.name]))
+                rows.append(given(one, effect.fixed[key]))
         for key, number in derived_with_errors(simulator, theta, covariance, name).items():
             rows.append(derived(f"{name}__{key}", *number))
     return ParameterTable(rows)
@@ -159,8 +160,8 @@ def parameter_text(table: pd.DataFrame, prefix: str) -> str:
     )
 
 
-def moved(model: Any, values: Mapping[str, float], fixed_core: bool) -> tuple[Any, Simulation]:
-    """A copy of a model with parameters at other values, and its simulation.
+def moved(model: Any, values: Mapping[str, float], fixed_core: bool) -> Any:
+    """A copy of a fitted model with parameters at other values.
 
     With ``fixed_core`` only parameters of effects may be moved.
     """
@@ -187,11 +188,11 @@ def moved(model: Any, values: Mapping[str, float], fixed_core: bool) -> tuple[An
             for name, one in effects
         ]
     )
-    at = replace(simulation, theta=theta, effects=effects)
-    new = {**found, **fixed, **following(at, {**found, **fixed})}
+    taken.simulation_ = replace(simulation, theta=theta, effects=effects)
+    new = {**found, **fixed, **following(taken.simulation_, {**found, **fixed})}
     taken.parameter_table_ = model.parameter_table_.moved(new, by_hand)
     taken.parameters_ = taken.parameter_table_.estimates()
-    return taken, at
+    return taken
 
 
 def own_of(name: str, values: Mapping[str, float]) -> dict[str, float]:

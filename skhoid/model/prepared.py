@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Literal, Protocol
 
@@ -12,17 +12,14 @@ import pandas as pd
 
 from ..arx.beginning import ESTIMATE, HELD, REST
 from ..effects.record import LARGE, Record, RowChannels, few_runs
-from ..exceptions import RankDeficiencyError, ShortRunError, UsageError
+from ..exceptions import RankDeficiencyError, ShortRunError
 from ..human import LinearElement
-from ..human.controlled_element import simplest
 from ..preprocessing.grid import ModelGrid
 from ..preprocessing.held_inputs import HeldInputs
-from ..regression import DataToFit, bad_output, segments, still
-from ..runs import run_column
-from ..runs.roles import EXACT, roles_of, target_is_sum
+from ..regression import bad_output, segments, still
+from ..runs.roles import EXACT, target_is_sum
 from .cores import Core
-from .element import estimate_element, given_element
-from .fitting import AR_ORDER, Criterion, RemnantModel, record_of_some
+from .fitting import AR_ORDER, Criterion, RemnantModel
 from .initial import FORGOTTEN
 from .model import Model
 
@@ -52,8 +49,8 @@ class Prepared:
     ``record`` has the runs side by side and ``columns`` says where they come from; ``table`` has
     all columns of X, called ``names``, at full rate; ``channels`` are the positions of those in the
     record, and ``roles`` their roles. ``units`` are the units of the data, as tables of parameters
-    need them. ``measured`` are the samples of the record with a measured output, including the
-    settling time; ``known`` are the corresponding rows of X.
+    need them; ``output`` is the name of the output. ``measured`` are the samples of the record with
+    a measured output, including the settling time; ``known`` are the corresponding rows of X.
     """
 
     spec: SimulatedCore
@@ -66,6 +63,7 @@ class Prepared:
     roles: dict[str, str]
     units: dict[str, str | None]
     n_missing: int
+    output: str
     measured: np.ndarray
     known: np.ndarray
 
@@ -79,73 +77,6 @@ class Prepared:
         first = self.columns.begin
         rows = first if self.grid.rows is None else self.grid.rows[first]
         return self.grid.layout.run_of(rows)
-
-
-def prepared_for(estimator: Any, data: DataToFit) -> Prepared:
-    """Data as a record for the core of an estimator, on which it sets the controlled element."""
-    grid, _, output, thinned, values, known = data
-    if estimator._takes_first and estimator.inputs is None and len(estimator._columns) > 1:
-        # None has the role e.
-        estimator._columns, estimator.inputs_ = estimator._columns[:1], estimator.inputs_[:1]
-    if len(estimator._columns) != 1:
-        raise UsageError(
-            f"{type(estimator).__name__} with effects responds to one channel, but got inputs="
-            f"{estimator.inputs_}. Effects may use the other columns.",
-            hint='Name it by inputs=["..."].',
-            options=["input"],
-        )
-    columns = estimator._names or list(range(values.shape[1]))
-    skipped = None if estimator._run is None else run_column(columns, estimator._run)
-    channels = [i for i in range(values.shape[1]) if i != skipped]
-    names = estimator._channel_names(channels)
-    found = roles_of([columns[i] for i in channels], estimator.roles)
-    roles = dict(zip(names, found.values(), strict=True))
-    error, output_name = estimator.inputs_[0], estimator._output_name
-    roles[error] = "e"
-    held = estimator._hold(grid, thinned, channels, names)
-    given = estimator.controlled_element
-    record, sides = build_record(
-        grid,
-        names,
-        held,
-        roles,
-        estimator.inputs_,
-        output=output,
-        settling=estimator.settling,
-    )
-    if given is not None:
-        some = record_of_some(record) or record
-        record = replace(record, controlled_element=given_element(given, some))
-    spec = estimator._simulated_core()
-    if spec.check is not None:
-        spec.check(grid)
-    record = spec.core.on(record)
-    initial = getattr(estimator, "initial", None)
-    record = replace(record, initial=beginning(spec.core, record, initial, estimator.settling))
-    check_rows(record, len(spec.core.parameters), grid, estimator.settling)
-    check_moving(record, thinned[:, estimator._columns[0]], error, output_name)
-    if given is None:
-        some = record_of_some(record) or record
-        record = replace(record, controlled_element=estimate_element(some))
-    element = record.controlled_element
-    estimator.controlled_element_ = None if element is None else simplest(element)
-    units = estimator._units
-    return Prepared(
-        spec=spec,
-        record=record,
-        columns=sides,
-        grid=grid,
-        table=values,
-        names=columns,
-        channels=channels,
-        roles=roles,
-        units={"u": units.get(output_name), "e": units.get(error)}
-        | {f"[{role}]": units.get(name) for name, role in roles.items() if role in EXACT}
-        | {f"[{name}]": unit for name, unit in units.items()},
-        n_missing=int(np.isnan(output).sum()),
-        measured=measured(grid, sides, output),
-        known=known,
-    )
 
 
 def beginning(core: Core, record: Record, initial: str | None, settling: float) -> str:
@@ -312,7 +243,7 @@ DOCUMENTED = 'docs/add-an-effect.md, "A model of your own", and skhoid.model.Sim
 class SimulatedModel(Protocol):
     """A scikit-learn regressor that simulates a core with effects, and that can be searched.
 
-    ``OperatorRegressor`` and ``ARXRegressor`` are such models. The easiest way to a model of your
+    ``OperatorRegressor`` and ``SimulatedARX`` are such models. The easiest way to a model of your
     own is a subclass of :class:`skhoid.model.GreyBox`, which has all of these but ``__init__``;
     any other class that has them will do. A search calls ``prepare`` and ``first_fit`` once, on a
     clone, tries effects on the record that it gets, and calls ``with_fit`` with what it found.

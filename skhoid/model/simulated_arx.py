@@ -11,14 +11,14 @@ import numpy as np
 from .._sklearn import Interval
 from ..arx.base import BaseARX, check_lengths
 from ..arx.batch import ARXRegressor
-from ..arx.beginning import ESTIMATE
+from ..arx.beginning import ESTIMATE, REST
 from ..arx.model_summary import orders_text
 from ..arx.orders import Orders
 from ..preprocessing.grid import ModelGrid
 from ..regression import segments
 from .arx_core import fitted_arx, forecast
 from .cores import ARXCore
-from .estimator import GreyBox, simulation_of
+from .estimator import GreyBox
 from .fitting import RemnantModel
 from .model import Model
 from .prepared import Prepared, SimulatedCore, check_simulated_model
@@ -214,8 +214,7 @@ class SimulatedARX(GreyBox, BaseARX):
         )
 
     def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
-        self.simulation_ = simulation_of(self, prepared, model, noise)
-        self.covariance_ = self.simulation_.covariance
+        self._set_estimates(prepared, model, noise)
         self.n_rows_missing_ = prepared.n_missing
         self.orders_ = self._orders()
         self.noise_variance_ = model.sse / max(model.fit.n - model.theta.size, 1)
@@ -240,9 +239,10 @@ class SimulatedARX(GreyBox, BaseARX):
     def _simulated(
         self, grid: ModelGrid, values: np.ndarray, output: np.ndarray | None
     ) -> np.ndarray:
-        if output is None:
-            return self.simulation_.from_rest(self, grid, values)
-        return self.simulation_.run_from(self, grid, values, output, ESTIMATE)
+        if output is not None:
+            return self._run_begun(grid, values, output, ESTIMATE)
+        record, columns = self._record(grid, values)
+        return columns.rows(self.simulation_.run(record, REST))
 
 
 def simulated_model(estimator: Any, purpose: str) -> Any:

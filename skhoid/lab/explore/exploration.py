@@ -15,7 +15,7 @@ from sklearn.base import clone
 
 from ...effects.composition import Effects
 from ...exceptions import did_you_mean
-from ...model.estimator import SimulatedModelMixin
+from ...model import GreyBox
 from ...model.simulated_arx import simulated_model
 from ...runs.roles import of_person
 from ...search.effect_search import EffectSearchCV
@@ -119,7 +119,7 @@ class Exploration:
         fitted: Sequence[Any] = (),
     ):
         estimator = simulated_model(estimator, "Exploration")
-        if not isinstance(estimator, SimulatedModelMixin):
+        if not isinstance(estimator, GreyBox):
             raise TypeError(
                 f"An exploration moves parameters, by with_parameters, which "
                 f"{type(estimator).__name__} lacks: derive it from skhoid.model.GreyBox."

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...diagnosis.comparison import Comparison
 from ...effects.composition import Effects
-from ...model.estimator import SimulatedModelMixin
+from ...model import GreyBox
 from ...runs import RunLayout, read_layout, run_name
 from ...search.effect_search import EffectSearchCV
 from .exploration import Exploration
@@ -41,7 +41,7 @@ def payload_of(
     search: EffectSearchCV | None, comparison: Comparison | None, X: Any, y: Any
 ) -> dict[str, Any] | None:
     """What a page shows of a search on X and y, or else of a comparison; None where neither can."""
-    if search is not None and isinstance(search.best_estimator_, SimulatedModelMixin):
+    if search is not None and isinstance(search.best_estimator_, GreyBox):
         return payload_of_search(search, X, y)
     return None if comparison is None else payload_of_comparison(comparison)
 
