@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from sklearn.base import BaseEstimator, clone
 
+from ..exceptions import did_you_mean
 from ..parameters import Kind, ParameterTable
 from .composition import Composable
+from .entry import Argument, complete
 from .error_scan import ErrorScan
 from .parameter import CoreKind, Dimension, Parameter
 from .record import Record, Signature
@@ -19,8 +21,9 @@ from .record import Record, Signature
 class Effect(Composable, BaseEstimator):
     """Base class of all effects; subclass it for an effect of your own.
 
-    A subclass lists its ``parameters``, takes each as a keyword argument of ``__init__`` with
-    default None, and implements ``apply``.
+    A subclass is an entry and a function: the entry lists ``parameters``, ``choices`` and words,
+    and ``apply`` does what it says. ``__init__``, which takes each parameter and choice by keyword
+    with default None, and the docstring follow from the entry.
 
     Attributes
     ----------
@@ -42,8 +45,19 @@ class Effect(Composable, BaseEstimator):
         The formula in LaTeX, with the names of parameters as they are; "" where there is none.
     source : str
         Where it comes from.
+    reference : str
+        The same in full, for the docstring; "" where ``source`` says all.
     parameters : tuple of Parameter
-        Its numbers.
+        Its numbers: of a class those of all forms, of an object those of its own.
+    choices : dict of str to tuple of str
+        Arguments that are choices, such as ``form``, with their options. One that is None is open,
+        and all are tried.
+    unless_given : dict of str to str
+        What a choice that is None means where nothing is tried; the first option unless it is here.
+    arguments : dict of str to Argument
+        Further arguments of ``__init__``, and those whose default or description is not the usual.
+    options : dict of str to tuple
+        What such arguments may be, besides None, where that is not free.
     smooth : bool
         Whether the response changes smoothly with the parameters; otherwise they are searched on a
         grid of their starts.
@@ -68,9 +82,6 @@ class Effect(Composable, BaseEstimator):
         effects of its own domain.
     machine_physics : str
         ``physics`` worded for a machine; "" where the wording is the same.
-    choices : dict of str to tuple of str
-        Arguments that are choices, such as ``form``, with their options. One that is None is open,
-        and all are tried.
     neutral : dict of str to float
         Values of parameters at which it does nothing, if there are any.
     unseen_at : dict of str to float
@@ -81,6 +92,14 @@ class Effect(Composable, BaseEstimator):
     within : tuple of str
         Ids of effects of which it is a special case, or nearly one: a search names these only where
         what they have beyond it counts as well.
+    told_apart : dict of str to str
+        What to record to tell it from other effects, by their ids.
+    examples : tuple of dict
+        Arguments, one of each form, with numbers for a person in condition C1, who sees errors of
+        up to 2 deg and has a stick of 0.3 deg.
+    hidden : dict
+        Arguments of an effect that matters in condition C1, where error and output have about 0.6
+        and 0.08 deg rms: what ``skhoid demo`` hides. Empty where a simulated loop cannot have it.
 
     See Also
     --------
@@ -105,9 +124,6 @@ class Effect(Composable, BaseEstimator):
     ...         ),
     ...     )
     ...
-    ...     def __init__(self, *, knee=None):
-    ...         self.knee = knee
-    ...
     ...     def apply(self, signal, record, knee):
     ...         return knee * np.arcsinh(signal / knee)
     >>> Compressed(knee=2.0)
@@ -121,20 +137,68 @@ class Effect(Composable, BaseEstimator):
     formula: ClassVar[str] = ""
     tex: ClassVar[str] = ""
     source: ClassVar[str] = ""
+    reference: ClassVar[str] = ""
     domains: ClassVar[tuple[str, ...]] = ("human", "machine")
     machine_physics: ClassVar[str] = ""
     parameters: tuple[Parameter, ...] = ()
+    choices: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    unless_given: ClassVar[Mapping[str, str]] = {}
+    arguments: ClassVar[Mapping[str, Argument]] = {}
+    options: ClassVar[Mapping[str, tuple[Any, ...]]] = {}
     smooth: bool = True
     kinks: ClassVar[bool] = False
     shades: ClassVar[bool] = False
     runs_apart: ClassVar[bool] = True
     n_hidden: int = 0
     noise: ClassVar[str] = ""
-    choices: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     neutral: Mapping[str, float] = {}
     unseen_at: Mapping[str, float] = {}
     free_form: ClassVar[bool] = False
     within: ClassVar[tuple[str, ...]] = ()
+    told_apart: ClassVar[Mapping[str, str]] = {}
+    examples: ClassVar[tuple[Mapping[str, Any], ...]] = ()
+    hidden: ClassVar[Mapping[str, Any]] = {}
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        complete(cls)
+
+    def __init__(self, **given: Any) -> None:
+        if given:
+            raise TypeError(f"{type(self).__name__} takes no arguments; got {', '.join(given)}.")
+
+    __init__.of_entry = True  # type: ignore[attr-defined]
+
+    if TYPE_CHECKING:  # arguments, which __init__ makes of the entry
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    @classmethod
+    def chosen_by_default(cls, argument: str) -> str:
+        """What a choice that is None means where nothing is tried."""
+        return cls.unless_given.get(argument, cls.choices[argument][0])
+
+    def chosen(self, argument: str) -> str:
+        """The option of a choice, or what None means."""
+        given: str | None = getattr(self, argument, None)
+        return self.chosen_by_default(argument) if given is None else given
+
+    def resolved(self, parameter: Parameter) -> Parameter:
+        """A parameter of the entry in the units of the channel that is chosen."""
+        channel = getattr(self, "channel", None)
+        if channel is None or not parameter.dimension.channels:
+            return parameter
+        return replace(parameter, dimension=parameter.dimension.with_channel(channel))
+
+    def check_choices(self) -> None:
+        """Raise a ValueError that lists the options where an argument is none of them."""
+        for argument, options in {**self.choices, **self.options}.items():
+            given = getattr(self, argument, None)
+            if given is not None and given not in options:
+                raise ValueError(
+                    f"{type(self).__name__}: {argument} must be {_or(options)} or None; got "
+                    f"{given!r}.{did_you_mean(str(given), [str(option) for option in options])}"
+                )
 
     def apply(self, signal: Any, record: Record, *args: Any, **values: Any) -> Any:
         """Output of the effect for the input ``signal``, at values of the parameters."""
@@ -300,3 +364,7 @@ class Effect(Composable, BaseEstimator):
         given = getattr(self, argument)
         chosen = options if given is None else (given,)
         return [self.with_choices(**{argument: option}) for option in chosen]
+
+
+def _or(options: tuple[Any, ...]) -> str:
+    return ", ".join(repr(option) for option in options)

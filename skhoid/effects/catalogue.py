@@ -2,121 +2,27 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pandas as pd
 
+from . import free_forms, in_time, machines, maps, paths, tremor
 from .base import Effect
+from .entry import catalogued_pairs
 from .free_form import FreeForm
-from .free_forms import (
-    FreeDelay,
-    FreeDynamics,
-    FreeGain,
-    FreeHysteresis,
-    FreeMap,
-    FreeOffset,
-    FreePath,
-)
-from .in_time import (
-    GainDrift,
-    Intermittent,
-    Lapses,
-    ScheduledGain,
-    TimeVaryingDelay,
-    TimeVaryingGain,
-    WrongDelay,
-)
-from .machines import (
-    Friction,
-    InputFilter,
-    RateReflex,
-    RootFlow,
-    ScheduledDynamics,
-    SensorMagnitude,
-    Stops,
-)
-from .maps import (
-    AbsoluteValue,
-    AsymmetricGain,
-    Backlash,
-    CubicGain,
-    DeadZone,
-    HardeningStiffness,
-    Quantised,
-    RateLimit,
-    Rectified,
-    Saturation,
-    Stiction,
-)
-from .paths import (
-    Bias,
-    CrossAxis,
-    Disturbance,
-    Drift,
-    ExtraLag,
-    ExtraLead,
-    Feedforward,
-    HigherOrder,
-    Integral,
-    MotionFeedback,
-    NeuromuscularMode,
-    OutputFeedback,
-    Preview,
-)
 from .registry import register, title_of
-from .tremor import Tremor
 
-CLASSES: tuple[type[Effect], ...] = (
-    WrongDelay,
-    TimeVaryingDelay,
-    Intermittent,
-    TimeVaryingGain,
-    GainDrift,
-    Lapses,
-    ScheduledGain,
-    DeadZone,
-    AsymmetricGain,
-    Rectified,
-    CubicGain,
-    AbsoluteValue,
-    Saturation,
-    RateLimit,
-    Backlash,
-    Stiction,
-    Quantised,
-    HardeningStiffness,
-    Bias,
-    Drift,
-    Integral,
-    Feedforward,
-    Preview,
-    OutputFeedback,
-    MotionFeedback,
-    Disturbance,
-    CrossAxis,
-    ExtraLag,
-    ExtraLead,
-    NeuromuscularMode,
-    HigherOrder,
-    Friction,
-    RootFlow,
-    Stops,
-    SensorMagnitude,
-    InputFilter,
-    RateReflex,
-    ScheduledDynamics,
-    Tremor,
-)
+FILES: tuple[Any, ...] = (in_time, maps, paths, machines, tremor)
+CLASSES: tuple[type[Effect], ...] = tuple(getattr(f, name) for f in FILES for name in f.__all__)
 BY_NAME = register(CLASSES)
 # Tried where no effect with a name fits; no search takes them for names.
-FREE_FORMS: tuple[type[FreeForm], ...] = (
-    FreeMap,
-    FreeHysteresis,
-    FreeGain,
-    FreeDelay,
-    FreeOffset,
-    FreePath,
-    FreeDynamics,
+FREE_FORMS: tuple[type[FreeForm], ...] = tuple(
+    getattr(free_forms, name) for name in free_forms.__all__
 )
 register(FREE_FORMS)
+EXPERIMENTS = catalogued_pairs(BY_NAME)
+# Effects that a simulated loop can have, with numbers that matter in condition C1.
+HIDDEN = {name: entry(**entry.hidden) for name, entry in BY_NAME.items() if entry.hidden}
 
 
 def catalogue() -> pd.DataFrame:

@@ -23,6 +23,9 @@ class Composable:
     def __add__(self, other: Any) -> Effects:
         return Effects.of(self) + other
 
+    def check_choices(self) -> None:
+        """Raise an error where an argument is none of its options."""
+
 
 class Effects(BaseComposition):
     """A flat, named composition of effects, as ``effect_a + effect_b`` makes it.
@@ -85,6 +88,7 @@ class Effects(BaseComposition):
                 raise TypeError(
                     f"An effect must be an instance of skhoid.effects.Effect; got {one!r}."
                 )
+            one.check_choices()
             if one.place not in PLACES:
                 raise ValueError(
                     f"{type(one).__name__}.place must be one of {', '.join(PLACES)}; got "

@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 
 from .base import Effect
+from .entry import Argument
 from .parameter import Dimension, Parameter
 from .record import Record
 
@@ -103,16 +104,6 @@ class FreeForm(Effect):
     what the curve is over (``watched``), in what units (``abscissa``, ``ordinate``), and what it
     does (``shaped``, in place of ``apply``).
 
-    Parameters
-    ----------
-    knots : tuple of float or None, default=None
-        Where the curve is given; None means quantiles of what it is a function of.
-    values : tuple of float or None, default=None
-        The curve at the knots; None estimates it.
-    spread : float or None, default=None
-        Size of the curve's smoothest part, that decides how smooth it is; None chooses it by
-        likelihood.
-
     Attributes
     ----------
     free_form : bool
@@ -155,20 +146,18 @@ class FreeForm(Effect):
     least: ClassVar[float] = -np.inf
     shrinks: ClassVar[bool] = False
     kept: ClassVar[tuple[int, ...]] = (LEVEL, SLOPE)
-    knots: tuple[float, ...] | None
-    values: tuple[float, ...] | None
-    spread: float | None
-
-    def __init__(
-        self,
-        *,
-        knots: tuple[float, ...] | None = None,
-        values: tuple[float, ...] | None = None,
-        spread: float | None = None,
-    ):
-        self.knots = knots
-        self.values = values
-        self.spread = spread
+    arguments = {
+        "knots": Argument(
+            "Where the curve is given; None means quantiles of what it is a function of.",
+            "tuple of float or None",
+        ),
+        "values": Argument("The curve at the knots; None estimates it.", "tuple of float or None"),
+        "spread": Argument(
+            "Size of the curve's smoothest part, that decides how smooth it is; None chooses it by "
+            "likelihood.",
+            "float or None",
+        ),
+    }
 
     @property
     def over(self) -> str:

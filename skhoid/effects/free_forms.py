@@ -12,6 +12,7 @@ from scipy.signal import fftconvolve
 from .. import _kernels
 from ..runs.roles import OTHER
 from .base import Effect
+from .entry import Argument
 from .error_scan import ErrorScan
 from .free_form import LEVEL, N_KNOTS, SLOPE, FreeForm
 from .machines import cores_by_signs
@@ -19,6 +20,16 @@ from .maps import PLACE_OF
 from .operator_signals import N_PLACES, Command, Gains
 from .parameter import ONE, CoreKind, Dimension, E, Parameter, S, U
 from .record import Record, differentiated, needs_channel
+
+__all__ = [  # in the order of the catalogue
+    "FreeMap",
+    "FreeHysteresis",
+    "FreeGain",
+    "FreeDelay",
+    "FreeOffset",
+    "FreePath",
+    "FreeDynamics",
+]
 
 OVER = {"error": "e", "command": "command", "output": "u", "spring": "u", "rate": "du/dt"}
 NEAR_REST = (-0.2, -0.05, 0.0, 0.05, 0.2)  # knots of a force of the rate, in rms of the rate
@@ -40,34 +51,6 @@ class FreeMap(FreeForm):
     places ``"spring"`` and ``"rate"`` the curve is a force of the output u, or of its rate, against
     the command: spring and friction of any shape. Their linear parts are stiffness and damping. An
     ARX model has it in its recursion, A(q) u = B(q) (x - curve(u)).
-
-    Parameters
-    ----------
-    at : {"error", "command", "output", "spring", "rate"} or None, default=None
-        What is mapped, or a force of what; None means the error, and a search for shapes tries all.
-    knots : tuple of float or None, default=None
-        Where the curve is given; None means quantiles of the signal.
-    values : tuple of float or None, default=None
-        The curve at the knots, in units of the signal, or of the command for a force; None
-        estimates it.
-    spread : float or None, default=None
-        Size of the curve's smoothest part, in the same units, that decides how smooth it is;
-        None chooses it by likelihood.
-    folded : bool or None, default=None
-        Whether the curve has a linear part too, over outputs of either sign, as an output needs
-        whose sign a sensor may not show; None tries it where a model without the map shows less
-        than half of the output. It is zero at the greatest output, which gives the signal its size.
-
-    References
-    ----------
-    Eilers and Marx, Flexible smoothing with B-splines and penalties (1996). Wood, Generalized
-    additive models (2017).
-
-    Examples
-    --------
-    >>> from skhoid.effects import FreeMap
-    >>> FreeMap(at="output").place
-    'output'
     """
 
     name = "free_map"
@@ -77,20 +60,25 @@ class FreeMap(FreeForm):
     tex = r"s' = s + \mathrm{curve}(s)"
     source = "Eilers and Marx (1996)"
 
-    def __init__(
-        self,
-        *,
-        at: str | None = None,
-        knots: tuple[float, ...] | None = None,
-        values: tuple[float, ...] | None = None,
-        spread: float | None = None,
-        folded: bool | None = None,
-    ):
-        self.at = at
-        self.knots = knots
-        self.values = values
-        self.spread = spread
-        self.folded = folded
+    examples = ({"at": "output"},)
+    options = {"at": tuple(OVER)}
+    arguments = FreeForm.arguments | {
+        "at": Argument(
+            'What is mapped, or with "spring" and "rate" what a force is a function of; None means '
+            "the error, and a search for shapes tries all."
+        ),
+        "folded": Argument(
+            "Whether the curve has a linear part too, over outputs of either sign, as an output "
+            "needs whose sign a sensor may not show; None tries it where a model without the map "
+            "shows less than half of the output. It is zero at the greatest output, which gives "
+            "the signal its size.",
+            "bool or None",
+        ),
+    }
+    reference = (
+        "Eilers and Marx, Flexible smoothing with B-splines and penalties (1996). Wood, "
+        "Generalized additive models (2017)."
+    )
 
     @property
     def where(self) -> str:
@@ -264,11 +252,6 @@ class LoadingCurve:
 
     A polygon with corners at the half-widths of plays; beyond the widest it is constant. The
     basis has one curve for each play, in proportion to its weight.
-
-    Parameters
-    ----------
-    knots : tuple of float
-        Half-widths of the plays, rising and positive.
     """
 
     knots: tuple[float, ...]
@@ -303,28 +286,6 @@ class FreeHysteresis(FreeForm):
     plays trail the signal by at most their half-widths. One play with weight one is
     :class:`Backlash`. Its curve is what is taken from a signal that leaves rest for the first time,
     over the signal.
-
-    Parameters
-    ----------
-    at : {"output", "command"} or None, default=None
-        What is mapped; None means the output, and a search for shapes tries both.
-    knots : tuple of float or None, default=None
-        Half-widths of the plays, in units of the output; None means equal distances up to nearly
-        the greatest distance of the signal from its mean.
-    values : tuple of float or None, default=None
-        The curve at the knots, in units of the output; None estimates it.
-    spread : float or None, default=None
-        Usual size of the weights; None chooses it by likelihood.
-
-    References
-    ----------
-    Brokate and Sprekels, Hysteresis and phase transitions (1996), sections 2.3 and 2.4.
-
-    Examples
-    --------
-    >>> from skhoid.effects import FreeHysteresis
-    >>> FreeHysteresis(at="command").place
-    'command'
     """
 
     name = "free_hysteresis"
@@ -335,18 +296,22 @@ class FreeHysteresis(FreeForm):
     source = "Brokate and Sprekels (1996)"
     y_word = "what play takes"
 
-    def __init__(
-        self,
-        *,
-        at: str | None = None,
-        knots: tuple[float, ...] | None = None,
-        values: tuple[float, ...] | None = None,
-        spread: float | None = None,
-    ):
-        self.at = at
-        self.knots = knots
-        self.values = values
-        self.spread = spread
+    examples = ({"at": "command"},)
+    options = {"at": ("output", "command")}
+    arguments = FreeForm.arguments | {
+        "at": Argument(
+            "What is mapped, the output or the command; None means the output, and a search for "
+            "shapes tries both."
+        ),
+        "knots": Argument(
+            "Half-widths of the plays, in units of the output; None means equal distances up to "
+            "nearly the greatest distance of the signal from its mean.",
+            "tuple of float or None",
+        ),
+    }
+    reference = (
+        "Brokate and Sprekels, Hysteresis and phase transitions (1996), sections 2.3 and 2.4."
+    )
 
     @property
     def where(self) -> str:
@@ -483,32 +448,6 @@ class FreeGain(_Varying):
 
     The gains on error and error rate are multiplied by max(1 + curve, 0); the curve has no level,
     which is the gain.
-
-    Parameters
-    ----------
-    channel : str or None, default=None
-        What the gains follow; None means the time in the run.
-    of : {"both", "error", "rate"}, default="both"
-        Which gains change.
-    knots : tuple of float or None, default=None
-        Where the curve is given, in seconds or in units of the channel; None means equal distances
-        in time, or quantiles of the channel.
-    values : tuple of float or None, default=None
-        The curve at the knots; None estimates it.
-    spread : float or None, default=None
-        Size of the curve's smoothest part, that decides how smooth it is; None chooses it by
-        likelihood.
-
-    References
-    ----------
-    Wood, Generalized additive models (2017). Hastie and Tibshirani, Varying-coefficient models
-    (1993).
-
-    Examples
-    --------
-    >>> from skhoid.effects import FreeGain
-    >>> FreeGain().over
-    'time'
     """
 
     name = "free_gain"
@@ -524,20 +463,16 @@ class FreeGain(_Varying):
     at_rest = 1.0
     least = 0.0
 
-    def __init__(
-        self,
-        *,
-        channel: str | None = None,
-        of: str = "both",
-        knots: tuple[float, ...] | None = None,
-        values: tuple[float, ...] | None = None,
-        spread: float | None = None,
-    ):
-        self.channel = channel
-        self.of = of
-        self.knots = knots
-        self.values = values
-        self.spread = spread
+    examples = ({"channel": "workload"},)
+    options = {"of": ("both", "error", "rate")}
+    arguments = FreeForm.arguments | {
+        "channel": Argument("What it follows; None means the time in the run."),
+        "of": Argument("Which gains change.", '{"both", "error", "rate"}', "both"),
+    }
+    reference = (
+        "Wood, Generalized additive models (2017). Hastie and Tibshirani, Varying-coefficient "
+        "models (1993)."
+    )
 
     @property
     def ordinate(self) -> Dimension:
@@ -560,27 +495,6 @@ class FreeDelay(_Varying):
 
     delay + curve in seconds, not below the least delay of the model; the curve has no level, which
     is the delay.
-
-    Parameters
-    ----------
-    channel : str or None, default=None
-        What the delay follows; None means the time in the run.
-    knots : tuple of float or None, default=None
-        Where the curve is given; see :class:`FreeGain`.
-    values : tuple of float or None, default=None
-        The curve at the knots, in seconds; None estimates it.
-    spread : float or None, default=None
-        Size of the curve's smoothest part in seconds; None chooses it by likelihood.
-
-    References
-    ----------
-    Wood, Generalized additive models (2017).
-
-    Examples
-    --------
-    >>> from skhoid.effects import FreeDelay
-    >>> FreeDelay(channel="workload").over
-    'workload'
     """
 
     name = "free_delay"
@@ -596,18 +510,11 @@ class FreeDelay(_Varying):
     largest = 0.5
     usual = 0.05
 
-    def __init__(
-        self,
-        *,
-        channel: str | None = None,
-        knots: tuple[float, ...] | None = None,
-        values: tuple[float, ...] | None = None,
-        spread: float | None = None,
-    ):
-        self.channel = channel
-        self.knots = knots
-        self.values = values
-        self.spread = spread
+    examples = ({"channel": "workload"},)
+    arguments = FreeForm.arguments | {
+        "channel": Argument("What it follows; None means the time in the run."),
+    }
+    reference = "Wood, Generalized additive models (2017)."
 
     @property
     def ordinate(self) -> Dimension:
@@ -618,27 +525,7 @@ class FreeDelay(_Varying):
 
 
 class FreeOffset(_Varying):
-    """An offset of the output that changes along any smooth curve in time, the same in each run.
-
-    Parameters
-    ----------
-    knots : tuple of float or None, default=None
-        Times in the run in seconds; None means equal distances.
-    values : tuple of float or None, default=None
-        The curve at the knots, in units of the output; None estimates it.
-    spread : float or None, default=None
-        Size of the curve's smoothest part, in units of the output; None chooses it by likelihood.
-
-    References
-    ----------
-    Wood, Generalized additive models (2017).
-
-    Examples
-    --------
-    >>> from skhoid.effects import FreeOffset
-    >>> FreeOffset().place
-    'sum'
-    """
+    """An offset of the output that changes along any smooth curve in time, the same in each run."""
 
     name = "free_offset"
     title = "free offset"
@@ -652,6 +539,9 @@ class FreeOffset(_Varying):
     y_word = "offset"
     channel = None
     by_channel = False
+
+    examples = ({},)
+    reference = "Wood, Generalized additive models (2017)."
 
     @property
     def ordinate(self) -> Dimension:
@@ -717,37 +607,6 @@ class FreePath(_Remembering):
     person responds after the least delay of the model; of a target alone, the future is tried too
     (``ahead``). Motion that the loop does not move may shake body and stick: then it adds to the
     output itself, and without a delay (``at``).
-
-    Parameters
-    ----------
-    channel : str or None, default=None
-        What is responded to; None tries every channel but the input.
-    ahead : float, default=0.0
-        How far the response looks ahead, in seconds, where the target was shown in advance.
-    at : {"command", "output"} or None, default=None
-        What it adds to: the command to the limb, or the output, without a delay. None means the
-        command; a search tries the output for motion that does not follow the target.
-    knots : tuple of float or None, default=None
-        Lags in seconds; None means equal distances over 1.5 s (for a machine, its own time), or
-        over 0.5 s at the output.
-    values : tuple of float or None, default=None
-        The impulse response at the knots, in units of the output per unit of the channel and
-        second; None estimates it.
-    spread : float or None, default=None
-        Usual size of the impulse response; None chooses it by likelihood.
-    reference : float or None, default=None
-        Level of the channel that is not responded to, which is an offset; None takes its mean.
-
-    References
-    ----------
-    Pillonetto et al., Kernel methods in system identification (2014). Marmarelis, Nonlinear dynamic
-    modeling of physiological systems (2004).
-
-    Examples
-    --------
-    >>> from skhoid.effects import FreePath
-    >>> FreePath(channel="e_y").sentence
-    'the output also responds to e_y, as a function of how long ago it was'
     """
 
     name = "free_path"
@@ -760,24 +619,34 @@ class FreePath(_Remembering):
     )
     source = "Pillonetto et al. (2014)"
 
-    def __init__(
-        self,
-        *,
-        channel: str | None = None,
-        ahead: float = 0.0,
-        at: str | None = None,
-        knots: tuple[float, ...] | None = None,
-        values: tuple[float, ...] | None = None,
-        spread: float | None = None,
-        reference: float | None = None,
-    ):
-        self.channel = channel
-        self.ahead = ahead
-        self.at = at
-        self.knots = knots
-        self.values = values
-        self.spread = spread
-        self.reference = reference
+    examples = ({"channel": "e_y"},)
+    options = {"at": ("command", "output")}
+    arguments = FreeForm.arguments | {
+        "channel": Argument("What is responded to; None tries every channel but the input."),
+        "ahead": Argument(
+            "How far the response looks ahead, in seconds, where the target was shown in advance.",
+            "float",
+            0.0,
+        ),
+        "at": Argument(
+            "What it adds to: the command to the limb, or the output, without a delay. None means "
+            "the command; a search tries the output for motion that does not follow the target."
+        ),
+        "knots": Argument(
+            "Lags in seconds; None means equal distances over 1.5 s (for a machine, its own time), "
+            "or over 0.5 s at the output.",
+            "tuple of float or None",
+        ),
+        "reference": Argument(
+            "Level of the channel that is not responded to, which is an offset; None takes its "
+            "mean.",
+            "float or None",
+        ),
+    }
+    reference = (
+        "Pillonetto et al., Kernel methods in system identification (2014). Marmarelis, Nonlinear "
+        "dynamic modeling of physiological systems (2004)."
+    )
 
     @property
     def place(self) -> str:  # type: ignore[override]
@@ -875,26 +744,6 @@ class FreeDynamics(_Remembering):
     """Linear dynamics beyond the order of the model: any smooth memory of the delayed error.
 
     command + integral of curve(lag) e(t - delay - lag).
-
-    Parameters
-    ----------
-    knots : tuple of float or None, default=None
-        Lags in seconds; None means equal distances over 1.5 s (for a machine, its own time).
-    values : tuple of float or None, default=None
-        The impulse response at the knots, in units of the output per unit of the error and second;
-        None estimates it.
-    spread : float or None, default=None
-        Usual size of the impulse response; None chooses it by likelihood.
-
-    References
-    ----------
-    Pillonetto et al., Kernel methods in system identification (2014).
-
-    Examples
-    --------
-    >>> from skhoid.effects import FreeDynamics
-    >>> FreeDynamics().over
-    'lag'
     """
 
     name = "free_dynamics"
@@ -904,6 +753,9 @@ class FreeDynamics(_Remembering):
     formula = "command + sum over lags of curve(lag) e(t - delay - lag)"
     tex = r"c' = c + \int \mathrm{curve}(\sigma)\, e(t - \tau_e - \sigma)\, d\sigma"
     source = "Pillonetto et al. (2014)"
+
+    examples = ({},)
+    reference = "Pillonetto et al., Kernel methods in system identification (2014)."
 
     @property
     def ordinate(self) -> Dimension:

@@ -11,10 +11,21 @@ from scipy.special import expit
 from .. import _kernels
 from ..runs.roles import OTHER
 from .base import Effect
+from .entry import Argument
 from .error_scan import ErrorScan
 from .operator_signals import Gains
-from .parameter import ONE, RAD, CoreKind, Dimension, E, Parameter, S, T, U
+from .parameter import CHANNEL, ONE, RAD, CoreKind, Dimension, E, Parameter, S, T, U
 from .record import Record, differentiated, needs_channel
+
+__all__ = [  # in the order of the catalogue
+    "WrongDelay",
+    "TimeVaryingDelay",
+    "Intermittent",
+    "TimeVaryingGain",
+    "GainDrift",
+    "Lapses",
+    "ScheduledGain",
+]
 
 SCANNED_DELAYS = 24
 
@@ -22,25 +33,8 @@ SCANNED_DELAYS = 24
 class WrongDelay(Effect):
     """The delay differs from the assumed one.
 
-    Parameters
-    ----------
-    extra : float or None, default=None
-        How much longer the delay is, in seconds; None estimates it.
-
-    Notes
-    -----
     It frees a delay that was given to the model (``OperatorRegressor(delay=0.28)``, or ``nk`` of an
     ARX model); a model that estimates its delay does not need it.
-
-    References
-    ----------
-    Thesis, Section V: n_k fixed or estimated.
-
-    Examples
-    --------
-    >>> from skhoid.effects import WrongDelay
-    >>> WrongDelay().name
-    'wrong_delay'
     """
 
     name = "wrong_delay"
@@ -52,9 +46,9 @@ class WrongDelay(Effect):
     source = "Thesis, Section V"
     parameters = (Parameter("extra", S, -0.4, 0.6, (-0.08, 0.08), "delay beyond the assumed one"),)
     neutral = {"extra": 0.0}
-
-    def __init__(self, *, extra: float | None = None):
-        self.extra = extra
+    reference = "Thesis, Section V: n_k fixed or estimated."
+    told_apart = {"extra_lag": "use a forcing function with lines up to 30 rad/s"}
+    examples = ({"extra": 0.08},)
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if core == CoreKind.OPERATOR_FREE_DELAY:
@@ -78,27 +72,7 @@ class WrongDelay(Effect):
 
 
 class TimeVaryingDelay(Effect):
-    """The delay changes during the run, by a sigmoid.
-
-    Parameters
-    ----------
-    change : float or None, default=None
-        In seconds; None estimates it.
-    rate : float or None, default=None
-        Steepness G of the sigmoid in 1/s; None estimates it.
-    time : float or None, default=None
-        Middle of the change, in seconds; None estimates it.
-
-    References
-    ----------
-    Thesis, Eq. 2, for its sigmoid.
-
-    Examples
-    --------
-    >>> from skhoid.effects import TimeVaryingDelay
-    >>> TimeVaryingDelay(change=0.1).name
-    'tv_delay'
-    """
+    """The delay changes during the run, by a sigmoid."""
 
     name = "tv_delay"
     title = "time-varying delay"
@@ -114,17 +88,8 @@ class TimeVaryingDelay(Effect):
         Parameter("time", S, 0.02, 0.98, (0.3, 0.7), "middle of the change", T),
     )
     neutral = {"change": 0.0}
-
-    def __init__(
-        self,
-        *,
-        change: float | None = None,
-        rate: float | None = None,
-        time: float | None = None,
-    ):
-        self.change = change
-        self.rate = rate
-        self.time = time
+    reference = "Thesis, Eq. 2, for its sigmoid."
+    examples = ({"change": 0.15, "rate": 0.5, "time": 40.0},)
 
     def apply(self, signal: Any, record: Record, change: float, rate: float, time: float) -> Any:
         return signal + change * sigmoid(record, rate, time)
@@ -137,6 +102,8 @@ FINER = tuple((np.arange(-4, 5) / 2).tolist())
 PHASES = (0.0, 1 / 3, 2 / 3)  # of a tick
 KEPT_HOLDS = 10
 STARTS_EVENT = (0.02, 0.1, 0.2, 0.3, 0.4)
+STARTS_THRESHOLD = tuple(np.geomspace(0.05, 1.2, 9).tolist())
+ON_EVENTS = ("event", "error")
 HOLDS_EVENT = (0.04, 0.07, 0.09, 0.11, 0.13, 0.155, 0.185, 0.22, 0.26, 0.31)
 THRESHOLDS = tuple(np.geomspace(0.15, 1.3, 36).tolist())  # standard deviations
 RATIOS = tuple(np.geomspace(0.95, 1.6, 10).tolist())  # of gains, relative to a model without it
@@ -157,31 +124,7 @@ BESIDE_EVENT = (((0.1, 2), (0.03, 3), (0.03, 3)), ((0.04, 1), (0.01, 1), (0.01, 
 
 
 class Intermittent(Effect):
-    """Sampled control: the command is held between decisions.
-
-    Parameters
-    ----------
-    hold_time : float or None, default=None
-        Time (or least time) between decisions, in seconds; None estimates it.
-    threshold : float or None, default=None
-        Change that triggers a decision, in units of the output (``"event"``) or the error
-        (``"error"``); None estimates it.
-    phase : float or None, default=None
-        First tick of the clock after the start of a run, in seconds; None estimates it.
-    trigger : {"clock", "event", "error"} or None, default=None
-        What triggers a decision: time, a change of the command, or one of the error. None tries
-        all.
-
-    References
-    ----------
-    Gawthrop et al., Intermittent control: a computational theory of human control (2011).
-
-    Examples
-    --------
-    >>> from skhoid.effects import Intermittent
-    >>> Intermittent(trigger="clock", hold_time=0.4).place
-    'command'
-    """
+    """Sampled control: the command is held between decisions."""
 
     name = "intermittent"
     title = "intermittent control"
@@ -193,33 +136,33 @@ class Intermittent(Effect):
     source = "Gawthrop et al. (2011)"
     smooth = False
     choices = {"trigger": ("clock", "event", "error")}
-
-    def __init__(
-        self,
-        *,
-        hold_time: float | None = None,
-        threshold: float | None = None,
-        phase: float | None = None,
-        trigger: str | None = None,
-    ):
-        self.hold_time = hold_time
-        self.threshold = threshold
-        self.phase = phase
-        self.trigger = trigger
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        if self.trigger in ("event", "error"):
-            watched = E if self.trigger == "error" else U
-            thresholds = tuple(np.geomspace(0.05, 1.2, 9).tolist())
-            return (
-                Parameter("hold_time", S, 0.0, 1.2, STARTS_EVENT, "refractory time"),
-                Parameter("threshold", watched, 0.01, 4.0, thresholds, "change that triggers"),
-            )
-        return (
-            Parameter("hold_time", S, 0.04, 1.2, HOLDS_CLOCK, "time between decisions"),
-            Parameter("phase", S, 0.0, 1.2, (0.0,), "time of the first decision"),
+    reference = (
+        "Gawthrop et al., Intermittent control: a computational theory of human control (2011)."
+    )
+    examples = (
+        {"trigger": "clock", "hold_time": 0.3, "phase": 0.0},
+        {"trigger": "event", "hold_time": 0.1, "threshold": 0.1},
+        {"trigger": "error", "hold_time": 0.1, "threshold": 0.8},
+    )
+    parameters = (
+        Parameter("hold_time", S, 0.0, 1.2, STARTS_EVENT, "refractory time", forms=ON_EVENTS),
+        Parameter(
+            "threshold", U, 0.01, 4.0, STARTS_THRESHOLD, "change that triggers", forms=("event",)
+        ),
+        Parameter(
+            "threshold", E, 0.01, 4.0, STARTS_THRESHOLD, "change that triggers", forms=("error",)
+        ),
+        Parameter(
+            "hold_time", S, 0.04, 1.2, HOLDS_CLOCK, "time between decisions", forms=("clock",)
+        ),
+        Parameter("phase", S, 0.0, 1.2, (0.0,), "time of the first decision", forms=("clock",)),
+    )
+    arguments = {
+        "trigger": Argument(
+            "What triggers a decision: time, a change of the command, or one of the error. None "
+            "tries all."
         )
+    }
 
     def starts(self, record: Record) -> list[dict[str, float]]:
         """A grid on which the delay is shortened by the mean delay of the hold."""
@@ -425,30 +368,6 @@ class TimeVaryingGain(Effect):
 
     K(t) = K [1 + change / (1 + exp(-rate (t - time)))], with separate changes of K_e and K_edot;
     large rates are steps. ``"ramp"`` changes linearly within 4 / rate seconds.
-
-    Parameters
-    ----------
-    K_e_change, K_edot_change : float or None, default=None
-        Relative change of the gains on error and error rate; None estimates it. An ARX model has
-        the first only.
-    rate : float or None, default=None
-        Steepness G in 1/s; None estimates it.
-    time : float or None, default=None
-        Middle of the change t_M in seconds; None estimates it.
-    omega_nm_change, zeta_nm_change : float or None, default=0.0
-        Relative change of neuromuscular frequency and damping; None estimates it.
-    form : {"sigmoid", "ramp"} or None, default="sigmoid"
-        None tries both.
-
-    References
-    ----------
-    Thesis, Eqs. 2, 3 and 5, and its reference [12], which has the same sigmoids.
-
-    Examples
-    --------
-    >>> from skhoid.effects import TimeVaryingGain
-    >>> [p.name for p in TimeVaryingGain().free]
-    ['K_e_change', 'K_edot_change', 'rate', 'time']
     """
 
     name = "tv_gain"
@@ -469,25 +388,21 @@ class TimeVaryingGain(Effect):
         "zeta_nm_change": 0.0,
     }
     choices = {"form": ("sigmoid", "ramp")}
-
-    def __init__(
-        self,
-        *,
-        K_e_change: float | None = None,
-        K_edot_change: float | None = None,
-        rate: float | None = None,
-        time: float | None = None,
-        omega_nm_change: float | None = 0.0,
-        zeta_nm_change: float | None = 0.0,
-        form: str | None = "sigmoid",
-    ):
-        self.K_e_change = K_e_change
-        self.K_edot_change = K_edot_change
-        self.rate = rate
-        self.time = time
-        self.omega_nm_change = omega_nm_change
-        self.zeta_nm_change = zeta_nm_change
-        self.form = form
+    arguments = {
+        "omega_nm_change": Argument(
+            "Relative change of neuromuscular frequency; None estimates it.", "float or None", 0.0
+        ),
+        "zeta_nm_change": Argument(
+            "Relative change of neuromuscular damping; None estimates it.", "float or None", 0.0
+        ),
+        "form": Argument("None tries both.", default="sigmoid"),
+    }
+    reference = "Thesis, Eqs. 2, 3 and 5, and its reference [12], which has the same sigmoids."
+    examples = (
+        {"form": "sigmoid", "K_e_change": 0.7, "K_edot_change": -0.4, "rate": 0.3, "time": 40.0},
+        {"form": "ramp", "K_e_change": 0.7, "K_edot_change": -0.4, "rate": 0.1, "time": 40.0},
+    )
+    hidden = {"K_e_change": -0.4, "K_edot_change": 0.8, "rate": 2.0, "time": 40.0}
 
     parameters = (
         Parameter("K_e_change", ONE, -0.98, 10.0, (0.0,), "relative change of K_e"),
@@ -547,28 +462,6 @@ class GainDrift(Effect):
     ``"linear"``: K (1 + rate (t - reference)); ``"curved"``: K (1 + rate (1 - exp(-curve (t -
     reference))) / curve), which settles where ``curve`` is positive, and comes late where it is
     negative.
-
-    Parameters
-    ----------
-    rate : float or None, default=None
-        Relative change per second, at the reference; None estimates it.
-    curve : float or None, default=None
-        One over the time constant of ``"curved"``, in 1/s; None estimates it.
-    reference : float or None, default=None
-        Time in the run at which the gains are nominal, in seconds; None takes the middle.
-    form : {"linear", "curved"} or None, default=None
-        None tries both.
-
-    References
-    ----------
-    Thesis, Section II: slow variation. Heathcote et al., The power law repealed: the case for an
-    exponential law of practice (2000).
-
-    Examples
-    --------
-    >>> from skhoid.effects import GainDrift
-    >>> GainDrift().name
-    'gain_drift'
     """
 
     name = "gain_drift"
@@ -587,28 +480,33 @@ class GainDrift(Effect):
     within = ("tv_gain",)  # whose slow sigmoid is a line, and whose end is a curve
     shades = True
     choices = {"form": ("linear", "curved")}
-
-    def __init__(
-        self,
-        *,
-        rate: float | None = None,
-        curve: float | None = None,
-        reference: float | None = None,
-        form: str | None = None,
-    ):
-        self.rate = rate
-        self.curve = curve
-        self.reference = reference
-        self.form = form
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        starts = (0.4, -0.4)
-        rate = Parameter("rate", ONE / S, -1.9, 1.9, starts, "relative change per second", ONE / T)
-        if self.form != "curved":
-            return (rate,)
-        curves = (2.0, -2.0)
-        return (rate, Parameter("curve", ONE / S, -8.0, 8.0, curves, "rate of settling", ONE / T))
+    reference = (
+        "Thesis, Section II: slow variation. Heathcote et al., The power law repealed: the case "
+        "for an exponential law of practice (2000)."
+    )
+    told_apart = {
+        "tv_gain": (
+            "record longer runs, or the same run twice without a pause: a drift goes on; a change "
+            "of gain is over"
+        ),
+    }
+    examples = (
+        {"form": "linear", "rate": -0.01, "reference": 0.0},
+        {"form": "curved", "rate": -0.02, "curve": 0.04, "reference": 0.0},
+    )
+    hidden = {"rate": -0.008}
+    parameters = (
+        Parameter("rate", ONE / S, -1.9, 1.9, (0.4, -0.4), "relative change per second", ONE / T),
+        Parameter(
+            "curve", ONE / S, -8.0, 8.0, (2.0, -2.0), "rate of settling", ONE / T, ("curved",)
+        ),
+    )
+    arguments = {
+        "reference": Argument(
+            "Time in the run at which the gains are nominal, in seconds; None takes the middle.",
+            "float or None",
+        )
+    }
 
     def variants(self, record: Record) -> list[Effect]:
         formed: list[Any] = super().variants(record)
@@ -622,27 +520,7 @@ class GainDrift(Effect):
 
 
 class ScheduledGain(Effect):
-    """Both gains follow a measured channel.
-
-    Parameters
-    ----------
-    slope : float or None, default=None
-        Relative change of the gains per unit of the channel; None estimates it.
-    channel : str or None, default=None
-        Its name; None tries each channel that has no role.
-    reference : float or None, default=None
-        Value of the channel at which the gains are nominal; None takes its mean.
-
-    References
-    ----------
-    Gain scheduling; Toth, Modeling and identification of linear parameter-varying systems (2010).
-
-    Examples
-    --------
-    >>> from skhoid.effects import ScheduledGain
-    >>> ScheduledGain(channel="speed").name
-    'scheduled_gain'
-    """
+    """Both gains follow a measured channel."""
 
     name = "scheduled_gain"
     place = "gain"
@@ -652,22 +530,19 @@ class ScheduledGain(Effect):
     tex = r"K(t) = K\,\bigl(1 + \mathrm{slope}\,(\mathrm{channel}(t) - \mathrm{reference})\bigr)"
     source = "Toth (2010)"
     neutral = {"slope": 0.0}
-
-    def __init__(
-        self,
-        *,
-        slope: float | None = None,
-        channel: str | None = None,
-        reference: float | None = None,
-    ):
-        self.slope = slope
-        self.channel = channel
-        self.reference = reference
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        dimension = ONE / Dimension.of_channel(self.channel)
-        return (Parameter("slope", dimension, -3.0, 3.0, (0.15, -0.15), "relative change"),)
+    reference = (
+        "Gain scheduling; Toth, Modeling and identification of linear parameter-varying systems "
+        "(2010)."
+    )
+    examples = ({"channel": "speed", "slope": 0.3, "reference": 3.0},)
+    parameters = (Parameter("slope", ONE / CHANNEL, -3.0, 3.0, (0.15, -0.15), "relative change"),)
+    arguments = {
+        "channel": Argument("What is followed; None tries each channel that has no role."),
+        "reference": Argument(
+            "Value of the channel at which nothing is changed; None takes its mean.",
+            "float or None",
+        ),
+    }
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(self.channel, record, OTHER, "channel without a role to follow")
@@ -688,30 +563,7 @@ class ScheduledGain(Effect):
 
 
 class Lapses(Effect):
-    """Lapses of attention: stretches of time, the same in each run, without a response.
-
-    Parameters
-    ----------
-    depth : float or None, default=None
-        Share of the command that is missing in a lapse; None estimates it.
-    shift : float or None, default=None
-        How much later than ``intervals`` the stretches are, in seconds; None estimates it.
-    intervals : list of (float, float) or None, default=None
-        Starts and ends, in seconds of time in the run; None finds them.
-    form : {"command", "gain", "hold"} or None, default=None
-        Whether the command goes to zero, the gains on error and error rate vanish (which kicks at
-        the ends, d/dt (K_edot e)), or the command holds its value; None tries all.
-
-    References
-    ----------
-    Hidden two-state process, Viterbi (1967).
-
-    Examples
-    --------
-    >>> from skhoid.effects import Lapses
-    >>> Lapses(intervals=[(10.0, 12.5)], shift=0.0).fixed
-    {'shift': 0.0}
-    """
+    """Lapses of attention: stretches of time, the same in each run, without a response."""
 
     name = "lapses"
     title = "lapses of attention"
@@ -727,19 +579,23 @@ class Lapses(Effect):
     )
     neutral = {"depth": 0.0}
     choices = {"form": ("command", "gain", "hold")}
-
-    def __init__(
-        self,
-        *,
-        depth: float | None = None,
-        shift: float | None = None,
-        intervals: Any = None,
-        form: str | None = None,
-    ):
-        self.form = form
-        self.depth = depth
-        self.shift = shift
-        self.intervals = intervals
+    arguments = {
+        "intervals": Argument(
+            "Starts and ends, in seconds of time in the run; None finds them.",
+            "list of (float, float) or None",
+        ),
+        "form": Argument(
+            "Whether the command goes to zero, the gains on error and error rate vanish (which "
+            "kicks at the ends,"
+            "d/dt (K_edot e)), or the command holds its value; None tries all."
+        ),
+    }
+    reference = "Hidden two-state process, Viterbi (1967)."
+    examples = (
+        {"form": "command", "depth": 0.9, "shift": 0.0, "intervals": [(20.0, 27.0), (50.0, 58.0)]},
+        {"form": "gain", "depth": 0.9, "shift": 0.0, "intervals": [(20.0, 27.0), (50.0, 58.0)]},
+        {"form": "hold", "depth": 0.9, "shift": 0.0, "intervals": [(4.6, 6.2)]},
+    )
 
     @property
     def n_hidden(self) -> int:  # type: ignore[override]

@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from .. import _kernels
 from .base import Effect
+from .entry import Argument
 from .error_scan import ErrorScan
 from .in_time import ScheduledGain
+from .maps import GROWTH
 from .operator_signals import Gains, Spring, bilinear
 from .parameter import ONE, RAD, CoreKind, Dimension, E, Parameter, S, U
 from .record import Record
+
+__all__ = [  # in the order of the catalogue
+    "Friction",
+    "RootFlow",
+    "Stops",
+    "SensorMagnitude",
+    "InputFilter",
+    "RateReflex",
+    "ScheduledDynamics",
+]
 
 SHARP = 1e-3  # of the output's (or its rate's) size, the width of a sign function
 SEEN = 0.05  # the same, of a measured speed, which is noisy
@@ -61,36 +74,6 @@ class Friction(_Inside):
     tanh(v / width); ``"stribeck"``: F = coulomb sign(v) (1 + excess exp(-(v / fall)^2)), which is
     greater at rest.
     Viscous friction, proportional to v, is already in A(q), and a constant force in the intercept.
-
-    Parameters
-    ----------
-    coulomb : float or None, default=None
-        Force that opposes the motion, in units of the input, or of the command to the limb; None
-        estimates it.
-    width : float or None, default=None
-        Speed at which three quarters of the force act (``"smooth"``), in units of v; None estimates
-        it.
-    excess : float or None, default=None
-        Ratio of static to Coulomb friction, minus one (``"stribeck"``); None estimates it.
-    fall : float or None, default=None
-        Speed over which the excess falls (``"stribeck"``), in units of v; None estimates it.
-    form : {"coulomb", "smooth", "stribeck"} or None, default=None
-        None tries all; a limb has ``"coulomb"``.
-    of : {"output", "rate", "limb"} or None, default=None
-        None tries the first two for an ARX model, and takes ``"limb"`` for an operator.
-    reference : float or None, default=None
-        Speed in units of v; the sign function is a thousandth of it wide. None takes the standard
-        deviation of v in the data.
-
-    References
-    ----------
-    Armstrong-Helouvry et al., A survey of models for machines with friction (1994).
-
-    Examples
-    --------
-    >>> from skhoid.effects import Friction
-    >>> Friction(form="coulomb", of="output").place
-    'inside'
     """
 
     name = "friction"
@@ -111,41 +94,59 @@ class Friction(_Inside):
     neutral = {"coulomb": 0.0}
     choices = {"form": ("coulomb", "smooth", "stribeck"), "of": ("output", "rate", "limb")}
     within = ("stiction",)  # which has another kinetic friction
+    reference = "Armstrong-Helouvry et al., A survey of models for machines with friction (1994)."
+    told_apart = {
+        "dead_zone": (
+            "record slow reversals at several amplitudes: friction holds the output at each turn; "
+            "a dead zone only does so around zero input"
+        ),
+        "backlash": (
+            "let the limb or machine coast from speed: friction stops it in finite time; play does "
+            "not"
+        ),
+        "stiction": "record reversals at several speeds of the input",
+    }
+    examples = (
+        {"form": "coulomb", "of": "rate", "coulomb": 0.5, "reference": 0.1},
+        {"form": "smooth", "of": "rate", "coulomb": 0.5, "width": 0.1, "reference": 0.1},
+        {
+            "form": "stribeck",
+            "of": "rate",
+            "coulomb": 0.5,
+            "excess": 0.8,
+            "fall": 0.08,
+            "reference": 0.1,
+        },
+    )
+    parameters = (
+        Parameter("coulomb", U, 0.01, 2.0, (0.1, 0.3), "friction in the limb", forms=("limb",)),
+        Parameter(
+            "coulomb", E, 0.0, 5.0, (0.1, 0.4), "force against the motion", forms=("output", "rate")
+        ),
+        Parameter("width", U, 2e-3, 1.0, (0.05,), "speed of its rise", forms=("smooth",)),
+        Parameter(
+            "excess", ONE, 0.0, 3.0, (0.3,), "excess of static friction", forms=("stribeck",)
+        ),
+        Parameter("fall", U, 5e-3, 0.3, (0.05,), "speed of its fall", forms=("stribeck",)),
+    )
+    arguments = {
+        "reference": Argument(
+            "Speed in units of v; the sign function is a thousandth of it wide. None takes the "
+            "standard deviation of"
+            "v in the data.",
+            "float or None",
+        ),
+        "form": Argument('None tries all; a limb has ``"coulomb"``.'),
+        "of": Argument(
+            'None tries the first two for an ARX model, and takes ``"limb"`` for an operator.'
+        ),
+    }
 
-    def __init__(
-        self,
-        *,
-        coulomb: float | None = None,
-        width: float | None = None,
-        excess: float | None = None,
-        fall: float | None = None,
-        form: str | None = None,
-        of: str | None = None,
-        reference: float | None = None,
-    ):
-        self.coulomb = coulomb
-        self.width = width
-        self.excess = excess
-        self.fall = fall
-        self.form = form
-        self.of = of
-        self.reference = reference
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        if self.of == "limb":
-            return (Parameter("coulomb", U, 0.01, 2.0, (0.1, 0.3), "friction in the limb"),)
-        speed = U / S if self.of == "rate" else U
-        coulomb = Parameter("coulomb", E, 0.0, 5.0, (0.1, 0.4), "force against the motion")
-        if self.form == "smooth":
-            return (coulomb, Parameter("width", speed, 2e-3, 1.0, (0.05,), "speed of its rise"))
-        if self.form == "stribeck":
-            return (
-                coulomb,
-                Parameter("excess", ONE, 0.0, 3.0, (0.3,), "excess of static friction"),
-                Parameter("fall", speed, 5e-3, 0.3, (0.05,), "speed of its fall"),
-            )
-        return (coulomb,)
+    def resolved(self, parameter: Parameter) -> Parameter:
+        """A speed is the output, or its rate."""
+        if self.of != "rate" or parameter.name not in ("width", "fall"):
+            return parameter
+        return replace(parameter, dimension=U / S)
 
     def refusal_in(self, record: Record, core: CoreKind) -> str | None:
         if core == CoreKind.ARX and record.domain == "human":
@@ -216,31 +217,6 @@ class RootFlow(_Inside):
     """Outflow proportional to the square root of the level, as from a tank (Torricelli's law).
 
     A(q) y = B(q) (x - flow sqrt(max(y - level, 0))).
-
-    Parameters
-    ----------
-    flow : float or None, default=None
-        In units of the input per square root of the unit of the output; it is given and estimated
-        as the outflow at a level of one standard deviation of the output, in units of the input.
-        None estimates it.
-    level : float or None, default=None
-        Reading of the output at which nothing flows (``"above"``), in its units; None estimates it.
-    form : {"zero", "above"} or None, default=None
-        Whether the outlet is at a reading of zero; None tries both.
-    reference : float or None, default=None
-        The level that ``flow`` refers to, in units of the output; None takes the standard deviation
-        of the output.
-
-    References
-    ----------
-    Schoukens and Noel, Three benchmarks addressing open challenges in nonlinear system
-    identification (2017): cascaded tanks.
-
-    Examples
-    --------
-    >>> from skhoid.effects import RootFlow
-    >>> RootFlow().name
-    'root_flow'
     """
 
     name = "root_flow"
@@ -255,26 +231,27 @@ class RootFlow(_Inside):
     shades = True
     neutral = {"flow": 0.0}
     choices = {"form": ("zero", "above")}
-
-    def __init__(
-        self,
-        *,
-        flow: float | None = None,
-        level: float | None = None,
-        form: str | None = None,
-        reference: float | None = None,
-    ):
-        self.flow = flow
-        self.level = level
-        self.form = form
-        self.reference = reference
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        flow = Parameter("flow", E, 0.0, 50.0, (0.3, 2.0), "outflow at the reference level")
-        if self.form != "above":
-            return (flow,)
-        return (flow, Parameter("level", U, -5.0, 5.0, (-1.0, 0.0), "level of the outlet"))
+    reference = (
+        "Schoukens and Noel, Three benchmarks addressing open challenges in nonlinear system "
+        "identification (2017): cascaded tanks."
+    )
+    told_apart = {"hardening_stiffness": "record steady states at several levels"}
+    examples = (
+        {"form": "zero", "flow": 1.5, "reference": 0.1},
+        {"form": "above", "flow": 1.5, "level": -0.15, "reference": 0.1},
+    )
+    parameters = (
+        Parameter("flow", E, 0.0, 50.0, (0.3, 2.0), "outflow at the reference level"),
+        Parameter("level", U, -5.0, 5.0, (-1.0, 0.0), "level of the outlet", forms=("above",)),
+    )
+    arguments = {
+        "reference": Argument(
+            "The level that ``flow`` refers to, in units of the output; None takes the standard "
+            "deviation of the"
+            "output.",
+            "float or None",
+        )
+    }
 
     def variants(self, record: Record) -> list[Effect]:
         reference = record.sd("u") if self.reference is None else self.reference
@@ -305,23 +282,6 @@ class Stops(_Inside):
 
     y = min(max(y, low), high) in the recursion, so that A(q) continues from the limited output. A
     stop after the dynamics, such as a sensor's range, is :class:`Saturation`.
-
-    Parameters
-    ----------
-    low, high : float or None, default=None
-        Lowest and highest output, in its units; form ``"both"`` has both. None estimates it.
-    form : {"high", "low", "both"} or None, default=None
-        None tries all.
-
-    References
-    ----------
-    Schoukens and Noel (2017), the overflow of cascaded tanks.
-
-    Examples
-    --------
-    >>> from skhoid.effects import Stops
-    >>> Stops(form="high", high=10.0).fixed
-    {'high': 10.0}
     """
 
     name = "stops"
@@ -332,19 +292,22 @@ class Stops(_Inside):
     source = "Schoukens and Noel (2017), cascaded tanks"
     shades = True
     choices = {"form": ("both", "high", "low")}
-
-    def __init__(
-        self, *, low: float | None = None, high: float | None = None, form: str | None = None
-    ):
-        self.low = low
-        self.high = high
-        self.form = form
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        low = Parameter("low", U, -1e3, 1e3, (-1.5, -0.8), "lowest output")
-        high = Parameter("high", U, -1e3, 1e3, (1.5, 0.8), "highest output")
-        return {"high": (high,), "low": (low,)}.get(self.form or "both", (low, high))
+    reference = "Schoukens and Noel (2017), the overflow of cascaded tanks."
+    told_apart = {
+        "saturation": (
+            "drive it into the stop and reverse at once: from its own stop the machine returns "
+            "without delay; from the end of a sensor's range it returns late"
+        ),
+    }
+    examples = (
+        {"form": "both", "low": -0.2, "high": 0.2},
+        {"form": "high", "high": 0.2},
+        {"form": "low", "low": -0.2},
+    )
+    parameters = (
+        Parameter("low", U, -1e3, 1e3, (-1.5, -0.8), "lowest output", forms=("low", "both")),
+        Parameter("high", U, -1e3, 1e3, (1.5, 0.8), "highest output", forms=("high", "both")),
+    )
 
     def starts(self, record: Record) -> list[dict[str, float]]:
         """The ends of what was measured, and somewhat inside."""
@@ -375,16 +338,6 @@ class SensorMagnitude(Effect):
 
     Pulse counters and rectifying tachometers do this. A search starts from the signs that make the
     output smooth, then repeats with the signs of the fitted model until they no longer change.
-
-    References
-    ----------
-    Wigren and Schoukens, Coupled electric drives data set and reference models (2017).
-
-    Examples
-    --------
-    >>> from skhoid.effects import SensorMagnitude
-    >>> SensorMagnitude().place
-    'output'
     """
 
     name = "sensor_magnitude"
@@ -395,6 +348,10 @@ class SensorMagnitude(Effect):
     tex = r"y' = |y|"
     source = "Wigren and Schoukens (2017)"
     domains = ("machine",)
+    reference = (
+        "Wigren and Schoukens, Coupled electric drives data set and reference models (2017)."
+    )
+    examples = ({},)
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if core != CoreKind.ARX:
@@ -494,25 +451,6 @@ class ScheduledDynamics(ScheduledGain):
     Poles exp(s dt) of A(q) become exp(factor s dt) with factor = 1 + slope (channel - reference);
     B(q) is scaled so that the static gain stays. A gain that follows the channel as well is
     :class:`ScheduledGain`.
-
-    Parameters
-    ----------
-    slope : float or None, default=None
-        Relative change of the frequencies per unit of the channel; None estimates it.
-    channel : str or None, default=None
-        Column to follow; None tries each that has no role.
-    reference : float or None, default=None
-        Value of the channel at which the dynamics are those of A(q); None takes its mean.
-
-    References
-    ----------
-    Toth, Modeling and identification of linear parameter-varying systems (2010).
-
-    Examples
-    --------
-    >>> from skhoid.effects import ScheduledDynamics
-    >>> ScheduledDynamics(channel="angle").place
-    'gain'
     """
 
     name = "scheduled_dynamics"
@@ -527,6 +465,14 @@ class ScheduledDynamics(ScheduledGain):
     )
     source = "Toth (2010)"
     domains = ("machine",)
+    reference = "Toth, Modeling and identification of linear parameter-varying systems (2010)."
+    told_apart = {
+        "scheduled_gain": (
+            "record steps at several fixed values of the channel: the gain shows in their height, "
+            "the dynamics in their shape"
+        ),
+    }
+    examples = ({"channel": "speed", "slope": 0.3, "reference": 3.0},)
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if core != CoreKind.ARX:
@@ -545,36 +491,6 @@ class InputFilter(Effect):
     s + omega^2) (``"second"``), and e' = map(w): ``"dead_zone"`` sign(w) max(abs(w) - width, 0);
     ``"clipped"`` min(max(w, -width (1 - skew)), width (1 + skew)); ``"cubic"`` w + hardening w^3;
     ``"square"`` w + hardening w abs(w).
-
-    Parameters
-    ----------
-    time : float or None, default=None
-        Time constant in seconds (``"first"``); None estimates it.
-    omega : float or None, default=None
-        Natural frequency in rad/s (``"second"``); None estimates it.
-    zeta : float or None, default=None
-        Damping ratio (``"second"``); None estimates it.
-    width : float or None, default=None
-        Threshold or limit of w in units of the input; None estimates it.
-    skew : float or None, default=None
-        Half the relative difference between the limits (``"clipped"``); None estimates it.
-    hardening : float or None, default=None
-        In the unit of the input to the power -2 (``"cubic"``) or -1; None estimates it.
-    form : {"dead_zone", "clipped", "cubic", "square"} or None, default=None
-        None tries all.
-    order : {"first", "second"}, default="first"
-        A search tries ``"first"``: the two poles of ``"second"`` make up for poles that a linear
-        model lacks, whatever the map.
-
-    References
-    ----------
-    Schoukens, Suykens and Ljung, Wiener-Hammerstein benchmark (2009).
-
-    Examples
-    --------
-    >>> from skhoid.effects import InputFilter
-    >>> InputFilter(form="dead_zone", order="first", time=0.1).fixed
-    {'time': 0.1}
     """
 
     name = "input_filter"
@@ -592,49 +508,41 @@ class InputFilter(Effect):
     domains = ("machine",)
     shades = True
     choices = {"form": ("dead_zone", "clipped", "cubic", "square")}
-
-    def __init__(
-        self,
-        *,
-        time: float | None = None,
-        omega: float | None = None,
-        zeta: float | None = None,
-        width: float | None = None,
-        skew: float | None = None,
-        hardening: float | None = None,
-        form: str | None = None,
-        order: str = "first",
-    ):
-        self.time = time
-        self.omega = omega
-        self.zeta = zeta
-        self.width = width
-        self.skew = skew
-        self.hardening = hardening
-        self.form = form
-        self.order = order
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        filtered: tuple[Parameter, ...] = (
-            Parameter("time", S, 0.0, 20.0, (0.03, 0.3), "time constant of the filter"),
+    reference = "Schoukens, Suykens and Ljung, Wiener-Hammerstein benchmark (2009)."
+    examples = (
+        {"form": "dead_zone", "time": 0.3, "width": 0.7},
+        {"form": "clipped", "time": 0.3, "width": 1.2, "skew": 0.0},
+        {"form": "cubic", "time": 0.3, "hardening": 0.15},
+        {"form": "square", "time": 0.3, "hardening": 0.4},
+    )
+    parameters = (
+        Parameter(
+            "time", S, 0.0, 20.0, (0.03, 0.3), "time constant of the filter", forms=("first",)
+        ),
+        Parameter(
+            "omega", RAD / S, 0.3, 200.0, (3.0, 15.0), "frequency of the filter", forms=("second",)
+        ),
+        Parameter("zeta", ONE, 0.02, 5.0, (0.7,), "damping ratio of the filter", forms=("second",)),
+        Parameter("hardening", ONE / E**2, -0.3, 20.0, (-0.02, 0.1), GROWTH, forms=("cubic",)),
+        Parameter("hardening", ONE / E, -1.0, 20.0, (-0.1, 0.3), GROWTH, forms=("square",)),
+        Parameter("width", E, 0.02, 3.3, (0.7, 1.5), "limit after the filter", forms=("clipped",)),
+        Parameter(
+            "skew", ONE, -0.95, 0.95, (-0.3, 0.3), "asymmetry of the limits", forms=("clipped",)
+        ),
+        Parameter(
+            "width", E, 0.0, 3.0, (0.25, 0.7), "threshold after the filter", forms=("dead_zone",)
+        ),
+    )
+    options = {"order": ("first", "second")}
+    arguments = {
+        "order": Argument(
+            'A search tries ``"first"``: the two poles of ``"second"`` make up for poles that a '
+            "linear model lacks,"
+            "whatever the map.",
+            '{"first", "second"}',
+            "first",
         )
-        if self.order == "second":
-            filtered = (
-                Parameter("omega", RAD / S, 0.3, 200.0, (3.0, 15.0), "frequency of the filter"),
-                Parameter("zeta", ONE, 0.02, 5.0, (0.7,), "damping ratio of the filter"),
-            )
-        growth = "increase of the gain with amplitude"
-        if self.form == "cubic":
-            return (*filtered, Parameter("hardening", ONE / E**2, -0.3, 20.0, (-0.02, 0.1), growth))
-        if self.form == "square":
-            return (*filtered, Parameter("hardening", ONE / E, -1.0, 20.0, (-0.1, 0.3), growth))
-        if self.form == "clipped":
-            width = Parameter("width", E, 0.02, 3.3, (0.7, 1.5), "limit after the filter")
-            skew = Parameter("skew", ONE, -0.95, 0.95, (-0.3, 0.3), "asymmetry of the limits")
-            return (*filtered, width, skew)
-        width = Parameter("width", E, 0.0, 3.0, (0.25, 0.7), "threshold after the filter")
-        return (*filtered, width)
+    }
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if core != CoreKind.ARX:
@@ -681,33 +589,6 @@ class RateReflex(Effect):
     (``side="positive"``) or negative, else zero, and H(s) = omega^2 / (s^2 + 2 zeta omega s +
     omega^2). In addition to the intrinsic stiffness, which is linear and responds at once, a muscle
     responds to being stretched, not to being released, and like the stiffness it resists.
-
-    Parameters
-    ----------
-    gain : float or None, default=None
-        In units of the output times seconds per unit of the input, not negative; None estimates it.
-    delay : float or None, default=None
-        In seconds; None estimates it.
-    omega : float or None, default=None
-        Natural frequency of the path in rad/s; None estimates it.
-    zeta : float or None, default=None
-        Its damping ratio; None estimates it.
-    side : {"positive", "negative"} or None, default=None
-        Sign of the rates that get a response; None tries both.
-    sense : {1, -1} or None, default=None
-        Sign of the output that resists a positive input, by the recording's convention; None takes
-        that of the covariance of output and input.
-
-    References
-    ----------
-    Mirbagheri, Barbeau and Kearney, Intrinsic and reflex contributions to human ankle stiffness,
-    Experimental Brain Research 135 (2000).
-
-    Examples
-    --------
-    >>> from skhoid.effects import RateReflex
-    >>> RateReflex(side="negative", delay=0.04).fixed
-    {'delay': 0.04}
     """
 
     name = "rate_reflex"
@@ -722,29 +603,30 @@ class RateReflex(Effect):
     source = "Mirbagheri et al. (2000)"
     neutral = {"gain": 0.0}
     choices = {"side": ("positive", "negative")}
+    options = {"sense": (1, -1)}
+    arguments = {
+        "sense": Argument(
+            "Sign of the output that resists a positive input, by the recording's convention; "
+            "None takes that of the"
+            "covariance of output and input.",
+            "{1, -1} or None",
+        )
+    }
     parameters = (
         Parameter("gain", U * S / E, 0.0, 1e3, (0.03, 0.3), "gain on the rate"),
         Parameter("delay", S, 0.015, 0.3, (0.04,), "delay of the response", scale=ONE),
         Parameter("omega", RAD / S, 2.0, 200.0, (30.0,), "frequency of the path", scale=ONE),
         Parameter("zeta", ONE, 0.2, 5.0, (1.0,), "its damping ratio"),
     )
-
-    def __init__(
-        self,
-        *,
-        gain: float | None = None,
-        delay: float | None = None,
-        omega: float | None = None,
-        zeta: float | None = None,
-        side: str | None = None,
-        sense: int | None = None,
-    ):
-        self.gain = gain
-        self.delay = delay
-        self.omega = omega
-        self.zeta = zeta
-        self.side = side
-        self.sense = sense
+    reference = (
+        "Mirbagheri, Barbeau and Kearney, Intrinsic and reflex contributions to human ankle "
+        "stiffness, Experimental Brain Research 135 (2000)."
+    )
+    told_apart = {"rectified": "record slow ramps, in which the rate hardly acts"}
+    examples = (
+        {"side": "positive", "gain": 0.03, "delay": 0.05, "omega": 25.0, "zeta": 0.7, "sense": 1},
+        {"side": "negative", "gain": 0.03, "delay": 0.05, "omega": 25.0, "zeta": 0.7, "sense": 1},
+    )
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if core != CoreKind.ARX:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,11 +11,27 @@ from scipy.special import ndtr
 
 from .. import _kernels
 from .base import Effect
+from .entry import Argument
 from .error_scan import ErrorScan
 from .operator_signals import Spring
-from .parameter import ONE, CoreKind, Dimension, E, Parameter, S, U
+from .parameter import ONE, CoreKind, E, Parameter, S, U
 from .record import Record, differentiated, stop_of
 
+__all__ = [  # in the order of the catalogue
+    "DeadZone",
+    "AsymmetricGain",
+    "Rectified",
+    "CubicGain",
+    "AbsoluteValue",
+    "Saturation",
+    "RateLimit",
+    "Backlash",
+    "Stiction",
+    "Quantised",
+    "HardeningStiffness",
+]
+
+GROWTH = "increase of the gain with amplitude"
 PLACE_OF = {"error": "input", "command": "command", "output": "output"}
 
 
@@ -39,10 +56,11 @@ class StaticMap(Effect):
     def place(self) -> str:  # type: ignore[override]
         return PLACE_OF[self.at or self.usual_at]
 
-    @property
-    def unit(self) -> Dimension:
-        """Of the signal that is mapped."""
-        return E if self.place == "input" else U
+    def resolved(self, parameter: Parameter) -> Parameter:
+        """In units of the signal that is mapped."""
+        if self.place == "input":
+            return parameter
+        return replace(parameter, dimension=parameter.dimension.with_input_as_output())
 
     def physics_in(self, domain: str) -> str:
         return self.physics_at.get(self.at or "") or super().physics_in(domain)
@@ -90,31 +108,6 @@ class DeadZone(StaticMap):
     ``"gap"``: e' = sign(e) max(abs(e) - width, 0); ``"smooth"``: e' = e - width tanh(e / width);
     ``"jump"``: e' = e where abs(e) > width, else 0; ``"behind"``: the mean of the gap over remnant
     that passes through it too, with standard deviation ``remnant``.
-
-    Parameters
-    ----------
-    width : float or None, default=None
-        Half-width, in units of the error or of the output; None estimates it.
-    remnant : float or None, default=None
-        Standard deviation of the remnant ahead of it (``"behind"``), in the same units; None
-        estimates it.
-    form : {"gap", "smooth", "jump", "behind"} or None, default=None
-        Whether the response starts from zero at the threshold or jumps; None tries all,
-        ``"behind"`` only at places other than the error.
-    at : {"error", "command", "output"} or None, default=None
-        What has the threshold: the error, the command to the limb, or the output of the limb. None
-        means the error; a search tries all three.
-
-    References
-    ----------
-    McRuer and Krendel, Mathematical models of human pilot behavior, AGARDograph 188 (1974):
-    indifference thresholds.
-
-    Examples
-    --------
-    >>> from skhoid.effects import DeadZone
-    >>> DeadZone(width=0.3).name
-    'dead_zone'
     """
 
     name = "dead_zone"
@@ -134,29 +127,29 @@ class DeadZone(StaticMap):
     shades = True
     choices = {"at": ("error", "command", "output"), "form": ("gap", "smooth", "jump", "behind")}
     plain = ("gap", "behind")
-
-    def __init__(
-        self,
-        *,
-        width: float | None = None,
-        remnant: float | None = None,
-        form: str | None = None,
-        at: str | None = None,
-    ):
-        self.width = width
-        self.remnant = remnant
-        self.form = form
-        self.at = at
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        width = Parameter("width", self.unit, 0.02, 3.0, (0.25, 0.7), "half-width of the threshold")
-        if self.form != "behind":
-            return (width,)
-        return (
-            width,
-            Parameter("remnant", self.unit, 0.01, 2.0, (0.3,), "remnant ahead of the threshold"),
-        )
+    reference = (
+        "McRuer and Krendel, Mathematical models of human pilot behavior, AGARDograph 188 (1974): "
+        "indifference thresholds."
+    )
+    told_apart = {
+        "cubic_gain": (
+            "record runs with half and with twice the amplitude of the target: a dead zone "
+            "vanishes at large amplitude; a growing gain does not"
+        ),
+    }
+    examples = (
+        {"form": "gap", "width": 0.7},
+        {"form": "smooth", "width": 0.7},
+        {"form": "jump", "width": 0.7},
+        {"form": "behind", "at": "output", "width": 0.1, "remnant": 0.05},
+    )
+    hidden = {"width": 0.3}
+    parameters = (
+        Parameter("width", E, 0.02, 3.0, (0.25, 0.7), "half-width of the threshold"),
+        Parameter(
+            "remnant", E, 0.01, 2.0, (0.3,), "remnant ahead of the threshold", forms=("behind",)
+        ),
+    )
 
     def variants(self, record: Record) -> list[Effect]:
         made: list[Any] = super().variants(record)
@@ -182,29 +175,6 @@ class AsymmetricGain(StaticMap):
 
     ``"all"``: e' = e + asymmetry abs(e); ``"large"``: e' = e + asymmetry max(abs(e) - level, 0),
     where small errors get the same gain on both sides.
-
-    Parameters
-    ----------
-    asymmetry : float or None, default=None
-        Half the relative difference between the gains, dimensionless; None estimates it.
-    level : float or None, default=None
-        Error above which the gains differ (``"large"``), in units of the error, or of the output;
-        None estimates it.
-    form : {"all", "large"} or None, default=None
-        None tries both.
-    at : {"error", "command", "output"} or None, default=None
-        What it applies to: the error, the command to the limb, or the output of the limb. None
-        means the error; a search tries all three, the other two as ``"all"``.
-
-    References
-    ----------
-    McRuer and Krendel (1974).
-
-    Examples
-    --------
-    >>> from skhoid.effects import AsymmetricGain
-    >>> AsymmetricGain(asymmetry=0.2)
-    AsymmetricGain(asymmetry=0.2)
     """
 
     name = "asym_gain"
@@ -225,31 +195,29 @@ class AsymmetricGain(StaticMap):
     neutral = {"asymmetry": 0.0}
     choices = {"at": ("error", "command", "output"), "form": ("all", "large")}
     plain = ("all",)
-
-    def __init__(
-        self,
-        *,
-        asymmetry: float | None = None,
-        level: float | None = None,
-        form: str | None = None,
-        at: str | None = None,
-    ):
-        self.asymmetry = asymmetry
-        self.level = level
-        self.form = form
-        self.at = at
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        meaning = "positive errors stronger"
-        if self.form == "large":
-            return (
-                Parameter("asymmetry", ONE, -0.95, 0.95, (-0.3, 0.3), meaning),
-                Parameter(
-                    "level", self.unit, 0.05, 2.0, (0.3, 0.8), "error above which gains differ"
-                ),
-            )
-        return (Parameter("asymmetry", ONE, -0.7, 0.7, (-0.2, 0.2), meaning),)
+    reference = "McRuer and Krendel (1974)."
+    told_apart = {
+        "absolute_value": (
+            "record a target of higher frequencies: asymmetry acts on the error's rate too"
+        ),
+        "rectified": "record runs with a constant disturbance to either side",
+    }
+    examples = (
+        {"form": "all", "asymmetry": 0.4},
+        {"form": "large", "asymmetry": 0.6, "level": 0.7},
+    )
+    hidden = {"asymmetry": 0.3}
+    parameters = (
+        Parameter(
+            "asymmetry", ONE, -0.7, 0.7, (-0.2, 0.2), "positive errors stronger", forms=("all",)
+        ),
+        Parameter(
+            "asymmetry", ONE, -0.95, 0.95, (-0.3, 0.3), "positive errors stronger", forms=("large",)
+        ),
+        Parameter(
+            "level", E, 0.05, 2.0, (0.3, 0.8), "error above which gains differ", forms=("large",)
+        ),
+    )
 
     def mapped(
         self, signal: np.ndarray, record: Record, asymmetry: float, level: float = 0.0
@@ -262,28 +230,6 @@ class Rectified(Effect):
 
     ``"sharp"``: e' = e on its side, leak e on the other; ``"soft"``: e' = (e + s sqrt(e^2 +
     width^2) - s width) / 2 with s = 1 or -1, a gradual transition from one side to the other.
-
-    Parameters
-    ----------
-    leak : float or None, default=None
-        Relative gain on the other side (``"sharp"``), at most 0.18 (for more, see
-        :class:`AsymmetricGain`); None estimates it.
-    width : float or None, default=None
-        Width of the bend of ``"soft"``, in units of the error; None estimates it.
-    side : {"positive", "negative"} or None, default=None
-        Sign of the errors that get a response; None tries both.
-    form : {"sharp", "soft"} or None, default=None
-        None tries both.
-
-    References
-    ----------
-    Semicircular and visual half-wave channels: Young, Human control capabilities (1973).
-
-    Examples
-    --------
-    >>> from skhoid.effects import Rectified
-    >>> Rectified(side="positive").name
-    'rectified'
     """
 
     name = "rectified"
@@ -300,25 +246,19 @@ class Rectified(Effect):
     source = "Young (1973)"
     shades = True
     choices = {"form": ("sharp", "soft"), "side": ("positive", "negative")}
-
-    def __init__(
-        self,
-        *,
-        leak: float | None = None,
-        width: float | None = None,
-        side: str | None = None,
-        form: str | None = None,
-    ):
-        self.leak = leak
-        self.width = width
-        self.side = side
-        self.form = form
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        if self.form == "soft":
-            return (Parameter("width", E, 0.02, 1.0, (0.3,), "width of the bend"),)
-        return (Parameter("leak", ONE, 0.0, 0.18, (0.05,), "relative gain on the other side"),)
+    reference = (
+        "Semicircular and visual half-wave channels: Young, Human control capabilities (1973)."
+    )
+    examples = (
+        {"form": "sharp", "side": "positive", "leak": 0.1},
+        {"form": "soft", "side": "positive", "width": 0.7},
+    )
+    parameters = (
+        Parameter("width", E, 0.02, 1.0, (0.3,), "width of the bend", forms=("soft",)),
+        Parameter(
+            "leak", ONE, 0.0, 0.18, (0.05,), "relative gain on the other side", forms=("sharp",)
+        ),
+    )
 
     def apply(
         self, signal: np.ndarray, record: Record, leak: float = 0.0, width: float = 0.0
@@ -336,29 +276,6 @@ class CubicGain(StaticMap):
     ``"cubic"``: e' = e + hardening e^3; ``"square"``: e' = e + hardening e abs(e); ``"power"``: e'
     = sign(e) abs(e)^(1 + hardening), in units of the standard deviation of the error. Where it
     softens, the response stays at its maximum beyond the error where it is reached.
-
-    Parameters
-    ----------
-    hardening : float or None, default=None
-        In the unit of the error to the power -2 or -1, or dimensionless; None estimates it.
-    form : {"cubic", "square", "power"} or None, default=None
-        None tries all.
-    at : {"error", "command"} or None, default=None
-        What it applies to: the error, or the command to the limb. None means the error; a search
-        tries both, the command without ``"square"``.
-    reference : float or None, default=None
-        Standard deviation of the error (or output) that ``"power"`` refers to; None takes it from
-        the data.
-
-    References
-    ----------
-    Ljung, System identification (1999), Hammerstein models.
-
-    Examples
-    --------
-    >>> from skhoid.effects import CubicGain
-    >>> CubicGain(form="cubic").name
-    'cubic_gain'
     """
 
     name = "cubic_gain"
@@ -376,28 +293,25 @@ class CubicGain(StaticMap):
     choices = {"at": ("error", "command"), "form": ("cubic", "square", "power")}
     plain = ("cubic", "power")
     neutral = {"hardening": 0.0}
-
-    def __init__(
-        self,
-        *,
-        hardening: float | None = None,
-        form: str | None = None,
-        at: str | None = None,
-        reference: float | None = None,
-    ):
-        self.hardening = hardening
-        self.form = form
-        self.at = at
-        self.reference = reference
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        meaning = "increase of the gain with amplitude"
-        if self.form == "power":
-            return (Parameter("hardening", ONE, -0.7, 2.5, (-0.3, 0.3), meaning),)
-        if self.form == "square":
-            return (Parameter("hardening", ONE / self.unit, -0.25, 20.0, (-0.1, 0.3), meaning),)
-        return (Parameter("hardening", ONE / self.unit**2, -0.08, 20.0, (-0.02, 0.1), meaning),)
+    reference = "Ljung, System identification (1999), Hammerstein models."
+    examples = (
+        {"form": "cubic", "hardening": 0.15},
+        {"form": "square", "hardening": 0.4},
+        {"form": "power", "hardening": 0.8, "reference": 0.6},
+    )
+    hidden = {"hardening": 0.5}
+    parameters = (
+        Parameter("hardening", ONE, -0.7, 2.5, (-0.3, 0.3), GROWTH, forms=("power",)),
+        Parameter("hardening", ONE / E, -0.25, 20.0, (-0.1, 0.3), GROWTH, forms=("square",)),
+        Parameter("hardening", ONE / E**2, -0.08, 20.0, (-0.02, 0.1), GROWTH, forms=("cubic",)),
+    )
+    arguments = {
+        "reference": Argument(
+            'Standard deviation of the error (or output) that ``"power"`` refers to; None takes '
+            "it from the data.",
+            "float or None",
+        )
+    }
 
     def variants(self, record: Record) -> list[Effect]:
         signal = "e" if self.place == "input" else "u"
@@ -421,26 +335,6 @@ class AbsoluteValue(Effect):
     """The operator responds to the magnitude of the error too: the command gets gain abs(e).
 
     ``"together"``: at the same time as to the error; ``"apart"``: earlier or later.
-
-    Parameters
-    ----------
-    gain : float or None, default=None
-        In units of the output per unit of the error; None estimates it.
-    later : float or None, default=None
-        How much later the response to the magnitude is than that to the error (``"apart"``), in
-        seconds; None estimates it.
-    form : {"together", "apart"} or None, default=None
-        None tries both.
-
-    References
-    ----------
-    McRuer and Krendel (1974).
-
-    Examples
-    --------
-    >>> from skhoid.effects import AbsoluteValue
-    >>> AbsoluteValue().place
-    'path'
     """
 
     name = "absolute_value"
@@ -454,23 +348,23 @@ class AbsoluteValue(Effect):
     shades = True
     neutral = {"gain": 0.0}
     choices = {"form": ("together", "apart")}
-
-    def __init__(
-        self, *, gain: float | None = None, later: float | None = None, form: str | None = None
-    ):
-        self.gain = gain
-        self.later = later
-        self.form = form
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        gain = Parameter("gain", U / E, -5.0, 5.0, (-0.3, 0.3), "gain on the magnitude")
-        if self.form != "apart":
-            return (gain,)
-        return (
-            gain,
-            Parameter("later", S, -0.3, 0.6, (-0.1, 0.1), "delay after the response to the error"),
-        )
+    reference = "McRuer and Krendel (1974)."
+    examples = (
+        {"form": "together", "gain": 0.05},
+        {"form": "apart", "gain": 0.05, "later": 0.1},
+    )
+    parameters = (
+        Parameter("gain", U / E, -5.0, 5.0, (-0.3, 0.3), "gain on the magnitude"),
+        Parameter(
+            "later",
+            S,
+            -0.3,
+            0.6,
+            (-0.1, 0.1),
+            "delay after the response to the error",
+            forms=("apart",),
+        ),
+    )
 
     def apply(self, signal: Any, record: Record, gain: float, later: float = 0.0) -> Any:
         size = np.abs(signal.error)
@@ -493,31 +387,6 @@ class Saturation(StaticMap):
     ``"hard"``: min(max(u, -limit), limit); ``"unequal"``: from -limit (1 - skew) to limit (1 +
     skew); ``"soft"``: limit tanh(u / limit); ``"behind"``: the mean of the hard one over remnant
     that is limited too, with standard deviation ``remnant``.
-
-    Parameters
-    ----------
-    limit : float or None, default=None
-        In units of the output, or of the error; None estimates it.
-    remnant : float or None, default=None
-        Standard deviation of the remnant ahead of the stop (``"behind"``), in units of the output;
-        None estimates it.
-    skew : float or None, default=None
-        Half the relative difference between the two stops (``"unequal"``); None estimates it.
-    form : {"hard", "soft", "unequal", "behind"} or None, default=None
-        None tries the first three, and ``"behind"`` where samples pile up at a stop.
-    at : {"output", "command", "error"} or None, default=None
-        What is limited: the output, the command to the limb, or the error, as by the edge of a
-        screen. None means the output; a search tries all three, the other two as ``"hard"``.
-
-    References
-    ----------
-    Gelb and Vander Velde, Multiple-input describing functions (1968).
-
-    Examples
-    --------
-    >>> from skhoid.effects import Saturation
-    >>> Saturation(limit=1.5).name
-    'saturation'
     """
 
     name = "saturation"
@@ -538,34 +407,30 @@ class Saturation(StaticMap):
         "form": ("hard", "soft", "unequal", "behind"),
     }
     plain = ("hard",)
-
-    def __init__(
-        self,
-        *,
-        limit: float | None = None,
-        remnant: float | None = None,
-        skew: float | None = None,
-        form: str | None = None,
-        at: str | None = None,
-    ):
-        self.limit = limit
-        self.remnant = remnant
-        self.skew = skew
-        self.form = form
-        self.at = at
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        limit = Parameter("limit", self.unit, 0.1, 4.0, (0.8, 1.6), "maximum deflection")
-        if self.form == "unequal":
-            skew = Parameter("skew", ONE, -0.95, 0.95, (-0.3, 0.3), "asymmetry of the stops")
-            return (limit, skew)
-        if self.form != "behind":
-            return (limit,)
-        return (
-            limit,
-            Parameter("remnant", self.unit, 0.01, 2.0, (0.3,), "remnant ahead of the stop"),
-        )
+    reference = "Gelb and Vander Velde, Multiple-input describing functions (1968)."
+    told_apart = {
+        "cubic_gain": "record runs at half the amplitude: stops are not reached then",
+        "hardening_stiffness": (
+            "record runs at half the amplitude, and move the stick slowly from stop to stop"
+        ),
+        "rate_limit": (
+            "record a slow target of large amplitude, which reaches the stop and not the rate"
+        ),
+    }
+    examples = (
+        {"form": "hard", "limit": 0.2},
+        {"form": "soft", "limit": 0.2},
+        {"form": "unequal", "limit": 0.2, "skew": -0.4},
+        {"form": "behind", "limit": 0.2, "remnant": 0.05},
+    )
+    hidden = {"limit": 0.1}
+    parameters = (
+        Parameter("limit", E, 0.1, 4.0, (0.8, 1.6), "maximum deflection"),
+        Parameter(
+            "skew", ONE, -0.95, 0.95, (-0.3, 0.3), "asymmetry of the stops", forms=("unequal",)
+        ),
+        Parameter("remnant", E, 0.01, 2.0, (0.3,), "remnant ahead of the stop", forms=("behind",)),
+    )
 
     def variants(self, record: Record) -> list[Effect]:
         made: list[Any] = super().variants(record)
@@ -589,23 +454,7 @@ class Saturation(StaticMap):
 
 
 class RateLimit(Effect):
-    """The rate of the output is limited.
-
-    Parameters
-    ----------
-    limit : float or None, default=None
-        Maximum rate, in units of the output per second; None estimates it.
-
-    References
-    ----------
-    Rate-limited actuators: Duda, Flight control system analysis with rate limiters (1997).
-
-    Examples
-    --------
-    >>> from skhoid.effects import RateLimit
-    >>> RateLimit().place
-    'output'
-    """
+    """The rate of the output is limited."""
 
     name = "rate_limit"
     place = "output"
@@ -616,32 +465,18 @@ class RateLimit(Effect):
     source = "Duda (1997)"
     kinks = True
     parameters = (Parameter("limit", U / S, 0.1, 30.0, (1.0, 2.0, 4.0), "maximum rate"),)
-
-    def __init__(self, *, limit: float | None = None):
-        self.limit = limit
+    reference = (
+        "Rate-limited actuators: Duda, Flight control system analysis with rate limiters (1997)."
+    )
+    examples = ({"limit": 0.5},)
+    hidden = {"limit": 0.2}
 
     def apply(self, signal: np.ndarray, record: Record, limit: float) -> np.ndarray:
         return _kernels.greybox.rate_limited(_kernels.gate(signal), limit * record.dt)
 
 
 class Backlash(Effect):
-    """Play: the output trails the command by a gap, and stays put when the command reverses.
-
-    Parameters
-    ----------
-    gap : float or None, default=None
-        Half-width of the play in units of the output; None estimates it.
-
-    References
-    ----------
-    Gelb and Vander Velde (1968).
-
-    Examples
-    --------
-    >>> from skhoid.effects import Backlash
-    >>> Backlash(gap=0.1).name
-    'backlash'
-    """
+    """Play: the output trails the command by a gap, and stays put when the command reverses."""
 
     name = "backlash"
     place = "output"
@@ -654,9 +489,9 @@ class Backlash(Effect):
     neutral = {"gap": 0.0}
     # With a kinetic friction as large as the static one; in a limb that is fast.
     within = ("stiction", "friction")
-
-    def __init__(self, *, gap: float | None = None):
-        self.gap = gap
+    reference = "Gelb and Vander Velde (1968)."
+    examples = ({"gap": 0.08},)
+    hidden = {"gap": 0.03}
 
     def apply(self, signal: np.ndarray, record: Record, gap: float) -> np.ndarray:
         return _kernels.greybox.stuck(_kernels.gate(signal), gap, gap, True)
@@ -666,27 +501,6 @@ class Stiction(Effect):
     """Dry friction: the output sticks until it breaks away, then trails the command.
 
     ``"slide"``: it keeps following until the command reverses; ``"jump"``: it sticks again at once.
-
-    Parameters
-    ----------
-    breakaway : float or None, default=None
-        Distance between command and output at which it breaks away, in units of the output; None
-        estimates it.
-    kinetic : float or None, default=None
-        Distance kept while sliding (Coulomb friction), or left after a jump, as a fraction of
-        ``breakaway``; None estimates it.
-    form : {"slide", "jump"} or None, default=None
-        None tries both.
-
-    References
-    ----------
-    Armstrong-Helouvry et al., A survey of models for machines with friction (1994).
-
-    Examples
-    --------
-    >>> from skhoid.effects import Stiction
-    >>> Stiction(kinetic=0.0).fixed
-    {'kinetic': 0.0}
     """
 
     name = "stiction"
@@ -706,17 +520,17 @@ class Stiction(Effect):
     smooth = False
     shades = True
     choices = {"form": ("slide", "jump")}
-
-    def __init__(
-        self,
-        *,
-        breakaway: float | None = None,
-        kinetic: float | None = None,
-        form: str | None = None,
-    ):
-        self.breakaway = breakaway
-        self.kinetic = kinetic
-        self.form = form
+    reference = "Armstrong-Helouvry et al., A survey of models for machines with friction (1994)."
+    told_apart = {
+        "backlash": (
+            "record slow ramps of a few seconds: with backlash the output follows at a constant "
+            "distance; with stiction it jumps"
+        ),
+    }
+    examples = (
+        {"form": "slide", "breakaway": 0.15, "kinetic": 0.3},
+        {"form": "jump", "breakaway": 0.15, "kinetic": 0.3},
+    )
 
     def scanned_beside(
         self, error_of: ErrorScan, values: dict[str, float]
@@ -768,32 +582,6 @@ class Quantised(StaticMap):
     ``"sharp"``: u' = step round(u / step - offset); ``"behind"``: its mean over remnant that is
     quantised too, with standard deviation ``remnant``, u + steps that the remnant smooths;
     ``"uneven"`` has levels at step n^(1 / power), n = 0, 1, 2 ... to either side.
-
-    Parameters
-    ----------
-    step : float or None, default=None
-        Distance between levels, in units of the output or of the error; None estimates it.
-    offset : float or None, default=None
-        Shift of the thresholds, in steps; 0.5 rounds down. None estimates it.
-    remnant : float or None, default=None
-        Standard deviation of the remnant ahead of it (``"behind"``), in steps; None estimates it.
-    power : float or None, default=None
-        How levels crowd away from zero (above one) or towards it (``"uneven"``); None estimates it.
-    form : {"sharp", "behind", "uneven"} or None, default=None
-        None tries all, ``"uneven"`` at the output only.
-    at : {"output", "command", "error"} or None, default=None
-        What has levels: the output, the command to the limb, or the error, as on a coarse display.
-        None means the output; a search tries all three.
-
-    References
-    ----------
-    Widrow and Kollar, Quantization noise (2008); Gelb and Vander Velde (1968).
-
-    Examples
-    --------
-    >>> from skhoid.effects import Quantised
-    >>> Quantised(step=0.1).fixed
-    {'step': 0.1}
     """
 
     name = "quantised"
@@ -811,42 +599,38 @@ class Quantised(StaticMap):
     # The smooth form comes first: the others start from what it finds as well.
     choices = {"at": ("output", "command", "error"), "form": ("behind", "sharp", "uneven")}
     plain = ("behind", "sharp")
-
-    def __init__(
-        self,
-        *,
-        step: float | None = None,
-        offset: float | None = None,
-        remnant: float | None = None,
-        power: float | None = None,
-        form: str | None = None,
-        at: str | None = None,
-    ):
-        self.step = step
-        self.offset = offset
-        self.remnant = remnant
-        self.power = power
-        self.form = form
-        self.at = at
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        steps = (0.5, 1.0, 2.0)
-        offset = Parameter(
-            "offset", ONE, -0.5, 0.5, (0.0, 0.5), "shift of the thresholds, in steps"
-        )
-        step = Parameter("step", self.unit, 0.05, 6.0, steps, "distance between levels")
-        if self.form == "behind":
-            remnant = Parameter(
-                "remnant", ONE, 0.15, HIDDEN, (0.2,), "remnant ahead of the levels, in steps"
-            )
-            return (step, offset, remnant)
-        if self.form == "uneven":
-            return (
-                step,
-                Parameter("power", ONE, 0.5, 2.0, (0.8, 1.25), "crowding of uneven levels"),
-            )
-        return (step, offset)
+    reference = "Widrow and Kollar, Quantization noise (2008); Gelb and Vander Velde (1968)."
+    examples = (
+        {"form": "sharp", "step": 0.12, "offset": 0.0},
+        {"form": "behind", "step": 0.12, "offset": 0.0, "remnant": 0.08},
+        {"form": "uneven", "step": 0.1, "power": 1.5},
+    )
+    hidden = {"step": 0.1, "offset": 0.0}
+    parameters = (
+        Parameter("step", E, 0.05, 6.0, (0.5, 1.0, 2.0), "distance between levels"),
+        Parameter(
+            "offset",
+            ONE,
+            -0.5,
+            0.5,
+            (0.0, 0.5),
+            "shift of the thresholds, in steps",
+            forms=("behind", "sharp"),
+        ),
+        Parameter(
+            "remnant",
+            ONE,
+            0.15,
+            HIDDEN,
+            (0.2,),
+            "remnant ahead of the levels, in steps",
+            forms=("behind",),
+        ),
+        Parameter(
+            "power", ONE, 0.5, 2.0, (0.8, 1.25), "crowding of uneven levels", forms=("uneven",)
+        ),
+    )
+    unless_given = {"form": "sharp"}
 
     unseen_at = {"remnant": HIDDEN}  # which leaves an offset
     softness = 0.0  # of corners, in steps
@@ -906,24 +690,6 @@ class HardeningStiffness(Effect):
     ``"cubic"``: stiffness u^3; ``"square"``: stiffness u abs(u). With an operator it is the
     neuromuscular spring, omega_nm^2 (u + stiffness u^3); with an ARX model, A(q) u = B(q) (x -
     stiffness u^3), the Duffing oscillator.
-
-    Parameters
-    ----------
-    stiffness : float or None, default=None
-        In units of the command per cubed (``"square"``: squared) unit of the output; None
-        estimates it.
-    form : {"cubic", "square"} or None, default=None
-        None tries both.
-
-    References
-    ----------
-    Wigren and Schoukens, Three free data sets for nonlinear system identification (2013).
-
-    Examples
-    --------
-    >>> from skhoid.effects import HardeningStiffness
-    >>> HardeningStiffness().place
-    'spring'
     """
 
     name = "hardening_stiffness"
@@ -940,17 +706,33 @@ class HardeningStiffness(Effect):
     shades = True
     neutral = {"stiffness": 0.0}
     choices = {"form": ("cubic", "square")}
-
-    def __init__(self, *, stiffness: float | None = None, form: str | None = None):
-        self.stiffness = stiffness
-        self.form = form
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        dimension = ONE / U if self.form == "square" else ONE / U**2
-        return (
-            Parameter("stiffness", dimension, 0.0, 20.0, (0.02, 0.3), "stiffening of the spring"),
-        )
+    reference = (
+        "Wigren and Schoukens, Three free data sets for nonlinear system identification (2013)."
+    )
+    examples = (
+        {"form": "cubic", "stiffness": 15.0},
+        {"form": "square", "stiffness": 4.0},
+    )
+    parameters = (
+        Parameter(
+            "stiffness",
+            ONE / U**2,
+            0.0,
+            20.0,
+            (0.02, 0.3),
+            "stiffening of the spring",
+            forms=("cubic",),
+        ),
+        Parameter(
+            "stiffness",
+            ONE / U,
+            0.0,
+            20.0,
+            (0.02, 0.3),
+            "stiffening of the spring",
+            forms=("square",),
+        ),
+    )
 
     def apply(self, signal: Spring, record: Record, stiffness: float) -> Spring:
         return signal.stiffer(**{self.form or "cubic": stiffness})

@@ -46,6 +46,9 @@ class CoreKind(StrEnum):
         return self is not CoreKind.ARX
 
 
+OPEN = "None"  # stands for a channel that is not chosen yet
+
+
 class RoleName(str):
     """A role in place of the name of a channel, which data may call otherwise."""
 
@@ -119,7 +122,7 @@ class Dimension:
         -------
         dimension : Dimension
         """
-        return cls(channels=((str(name), 1),))
+        return cls(channels=((OPEN if name is None else str(name), 1),))
 
     @classmethod
     def of_role(cls, role: str) -> Dimension:
@@ -170,6 +173,15 @@ class Dimension:
         """The same dimension, with the unit of the output replaced by that of the input."""
         return replace(self, u=0, e=self.e + self.u)
 
+    def with_input_as_output(self) -> Dimension:
+        """The same dimension, with the unit of the input replaced by that of the output."""
+        return replace(self, e=0, u=self.u + self.e)
+
+    def with_channel(self, name: str) -> Dimension:
+        """The same dimension, with a channel in the place of the one that is open."""
+        channels = tuple((name if n == OPEN else n, p) for n, p in self.channels)
+        return replace(self, channels=channels)
+
     def label(self, units: Mapping[str, str | None] | None = None) -> str:
         """The unit as text.
 
@@ -219,6 +231,7 @@ S = Dimension(s=1)
 RAD = Dimension(rad=1)
 HZ = Dimension(Hz=1)
 T = Dimension(T=1)
+CHANNEL = Dimension.of_channel(None)  # that an effect follows
 
 
 @dataclass(frozen=True)
@@ -252,6 +265,8 @@ class Parameter:
         machine may be faster or slower. ``Dimension()``: the units of the data, and plain seconds
         on every model. ``T`` stands for seconds that are durations of a run,
         ``Dimension(u=1, T=-1)``; ``e`` may stand for a channel.
+    forms : tuple of str, default=()
+        Choices of the effect, such as forms, that have this number; () means all.
 
     See Also
     --------
@@ -272,6 +287,7 @@ class Parameter:
     starts: tuple[float, ...] = (1.0,)
     meaning: str = ""
     scale: Dimension | None = None
+    forms: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         own = checked(self.dimension, f"The dimension of the parameter {self.name!r}")

@@ -9,31 +9,32 @@ import numpy as np
 from .. import _kernels
 from ..runs.roles import OTHER
 from .base import Effect
+from .entry import Argument
 from .error_scan import ErrorScan
 from .in_time import with_middle
 from .operator_signals import bilinear, shaped
-from .parameter import ONE, RAD, CoreKind, Dimension, E, Parameter, S, T, U
+from .parameter import CHANNEL, ONE, RAD, CoreKind, Dimension, E, Parameter, S, T, U
 from .record import Record, differentiated, needs_channel
+
+__all__ = [  # in the order of the catalogue
+    "Bias",
+    "Drift",
+    "Integral",
+    "Feedforward",
+    "Preview",
+    "OutputFeedback",
+    "MotionFeedback",
+    "Disturbance",
+    "CrossAxis",
+    "ExtraLag",
+    "ExtraLead",
+    "NeuromuscularMode",
+    "HigherOrder",
+]
 
 
 class Bias(Effect):
-    """A constant offset of the output.
-
-    Parameters
-    ----------
-    level : float or None, default=None
-        In units of the output; None estimates it.
-
-    References
-    ----------
-    Ljung, System identification (1999), section 14.1.
-
-    Examples
-    --------
-    >>> from skhoid.effects import Bias
-    >>> Bias(level=0.1).fixed
-    {'level': 0.1}
-    """
+    """A constant offset of the output."""
 
     name = "bias"
     place = "sum"
@@ -45,9 +46,13 @@ class Bias(Effect):
     parameters = (Parameter("level", U, -20.0, 20.0, (0.1,), "offset"),)
     neutral = {"level": 0.0}
     within = ("drift",)  # that has settled
-
-    def __init__(self, *, level: float | None = None):
-        self.level = level
+    reference = "Ljung, System identification (1999), section 14.1."
+    told_apart = {
+        "drift": "record longer runs",
+        "integral": "record a constant disturbance of 30 s",
+    }
+    examples = ({"level": 0.1},)
+    hidden = {"level": 0.05}
 
     def apply(self, signal: np.ndarray, record: Record, level: float) -> np.ndarray:
         return signal + level
@@ -58,30 +63,6 @@ class Drift(Effect):
 
     ``"linear"``: rate (t - reference); ``"settling"``: level - rate tau exp(-(t - reference) /
     tau), which comes to rest at the level, with the reference at the start.
-
-    Parameters
-    ----------
-    rate : float or None, default=None
-        In units of the output per second (at the start, for ``"settling"``); None estimates it.
-    tau : float or None, default=None
-        Time constant of ``"settling"`` in seconds; None estimates it.
-    level : float or None, default=None
-        Where ``"settling"`` comes to rest, in units of the output; None estimates it.
-    reference : float or None, default=None
-        Time in the run, in seconds, at which it is zero (``"linear"``) or begins
-        (``"settling"``); None takes the middle, and the start.
-    form : {"linear", "settling"} or None, default=None
-        None tries both.
-
-    References
-    ----------
-    Ljung (1999), section 14.1.
-
-    Examples
-    --------
-    >>> from skhoid.effects import Drift
-    >>> Drift().name
-    'drift'
     """
 
     name = "drift"
@@ -96,30 +77,28 @@ class Drift(Effect):
     )
     source = "Ljung (1999)"
     choices = {"form": ("linear", "settling")}
-
-    def __init__(
-        self,
-        *,
-        rate: float | None = None,
-        tau: float | None = None,
-        level: float | None = None,
-        reference: float | None = None,
-        form: str | None = None,
-    ):
-        self.rate = rate
-        self.tau = tau
-        self.level = level
-        self.reference = reference
-        self.form = form
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        rate = Parameter("rate", U / S, -20.0, 20.0, (0.5,), "rate of the drift", U / T)
-        if self.form != "settling":
-            return (rate,)
-        steep = Parameter("rate", U / S, -100.0, 100.0, (2.0, -2.0), "rate at the start", U / T)
-        level = Parameter("level", U, -20.0, 20.0, (0.0,), "level where it settles")
-        return (steep, Parameter("tau", S, 0.05, 1.0, (0.15, 0.4), "time constant", T), level)
+    reference = "Ljung (1999), section 14.1."
+    examples = (
+        {"form": "linear", "rate": 0.004, "reference": 40.96},
+        {"form": "settling", "rate": 0.02, "tau": 15.0, "level": 0.1, "reference": 0.0},
+    )
+    hidden = {"rate": 0.002}
+    parameters = (
+        Parameter("rate", U / S, -20.0, 20.0, (0.5,), "rate of the drift", U / T, ("linear",)),
+        Parameter(
+            "rate", U / S, -100.0, 100.0, (2.0, -2.0), "rate at the start", U / T, ("settling",)
+        ),
+        Parameter("tau", S, 0.05, 1.0, (0.15, 0.4), "time constant", T, ("settling",)),
+        Parameter("level", U, -20.0, 20.0, (0.0,), "level where it settles", forms=("settling",)),
+    )
+    arguments = {
+        "reference": Argument(
+            'Time in the run, in seconds, at which it is zero (``"linear"``) or begins '
+            '(``"settling"``); None takes'
+            "the middle, and the start.",
+            "float or None",
+        )
+    }
 
     @property
     def neutral(self) -> dict[str, float]:  # type: ignore[override]
@@ -152,25 +131,6 @@ class Integral(Effect):
     """Trim: the operator responds to the integral of the error.
 
     ``"pure"``: the integral from the start of the run; ``"leaky"``: 1 / (s + leak), which forgets.
-
-    Parameters
-    ----------
-    gain : float or None, default=None
-        In units of the output per unit of the error and second; None estimates it.
-    leak : float or None, default=None
-        Rate of forgetting in 1/s of ``"leaky"``; None estimates it.
-    form : {"pure", "leaky"} or None, default=None
-        None tries both.
-
-    References
-    ----------
-    McRuer and Krendel (1974), low-frequency trim.
-
-    Examples
-    --------
-    >>> from skhoid.effects import Integral
-    >>> Integral().place
-    'path'
     """
 
     name = "integral"
@@ -184,20 +144,21 @@ class Integral(Effect):
     neutral = {"gain": 0.0}
     within = ("higher_order",)  # with a slow pole and a zero; its other pair cancels
     choices = {"form": ("pure", "leaky")}
-
-    def __init__(
-        self, *, gain: float | None = None, leak: float | None = None, form: str | None = None
-    ):
-        self.gain = gain
-        self.leak = leak
-        self.form = form
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        gain = Parameter("gain", U / (E * S), 0.0, 20.0, (0.1, 0.5), "gain on the integral")
-        if self.form != "leaky":
-            return (gain,)
-        return (gain, Parameter("leak", ONE / S, 0.001, 0.6, (0.1,), "rate of forgetting"))
+    reference = "McRuer and Krendel (1974), low-frequency trim."
+    told_apart = {
+        "output_feedback": (
+            "record a constant target or disturbance of 30 s: an integral keeps growing; a "
+            "response to x does not"
+        ),
+    }
+    examples = (
+        {"form": "pure", "gain": 0.1},
+        {"form": "leaky", "gain": 0.1, "leak": 0.7},
+    )
+    parameters = (
+        Parameter("gain", U / (E * S), 0.0, 20.0, (0.1, 0.5), "gain on the integral"),
+        Parameter("leak", ONE / S, 0.001, 0.6, (0.1,), "rate of forgetting", forms=("leaky",)),
+    )
 
     def apply(self, signal: Any, record: Record, gain: float, leak: float = 0.0) -> Any:
         dt = record.dt
@@ -207,6 +168,22 @@ class Integral(Effect):
 
 
 X = Dimension.of_role("x")  # is the target less the error: of the same size as the error
+TARGET = Dimension.of_role("f_t")
+OF_INVERSE = ("inverse", "spread")  # forms of the response to the target that need the element
+FELT, SHAKEN = ("direct", "canal"), ("feedthrough",)  # forms of the response to motion
+GAINS_OF_TARGET = (
+    Parameter(
+        "gain",
+        ONE,
+        0.0,
+        3.0,
+        (0.3,),
+        "gain on the inverse controlled element",
+        forms=OF_INVERSE,
+    ),
+    Parameter("gain", U * S / TARGET, 0.0, 20.0, (0.1,), "gain on the target", forms=("rate",)),
+    Parameter("gain", U / TARGET, 0.0, 20.0, (0.1,), "gain on the target", forms=("gain",)),
+)
 FASTEST_REFLEX = 0.02  # s, from a perturbation of the arm to its muscles
 SCAN_STEP = 0.06  # s, of the time of an answer to the target
 
@@ -221,6 +198,7 @@ class _AnswerToTarget(Effect):
         return needs_target(record, self.form)
 
     choices = {"form": ("inverse", "rate", "gain")}
+    unless_given = {"form": "gain"}
     ahead = -1.0  # sign by which the time parameter becomes time looked ahead
 
     def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
@@ -247,7 +225,7 @@ class _AnswerToTarget(Effect):
         element = record.controlled_element
         known = element is not None and element.not_invertible is None
         possible = self.form is not None or known
-        return [v for v in made if possible or not of_inverse(v.form)]
+        return [v for v in made if possible or v.form not in OF_INVERSE]
 
 
 class Feedforward(_AnswerToTarget):
@@ -255,27 +233,6 @@ class Feedforward(_AnswerToTarget):
 
     ``"inverse"``: gain times the inverse controlled element of f_t; ``"rate"``: gain times the
     target's rate; ``"gain"``: gain times the target.
-
-    Parameters
-    ----------
-    gain : float or None, default=None
-        Dimensionless for ``"inverse"`` (1 is perfect), else in units of the output per unit of the
-        target (times seconds); None estimates it.
-    delay : float or None, default=None
-        In seconds; None estimates it.
-    form : {"inverse", "rate", "gain"} or None, default=None
-        None tries all.
-
-    References
-    ----------
-    Wasicko, McRuer and Magdaleno, Human pilot dynamic response in single-loop systems with
-    compensatory and pursuit displays (1966).
-
-    Examples
-    --------
-    >>> from skhoid.effects import Feedforward
-    >>> Feedforward(form="inverse").name
-    'feedforward'
     """
 
     name = "feedforward"
@@ -290,20 +247,26 @@ class Feedforward(_AnswerToTarget):
         r" \end{cases}"
     )
     source = "Wasicko et al. (1966)"
-
-    def __init__(
-        self, *, gain: float | None = None, delay: float | None = None, form: str | None = None
-    ):
-        self.gain = gain
-        self.delay = delay
-        self.form = form
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        return (
-            gain_of_target(self.form),
-            Parameter("delay", S, 0.0, 0.8, (0.05, 0.3), "delay of the response to the target"),
-        )
+    reference = (
+        "Wasicko, McRuer and Magdaleno, Human pilot dynamic response in single-loop systems with "
+        "compensatory and pursuit displays (1966)."
+    )
+    told_apart = {
+        "output_feedback": (
+            "add a disturbance f_d of its own frequencies: it moves x and leaves f_t"
+        ),
+        "preview": "record a target with steps: a response before the step is preview",
+    }
+    examples = (
+        {"form": "inverse", "gain": 0.6, "delay": 0.2},
+        {"form": "rate", "gain": 0.05, "delay": 0.2},
+        {"form": "gain", "gain": 0.05, "delay": 0.2},
+    )
+    hidden = {"gain": 0.5, "delay": 0.2}
+    parameters = (
+        *GAINS_OF_TARGET,
+        Parameter("delay", S, 0.0, 0.8, (0.05, 0.3), "delay of the response to the target"),
+    )
 
     def apply(self, signal: Any, record: Record, gain: float, delay: float) -> Any:
         return signal.plus(gain * record.delayed(shaped_target(record, self.form), delay))
@@ -314,27 +277,6 @@ class Preview(_AnswerToTarget):
 
     ``"spread"`` averages the response of ``"inverse"`` over a stretch of the target; the other
     forms are as in :class:`Feedforward`.
-
-    Parameters
-    ----------
-    gain : float or None, default=None
-        As in :class:`Feedforward`; None estimates it.
-    time : float or None, default=None
-        How far ahead, in seconds; None estimates it.
-    stretch : float or None, default=None
-        Length of the stretch of ``"spread"`` in seconds; None estimates it.
-    form : {"inverse", "spread", "rate", "gain"} or None, default=None
-        None tries all.
-
-    References
-    ----------
-    Van der El et al., An empirical human controller model for preview tracking tasks (2016).
-
-    Examples
-    --------
-    >>> from skhoid.effects import Preview
-    >>> Preview(time=0.5).fixed
-    {'time': 0.5}
     """
 
     name = "preview"
@@ -346,29 +288,22 @@ class Preview(_AnswerToTarget):
     source = "Van der El et al. (2016)"
     ahead = 1.0
     choices = {"form": ("inverse", "rate", "gain", "spread")}
-
-    def __init__(
-        self,
-        *,
-        gain: float | None = None,
-        time: float | None = None,
-        stretch: float | None = None,
-        form: str | None = None,
-    ):
-        self.gain = gain
-        self.time = time
-        self.stretch = stretch
-        self.form = form
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        both = (
-            gain_of_target(self.form),
-            Parameter("time", S, 0.0, 1.5, (0.2, 0.6), "preview time"),
-        )
-        if self.form != "spread":
-            return both
-        return (*both, Parameter("stretch", S, 0.05, 1.5, (0.3,), "length of the target averaged"))
+    reference = (
+        "Van der El et al., An empirical human controller model for preview tracking tasks (2016)."
+    )
+    examples = (
+        {"form": "inverse", "gain": 0.6, "time": 0.4},
+        {"form": "spread", "gain": 0.6, "time": 0.4, "stretch": 0.4},
+        {"form": "rate", "gain": 0.05, "time": 0.4},
+        {"form": "gain", "gain": 0.05, "time": 0.4},
+    )
+    parameters = (
+        *GAINS_OF_TARGET,
+        Parameter("time", S, 0.0, 1.5, (0.2, 0.6), "preview time"),
+        Parameter(
+            "stretch", S, 0.05, 1.5, (0.3,), "length of the target averaged", forms=("spread",)
+        ),
+    )
 
     def apply(
         self, signal: Any, record: Record, gain: float, time: float, stretch: float = 0.0
@@ -382,27 +317,7 @@ class Preview(_AnswerToTarget):
 
 
 class OutputFeedback(Effect):
-    """The operator responds to the controlled element's output and its rate: H_x of pursuit.
-
-    Parameters
-    ----------
-    gain : float or None, default=None
-        On the output x, in units of u per unit of x; None estimates it.
-    rate_gain : float or None, default=None
-        On its rate, times seconds; None estimates it.
-    delay : float or None, default=None
-        In seconds; None estimates it.
-
-    References
-    ----------
-    Wasicko et al. (1966).
-
-    Examples
-    --------
-    >>> from skhoid.effects import OutputFeedback
-    >>> OutputFeedback().place
-    'path'
-    """
+    """The operator responds to the controlled element's output and its rate: H_x of pursuit."""
 
     name = "output_feedback"
     place = "path"
@@ -420,17 +335,9 @@ class OutputFeedback(Effect):
         Parameter("delay", S, 0.0, 0.8, (0.12, 0.3), "delay of the response to x"),
     )
     neutral = {"gain": 0.0, "rate_gain": 0.0}
-
-    def __init__(
-        self,
-        *,
-        gain: float | None = None,
-        rate_gain: float | None = None,
-        delay: float | None = None,
-    ):
-        self.gain = gain
-        self.rate_gain = rate_gain
-        self.delay = delay
+    reference = "Wasicko et al. (1966)."
+    examples = ({"gain": 0.05, "rate_gain": 0.03, "delay": 0.2},)
+    hidden = {"gain": 0.03, "rate_gain": 0.02, "delay": 0.2}
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(None, record, "x", "column of role x, the controlled output")
@@ -451,28 +358,6 @@ class MotionFeedback(Effect):
     ``"direct"``: the channel as it is; ``"canal"``: through semicircular-canal dynamics
     (0.11 s + 1) / ((5.9 s + 1)(0.005 s + 1)); ``"feedthrough"``: involuntarily, added to the
     output without delay (biodynamic feedthrough).
-
-    Parameters
-    ----------
-    gain : float or None, default=None
-        In units of the output per unit of the channel; None estimates it.
-    delay : float or None, default=None
-        In seconds; None estimates it.
-    channel : str or None, default=None
-        None tries each channel of role ``motion``.
-    form : {"direct", "canal", "feedthrough"} or None, default=None
-        None tries all.
-
-    References
-    ----------
-    Hosman and Stassen, Pilot's perception in the control of aircraft motions (1999); Venrooij et
-    al., biodynamic feedthrough (2011).
-
-    Examples
-    --------
-    >>> from skhoid.effects import MotionFeedback
-    >>> MotionFeedback(channel="motion_acc").name
-    'motion_feedback'
     """
 
     name = "motion_feedback"
@@ -483,36 +368,29 @@ class MotionFeedback(Effect):
     source = "Hosman and Stassen (1999)"
     neutral = {"gain": 0.0}
     choices = {"form": ("direct", "canal", "feedthrough")}
-
-    def __init__(
-        self,
-        *,
-        gain: float | None = None,
-        delay: float | None = None,
-        channel: str | None = None,
-        form: str | None = None,
-    ):
-        self.gain = gain
-        self.delay = delay
-        self.channel = channel
-        self.form = form
+    reference = (
+        "Hosman and Stassen, Pilot's perception in the control of aircraft motions (1999); "
+        "Venrooij et al., biodynamic feedthrough (2011)."
+    )
+    examples = (
+        {"form": "direct", "channel": "motion", "gain": 0.05, "delay": 0.15},
+        {"form": "canal", "channel": "motion", "gain": 0.5, "delay": 0.15},
+        {"form": "feedthrough", "channel": "motion", "gain": 0.05, "delay": 0.0},
+    )
 
     @property
     def place(self) -> str:  # type: ignore[override]
         return "sum" if self.form == "feedthrough" else "path"
 
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        gain = U / Dimension.of_channel(self.channel)
-        if self.form == "feedthrough":
-            return (
-                Parameter("gain", gain, -20.0, 20.0, (0.1, -0.1), "gain of the feedthrough"),
-                Parameter("delay", S, 0.0, 0.06, (0.0,), "delay of the feedthrough"),
-            )
-        return (
-            Parameter("gain", gain, 0.0, 20.0, (0.1,), "gain on the motion"),
-            Parameter("delay", S, 0.0, 0.6, (0.1, 0.25), "delay of the response to motion"),
-        )
+    parameters = (
+        Parameter("gain", U / CHANNEL, 0.0, 20.0, (0.1,), "gain on the motion", forms=FELT),
+        Parameter("delay", S, 0.0, 0.6, (0.1, 0.25), "delay of the response to motion", forms=FELT),
+        Parameter(
+            "gain", U / CHANNEL, -20.0, 20.0, (0.1, -0.1), "gain of the feedthrough", forms=SHAKEN
+        ),
+        Parameter("delay", S, 0.0, 0.06, (0.0,), "delay of the feedthrough", forms=SHAKEN),
+    )
+    arguments = {"channel": Argument("None tries each channel of role ``motion``.")}
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(self.channel, record, "motion", "column of role motion")
@@ -548,27 +426,6 @@ class Disturbance(Effect):
     delay for signals that the loop moves does not apply. But it is felt before it is seen, and no
     muscle responds to a perturbation sooner than the short-latency stretch reflex, 0.02 s: the
     least delay of a person (or ``least_delay``, if that is less); a machine may respond at once.
-
-    Parameters
-    ----------
-    gain : float or None, default=None
-        In units of the output per unit of the channel; None estimates it.
-    delay : float or None, default=None
-        In seconds; None estimates it.
-    channel : str or None, default=None
-        None tries each channel of role ``dist``.
-
-    References
-    ----------
-    Pool et al., Identification of multimodal pilot models using ramp target and multisine
-    disturbance signals (2011). Pruszynski and Scott, Optimal feedback control and the long-latency
-    stretch response (2012), for the least delay.
-
-    Examples
-    --------
-    >>> from skhoid.effects import Disturbance
-    >>> Disturbance().name
-    'disturbance'
     """
 
     name = "disturbance"
@@ -580,25 +437,17 @@ class Disturbance(Effect):
     tex = r"c' = c - \mathrm{gain}\; \mathrm{dist}(t - \mathrm{delay})"
     source = "Pool et al. (2011)"
     neutral = {"gain": 0.0}
-
-    def __init__(
-        self,
-        *,
-        gain: float | None = None,
-        delay: float | None = None,
-        channel: str | None = None,
-    ):
-        self.gain = gain
-        self.delay = delay
-        self.channel = channel
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        gain = U / Dimension.of_channel(self.channel)
-        return (
-            Parameter("gain", gain, -20.0, 20.0, (0.1,), "gain on the disturbance"),
-            Parameter("delay", S, 0.0, 0.8, (0.1, 0.3), "delay of the response"),
-        )
+    reference = (
+        "Pool et al., Identification of multimodal pilot models using ramp target and multisine "
+        "disturbance signals (2011). Pruszynski and Scott, Optimal feedback control and the long- "
+        "latency stretch response (2012), for the least delay."
+    )
+    examples = ({"channel": "dist", "gain": 0.1, "delay": 0.15},)
+    parameters = (
+        Parameter("gain", U / CHANNEL, -20.0, 20.0, (0.1,), "gain on the disturbance"),
+        Parameter("delay", S, 0.0, 0.8, (0.1, 0.3), "delay of the response"),
+    )
+    arguments = {"channel": Argument("None tries each channel of role ``dist``.")}
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(self.channel, record, "dist", "column of role dist")
@@ -621,26 +470,6 @@ class CrossAxis(Effect):
 
     ``"error"``: e' = e + gain times the other channel, before equalisation; ``"command"``: command
     + gain times the channel, with the delay of the response to the error, without lead.
-
-    Parameters
-    ----------
-    gain : float or None, default=None
-        In units of the error (``"error"``) or of the output per unit of the channel; None
-        estimates it.
-    channel : str or None, default=None
-        None tries each channel that has no role.
-    form : {"error", "command"} or None, default=None
-        None tries both.
-
-    References
-    ----------
-    Barendswaard et al., Effects of crossfeed in dual-axis manual control (2019).
-
-    Examples
-    --------
-    >>> from skhoid.effects import CrossAxis
-    >>> CrossAxis(channel="e_y").name
-    'cross_axis'
     """
 
     name = "cross_axis"
@@ -655,23 +484,31 @@ class CrossAxis(Effect):
     source = "Barendswaard et al. (2019)"
     neutral = {"gain": 0.0}
     choices = {"form": ("error", "command")}
-
-    def __init__(
-        self, *, gain: float | None = None, channel: str | None = None, form: str | None = None
-    ):
-        self.gain = gain
-        self.channel = channel
-        self.form = form
+    reference = "Barendswaard et al., Effects of crossfeed in dual-axis manual control (2019)."
+    examples = (
+        {"form": "error", "channel": "other", "gain": 0.4},
+        {"form": "command", "channel": "other", "gain": 0.05},
+    )
 
     @property
     def place(self) -> str:  # type: ignore[override]
         return "path" if self.form == "command" else "input"
 
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        answered = U if self.form == "command" else E
-        gain = answered / Dimension.of_channel(self.channel)
-        return (Parameter("gain", gain, -20.0, 20.0, (0.1, -0.1), "gain of the crossfeed"),)
+    parameters = (
+        Parameter(
+            "gain", E / CHANNEL, -20.0, 20.0, (0.1, -0.1), "gain of the crossfeed", forms=("error",)
+        ),
+        Parameter(
+            "gain",
+            U / CHANNEL,
+            -20.0,
+            20.0,
+            (0.1, -0.1),
+            "gain of the crossfeed",
+            forms=("command",),
+        ),
+    )
+    arguments = {"channel": Argument("None tries each channel that has no role.")}
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return needs_channel(self.channel, record, OTHER, "channel without role")
@@ -691,20 +528,6 @@ class CrossAxis(Effect):
         return signal.plus(gain * record.delayed(answered, signal.delay))
 
 
-def gain_of_target(form: str | None) -> Parameter:
-    """The gain on a target in one of the three forms."""
-    if of_inverse(form):
-        return Parameter("gain", ONE, 0.0, 3.0, (0.3,), "gain on the inverse controlled element")
-    gain = U / Dimension.of_role("f_t")
-    dimension = gain * S if form == "rate" else gain
-    return Parameter("gain", dimension, 0.0, 20.0, (0.1,), "gain on the target")
-
-
-def of_inverse(form: str | None) -> bool:
-    """Whether a form of the response to the target needs the controlled element."""
-    return form in ("inverse", "spread")
-
-
 def integral_of(record: Record, name: str) -> np.ndarray:
     """Integral over time of what makes the controlled element follow a channel."""
     answer = record.inverse_dynamics(name)
@@ -715,7 +538,7 @@ def integral_of(record: Record, name: str) -> np.ndarray:
 def needs_target(record: Record, form: str | None) -> str | None:
     """Why a response to the target does not apply."""
     missing = needs_channel(None, record, "f_t", "target: a column of role f_t, or e and x")
-    if missing is not None or not of_inverse(form):
+    if missing is not None or form not in OF_INVERSE:
         return missing
     if record.controlled_element is None:
         return "the controlled element is not known: pass controlled_element=ControlledElement(...)"
@@ -756,23 +579,7 @@ def not_at_once(
 
 
 class ExtraLag(Effect):
-    """Equalisation lag: 1 / (time s + 1).
-
-    Parameters
-    ----------
-    time : float or None, default=None
-        T_I in seconds; None estimates it.
-
-    References
-    ----------
-    McRuer and Krendel (1974), the precision model.
-
-    Examples
-    --------
-    >>> from skhoid.effects import ExtraLag
-    >>> ExtraLag(time=0.2).name
-    'extra_lag'
-    """
+    """Equalisation lag: 1 / (time s + 1)."""
 
     name = "extra_lag"
     place = "command"
@@ -784,32 +591,16 @@ class ExtraLag(Effect):
     parameters = (Parameter("time", S, 0.0, 20.0, (0.1, 1.0), "lag time constant T_I"),)
     neutral = {"time": 0.0}
     within = ("higher_order",)  # with a zero and a pole that cancel
-
-    def __init__(self, *, time: float | None = None):
-        self.time = time
+    reference = "McRuer and Krendel (1974), the precision model."
+    told_apart = {"nm_mode": "use a forcing function with lines up to 30 rad/s"}
+    examples = ({"time": 0.2},)
 
     def apply(self, signal: Any, record: Record, time: float) -> Any:
         return shaped(signal, record, [0.0, 0.0, 1.0], [0.0, time, 1.0])
 
 
 class ExtraLead(Effect):
-    """A second lead: time s + 1.
-
-    Parameters
-    ----------
-    time : float or None, default=None
-        In seconds; None estimates it.
-
-    References
-    ----------
-    McRuer and Krendel (1974).
-
-    Examples
-    --------
-    >>> from skhoid.effects import ExtraLead
-    >>> ExtraLead().place
-    'command'
-    """
+    """A second lead: time s + 1."""
 
     name = "extra_lead"
     place = "command"
@@ -821,9 +612,8 @@ class ExtraLead(Effect):
     parameters = (Parameter("time", S, 0.0, 2.0, (0.05, 0.3), "time constant of the second lead"),)
     neutral = {"time": 0.0}
     within = ("higher_order",)  # whose other zero and poles are fast
-
-    def __init__(self, *, time: float | None = None):
-        self.time = time
+    reference = "McRuer and Krendel (1974)."
+    examples = ({"time": 0.2},)
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return "an ARX model has its own zeros: raise nb" if core == CoreKind.ARX else None
@@ -837,23 +627,6 @@ class NeuromuscularMode(Effect):
     """A second mode of limb and stick, behind the neuromuscular system.
 
     omega^2 / (s^2 + 2 zeta omega s + omega^2).
-
-    Parameters
-    ----------
-    omega : float or None, default=None
-        In rad/s; None estimates it.
-    zeta : float or None, default=None
-        Damping ratio; None estimates it.
-
-    References
-    ----------
-    Magdaleno and McRuer, Experimental validation of neuromuscular models (1971).
-
-    Examples
-    --------
-    >>> from skhoid.effects import NeuromuscularMode
-    >>> NeuromuscularMode(zeta=0.3).fixed
-    {'zeta': 0.3}
     """
 
     name = "nm_mode"
@@ -869,10 +642,8 @@ class NeuromuscularMode(Effect):
         Parameter("zeta", ONE, 0.03, 2.0, (0.3,), "its damping ratio"),
     )
     within = ("higher_order",)  # whose zeros are fast
-
-    def __init__(self, *, omega: float | None = None, zeta: float | None = None):
-        self.omega = omega
-        self.zeta = zeta
+    reference = "Magdaleno and McRuer, Experimental validation of neuromuscular models (1971)."
+    examples = ({"omega": 12.0, "zeta": 0.2},)
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if core == CoreKind.ARX:
@@ -885,23 +656,7 @@ class NeuromuscularMode(Effect):
 
 
 class HigherOrder(Effect):
-    """Two more poles and zeros, with gain 1 at low frequency.
-
-    Parameters
-    ----------
-    zero_frequency, zero_damping, pole_frequency, pole_damping : float or None, default=None
-        Frequencies in rad/s and damping ratios; None estimates one.
-
-    References
-    ----------
-    Ljung (1999), order selection.
-
-    Examples
-    --------
-    >>> from skhoid.effects import HigherOrder
-    >>> len(HigherOrder().free)
-    4
-    """
+    """Two more poles and zeros, with gain 1 at low frequency."""
 
     name = "higher_order"
     title = "higher-order dynamics"
@@ -919,19 +674,10 @@ class HigherOrder(Effect):
         Parameter("pole_frequency", RAD / S, 0.3, 40.0, (1.5, 6.0, 15.0), "of the poles"),
         Parameter("pole_damping", ONE, 0.02, 5.0, (0.6,), "of the poles"),
     )
-
-    def __init__(
-        self,
-        *,
-        zero_frequency: float | None = None,
-        zero_damping: float | None = None,
-        pole_frequency: float | None = None,
-        pole_damping: float | None = None,
-    ):
-        self.zero_frequency = zero_frequency
-        self.zero_damping = zero_damping
-        self.pole_frequency = pole_frequency
-        self.pole_damping = pole_damping
+    reference = "Ljung (1999), order selection."
+    examples = (
+        {"zero_frequency": 2.0, "zero_damping": 0.4, "pole_frequency": 5.0, "pole_damping": 0.4},
+    )
 
     def starts(self, record: Record) -> list[dict[str, float]]:
         """Zeros and poles at the same places (shifted a little, so that they can part)."""

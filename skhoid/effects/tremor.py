@@ -12,6 +12,8 @@ from .base import Effect
 from .parameter import HZ, Parameter, U
 from .record import Record, Signature
 
+__all__ = ["Tremor"]
+
 TREMBLING = (6.5, 14.0)  # Hz
 UNLIKELY = 1e-4  # probability that chance makes such a line anywhere in the band
 HIGH = 2.5  # times the neighbouring spectrum
@@ -24,27 +26,8 @@ PERIODS, N_SHOWN = 4.0, 800  # of a realisation
 class Tremor(Effect):
     """A periodic movement of the hand of unknown phase: noise, which no input explains.
 
-    Parameters
-    ----------
-    frequency : float or None, default=None
-        In Hz; None estimates it.
-    amplitude : float or None, default=None
-        In units of the output; None estimates it.
-
-    Notes
-    -----
     Its phase cannot be known in advance: the tremor is named and measured, but the free run does
     not change.
-
-    References
-    ----------
-    Elble and Randall, Mechanistic components of normal hand tremor (1978): 8-12 Hz.
-
-    Examples
-    --------
-    >>> from skhoid.effects import Tremor
-    >>> Tremor(frequency=9.0).name
-    'tremor'
     """
 
     name = "tremor"
@@ -63,9 +46,8 @@ class Tremor(Effect):
         Parameter("amplitude", U, 0.0, 5.0, (0.1,), "amplitude of the tremor"),
     )
 
-    def __init__(self, *, frequency: float | None = None, amplitude: float | None = None):
-        self.frequency = frequency
-        self.amplitude = amplitude
+    reference = "Elble and Randall, Mechanistic components of normal hand tremor (1978): 8-12 Hz."
+    examples = ({"amplitude": 0.05, "frequency": 9.0},)
 
     def apply(
         self, signal: np.ndarray, record: Record, frequency: float, amplitude: float

@@ -11,18 +11,6 @@ import pandas as pd
 from sklearn.base import clone
 
 from ..diagnosis.comparison import Comparison, compare
-from ..effects.base import Effect
-from ..effects.in_time import GainDrift, TimeVaryingGain
-from ..effects.maps import (
-    AsymmetricGain,
-    Backlash,
-    CubicGain,
-    DeadZone,
-    Quantised,
-    RateLimit,
-    Saturation,
-)
-from ..effects.paths import Bias, Drift, Feedforward, OutputFeedback
 from ..effects.registry import title_of, titles_of
 from ..preprocessing.base import as_fitted
 from ..recordings.loss_of_control import sentences_of
@@ -35,25 +23,6 @@ from .left_out import control_of, without_output
 from .shape import NAMES_AHEAD, Shape, told_shape
 from .statuses import Status
 
-# Sizes that matter in condition C1, in which error and output have about 0.6 and 0.08 deg rms.
-HIDDEN: dict[str, Effect] = {
-    e.name: e
-    for e in (
-        DeadZone(width=0.3),
-        AsymmetricGain(asymmetry=0.3),
-        CubicGain(hardening=0.5),
-        Saturation(limit=0.1),
-        RateLimit(limit=0.2),
-        Backlash(gap=0.03),
-        Quantised(step=0.1, offset=0.0),
-        Bias(level=0.05),
-        Drift(rate=0.002),
-        GainDrift(rate=-0.008),
-        TimeVaryingGain(K_e_change=-0.4, K_edot_change=0.8, rate=2.0, time=40.0),
-        Feedforward(gain=0.5, delay=0.2),
-        OutputFeedback(gain=0.03, rate_gain=0.02, delay=0.2),
-    )
-}
 SHOWN = 3  # candidates of a step, and findings of the comparison
 
 

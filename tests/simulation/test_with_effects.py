@@ -5,7 +5,7 @@ import pytest
 
 from skhoid import ARXRegressor, CompensatoryTask, OperatorRegressor, make_tracking_runs
 from skhoid.effects import Bias, DeadZone, Effect, GainDrift, Intermittent, Parameter, Preview
-from skhoid.search.story import HIDDEN
+from skhoid.effects.catalogue import HIDDEN
 
 pytestmark = pytest.mark.slow  # compiles for many effects
 

@@ -135,7 +135,7 @@ def add_demo(commands: Any) -> None:
 def demo(options: argparse.Namespace) -> int:
     """Hide effects in a simulated person, and find them."""
     from ...effects import Effects
-    from ...search.story import HIDDEN
+    from ...effects.catalogue import HIDDEN
 
     names = [] if options.effect == ["none"] else options.effect
     if "none" in names:
