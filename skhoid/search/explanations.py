@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from ..effects.base import Effect
-from ..effects.catalogue import EXPERIMENTS
 from ..effects.registry import title_of, titles_of
 from ..text import VAF_RULE, counted, gap_text, p_text
 from .likeness import experiment_between

@@ -16,7 +16,7 @@ import pandas as pd
 from scipy.optimize import least_squares
 
 from ..effects.base import Effect
-from ..effects.catalogue import CLASSES
+from ..effects.catalogue import CLASSES, EXPERIMENTS
 from ..effects.free_form import LEVEL, SLOPE, TAIL, FreeForm
 from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import CoreKind
@@ -38,48 +38,6 @@ NOTHING = 1e-6  # of the curve's size, by which an effect that has none may diff
 BEYOND = 1e6  # in place of numbers that are not finite
 SAME = 1e-9  # of the curve's size
 Departure = Callable[[np.ndarray], np.ndarray]  # over any points, of what passes through
-# Runs that would tell two effects apart.
-EXPERIMENTS = {
-    frozenset({"stiction", "backlash"}): "record slow ramps of a few seconds: with backlash the "
-    "output follows at a constant distance; with stiction it jumps",
-    frozenset(
-        {"gain_drift", "tv_gain"}
-    ): "record longer runs, or the same run twice without a pause: a drift goes on; a change "
-    "of gain is over",
-    frozenset({"integral", "output_feedback"}): "record a constant target or disturbance of 30 s: "
-    "an integral keeps growing; a response to x does not",
-    frozenset({"feedforward", "output_feedback"}): "add a disturbance f_d of its own frequencies: "
-    "it moves x and leaves f_t",
-    frozenset(
-        {"feedforward", "preview"}
-    ): "record a target with steps: a response before the step is preview",
-    frozenset({"dead_zone", "cubic_gain"}): "record runs with half and with twice the amplitude of "
-    "the target: a dead zone vanishes at large amplitude; a growing gain does not",
-    frozenset({"asym_gain", "absolute_value"}): "record a target of higher frequencies: asymmetry "
-    "acts on the error's rate too",
-    frozenset({"asym_gain", "rectified"}): "record runs with a constant disturbance to either side",
-    frozenset({"saturation", "cubic_gain"}): "record runs at half the amplitude: stops are not "
-    "reached then",
-    frozenset({"saturation", "hardening_stiffness"}): "record runs at half the amplitude, and move "
-    "the stick slowly from stop to stop",
-    frozenset({"saturation", "rate_limit"}): "record a slow target of large amplitude, which "
-    "reaches the stop and not the rate",
-    frozenset({"extra_lag", "nm_mode"}): "use a forcing function with lines up to 30 rad/s",
-    frozenset({"bias", "drift"}): "record longer runs",
-    frozenset({"bias", "integral"}): "record a constant disturbance of 30 s",
-    frozenset({"friction", "dead_zone"}): "record slow reversals at several amplitudes: friction "
-    "holds the output at each turn; a dead zone only does so around zero input",
-    frozenset({"friction", "backlash"}): "let the limb or machine coast from speed: friction stops "
-    "it in finite time; play does not",
-    frozenset({"friction", "stiction"}): "record reversals at several speeds of the input",
-    frozenset({"root_flow", "hardening_stiffness"}): "record steady states at several levels",
-    frozenset({"stops", "saturation"}): "drive it into the stop and reverse at once: from its own "
-    "stop the machine returns without delay; from the end of a sensor's range it returns late",
-    frozenset({"scheduled_dynamics", "scheduled_gain"}): "record steps at several fixed values of "
-    "the channel: the gain shows in their height, the dynamics in their shape",
-    frozenset({"rate_reflex", "rectified"}): "record slow ramps, in which the rate hardly acts",
-    frozenset({"wrong_delay", "extra_lag"}): "use a forcing function with lines up to 30 rad/s",
-}
 ANY_EXPERIMENT = (
     "record more runs, some at half and some at twice the amplitude and with other phases of the "
     "forcing function"
