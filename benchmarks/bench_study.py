@@ -18,11 +18,7 @@ import numpy as np
 from bench_simulate import cpu
 
 from skhoid import _kernels
-from skhoid.arx.recursive_cv import HORIZONS
-from skhoid.arx.rls import recurse
-from skhoid.lab.studies.montecarlo import MonteCarloStudy
-from skhoid.lab.studies.montecarlo.horizons import KEPT, candidate_delays, shifted
-from skhoid.lab.studies.montecarlo.vectorised import (
+from skhoid.arx.many_runs import (
     BOUND,
     FORMS,
     NO_FORGETTING,
@@ -33,8 +29,11 @@ from skhoid.lab.studies.montecarlo.vectorised import (
     delay_losses,
     least_squares,
 )
-from skhoid.lab.studies.thesis import forgetting_study
-from skhoid.lab.studies.thesis.study_result import CONDITIONS, INTENSITIES
+from skhoid.arx.recursive_cv import HORIZONS
+from skhoid.arx.rls import recurse
+from skhoid.lab.studies import MonteCarloStudy, paper_study
+from skhoid.lab.studies.declared import CONDITIONS, INTENSITIES
+from skhoid.lab.studies.memory_horizons import KEPT, candidate_delays, shifted
 
 CELLS, ESTIMATION, VALIDATION = len(CONDITIONS) * len(INTENSITIES), 100, 10
 SECONDS, GIBIBYTES = 60.0, 2.0
@@ -102,9 +101,9 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
     print(f"{cpu()}, {options.jobs} workers")
-    forgetting_study(1, conditions=["C4"], intensities=[0.15], n_validation=1)  # compiles
+    paper_study("fig13", 1, conditions=["C4"], intensities=[0.15], n_validation=1)  # compiles
     begin = perf_counter()
-    found = forgetting_study(ESTIMATION, n_validation=VALIDATION, n_jobs=options.jobs)
+    found = paper_study("fig13", ESTIMATION, n_validation=VALIDATION, n_jobs=options.jobs)
     seconds = perf_counter() - begin
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     fits = len(found.table)

@@ -33,9 +33,8 @@ from world import HopelessError
 from skhoid import ControlledElement, EffectSearchCV, OperatorRegressor
 from skhoid.effects.catalogue import BY_NAME
 from skhoid.effects.composition import Effects
-from skhoid.lab.experiment.group.evidence import candidates_of
-from skhoid.lab.experiment.group.prevalence import PersonEvidence, prevalences
-from skhoid.lab.experiment.group.search import SURE
+from skhoid.lab.experiment.group import SURE, candidates_of
+from skhoid.lab.experiment.prevalence import PersonEvidence, prevalences
 from skhoid.search.evidence import evidence_of
 
 EFFECTS = (

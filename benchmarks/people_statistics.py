@@ -31,9 +31,9 @@ import pandas as pd
 from joblib import Parallel, delayed
 from scipy import stats
 
-from skhoid.lab.experiment.statistics._model import adjusted, fit
-from skhoid.lab.experiment.statistics.repeated import sphericity
-from skhoid.lab.experiment.statistics.rows import Rows, combined
+from skhoid.lab.experiment.mixed import adjusted, fit
+from skhoid.lab.experiment.repeated import sphericity
+from skhoid.lab.experiment.rows import Rows, combined
 
 PEOPLE, CONDITIONS, RUNS = 12, 4, 5
 MEAN, SPREAD, ERROR = 3.0, 0.3, 0.06  # mean and sd of people, smallest standard error

@@ -57,12 +57,12 @@ from .io import read_runs as read_runs
 from .io import write_runs as write_runs
 from .lab.experiment.analyse import analyse_experiment as analyse_experiment
 from .lab.experiment.group import GroupEffectSearch as GroupEffectSearch
-from .lab.experiment.people import identify_people as identify_people
-from .lab.experiment.recommend import recommend_forgetting as recommend_forgetting
+from .lab.experiment.identify import identify_people as identify_people
 from .lab.experiment.simulate import simulate_experiment as simulate_experiment
 from .lab.report import Report as Report
 from .lab.report import report as report
-from .lab.studies.montecarlo import MonteCarloStudy as MonteCarloStudy
+from .lab.studies.memory_horizons import recommend_forgetting as recommend_forgetting
+from .lab.studies.monte_carlo import MonteCarloStudy as MonteCarloStudy
 from .lab.studies.tournament import recommend_method as recommend_method
 from .lab.studies.tournament import run_tournament as run_tournament
 from .metrics import VAFScorer as VAFScorer
@@ -76,8 +76,8 @@ from .preprocessing import resample_runs as resample_runs
 from .preprocessing.ensemble import ensemble_average as ensemble_average
 from .recordings.channels import check_channels as check_channels
 from .recordings.experiment_check import check_experiment as check_experiment
-from .recordings.findings import Finding as Finding
 from .recordings.loss_of_control import lost_control as lost_control
+from .recordings.recording import Finding as Finding
 from .runs.selection import run_labels as run_labels
 from .runs.selection import sampling_time as sampling_time
 from .runs.selection import select_runs as select_runs

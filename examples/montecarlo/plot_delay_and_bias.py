@@ -16,9 +16,11 @@ from 16 runs per cell instead of 100.
 # Each run is fitted twice: with the true delay n_k = 29 samples (0.28 s and the sample of
 # zero-order hold), and with the n_k* of the lowest one-step loss.
 
-from skhoid.lab.studies.thesis import delay_study
+from skhoid.lab.studies import paper_study
 
-found = delay_study(16, intensities=[0.0, 0.1, 0.2, 0.3], n_validation=3)
+found = paper_study(
+    "fig9", every_figure=True, n_replications=16, intensities=[0.0, 0.1, 0.2, 0.3], n_validation=3
+)
 print(found.table.shape)
 
 # %%

@@ -15,9 +15,9 @@ The study is that of Appendix I of the thesis, with 25 runs per cell instead of 
 # Fourier coefficients (Eq. 5.14), a batch ARX(2, 2) model with its own n_k*, and the final
 # parameters of a recursion without forgetting that begins with P0 = I.
 
-from skhoid.lab.studies.thesis import response_study
+from skhoid.lab.studies import paper_study
 
-found = response_study(25, intensities=[0.0, 0.15, 0.30])
+found = paper_study("appI", 25, every_figure=True, intensities=[0.0, 0.15, 0.30])
 print(found.summary.loc[("C1", 0.15)].head(3).round(3).to_string())
 
 # %%

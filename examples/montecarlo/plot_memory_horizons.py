@@ -18,9 +18,15 @@ runs per cell instead of 100 and 10.
 # only b_0 and b_1. Each path of parameters is then simulated on validation runs, and scored from
 # 30.72 to 51.20 s, around the transition.
 
-from skhoid.lab.studies.thesis import forgetting_study
+from skhoid.lab.studies import paper_study
 
-found = forgetting_study(10, intensities=[0.0, 0.05, 0.15, 0.30], n_validation=5)
+found = paper_study(
+    "fig13",
+    every_figure=True,
+    n_replications=10,
+    intensities=[0.0, 0.05, 0.15, 0.30],
+    n_validation=5,
+)
 print(f"{len(found.table)} rows; that of one recursion is")
 print(found.table.iloc[8].dropna().to_string())
 

@@ -66,7 +66,7 @@ print(table.head(3).to_string())
 # %%
 # How well is a gain known from one run? The interval is that of the mean over all runs.
 
-from skhoid.lab.studies.montecarlo import summarize
+from skhoid.lab.studies import summarize
 
 columns = ["n", "mean", "sd", "low", "high"]
 print(summarize(table, values=["K_e", "K_edot"])[columns].round(4).to_string())

@@ -15,9 +15,9 @@ The figures are those of Figs. 14 and 15 of the thesis, from 25 runs of C4 inste
 # N0 = 256 samples, 2.56 s: the best of Fig. 13. The table has the parameters of each run every 0.32
 # s, and batch models of the first and the last 30.72 s.
 
-from skhoid.lab.studies.thesis import path_study
+from skhoid.lab.studies import paper_study
 
-found = path_study(25)
+found = paper_study("fig14", 25, every_figure=True)
 print(found.table.groupby(["remnant_intensity", "form"]).size().unstack())
 
 # %%

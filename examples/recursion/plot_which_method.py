@@ -17,7 +17,7 @@ its table is on :doc:`this page </which-method>`.
 # delay, others estimate it, and the oracle is told when and how the operator changes.
 
 # sphinx_gallery_thumbnail_number = 1
-from skhoid.lab.studies.tournament import available_methods
+from skhoid.lab.studies import available_methods
 
 NAMES = ["rls", "rls_auto", "box_jenkins", "ekf", "rls_smooth", "sigmoid", "lpv", "arx"]
 methods, _ = available_methods(NAMES)
@@ -32,7 +32,7 @@ for method in methods:
 # An operator who does not change (C1), one who changes suddenly (C4), and one who relapses: after
 # 22 s everything is as it was, which no sigmoid can follow. Four runs of each, remnant of 15 %.
 
-from skhoid.lab.studies.tournament import run_tournament, tournament_cells
+from skhoid.lab.studies import run_tournament, tournament_cells
 
 cells = tournament_cells("small", conditions=["C1", "C4", "relapse"])
 result = run_tournament([m.name for m in methods], cells, size="small", n_validation=2)
@@ -65,7 +65,7 @@ _ = result.plot("settling")
 # The same for a task of one's own and one question: when did the person change? The answer ends in
 # the estimator, ready to be fitted.
 
-from skhoid.lab.studies.tournament import recommend_method
+from skhoid.lab.studies import recommend_method
 
 advice = recommend_method(
     "C4",

@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ..lab.experiment.statistics.mixed import mixed_model
-from ..lab.experiment.statistics.result import MixedModelResult
+from ..lab.experiment.mixed import MixedModelResult, mixed_model
 from ._axes import parameter_symbol, with_unit
 from .operator_parameters import SYMBOLS
 

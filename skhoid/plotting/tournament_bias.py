@@ -17,7 +17,7 @@ from ._study import OPERATOR, check_table
 from ._tournament import method_handles, method_style
 
 if TYPE_CHECKING:
-    from ..lab.studies.tournament.result import TournamentResult
+    from ..lab.studies import TournamentResult
 
 NAME = "TournamentBiasDisplay"
 COLUMNS = ("method", "parameter", "causal", "bias", "sd")

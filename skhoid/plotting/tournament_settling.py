@@ -14,7 +14,7 @@ from ._study import cell_text, check_table, ordered
 from ._tournament import method_handles, method_style
 
 if TYPE_CHECKING:
-    from ..lab.studies.tournament.result import TournamentResult
+    from ..lab.studies import TournamentResult
 
 NAME = "TournamentSettlingDisplay"
 COLUMNS = ("method", "causal", "remnant_intensity", "noise", "settling")

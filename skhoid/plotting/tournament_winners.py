@@ -15,7 +15,7 @@ from ._roles import GREY, background, faded, readable_on, scaled, series_colour
 from ._study import check_table
 
 if TYPE_CHECKING:
-    from ..lab.studies.tournament.result import TournamentResult
+    from ..lab.studies import TournamentResult
 
 NAME = "TournamentWinnersDisplay"
 COLUMNS = ("panel", "row", "column", "method", "loss")
@@ -114,7 +114,7 @@ class TournamentWinnersDisplay(Display):
         -------
         display : TournamentWinnersDisplay
         """
-        from ..lab.studies.tournament.questions import question_of
+        from ..lab.studies.tournament_scores import question_of
 
         there = set(result.methods.loc[~result.methods["oracle"].astype(bool), "causal"])
         kinds = [kind for kind in ((True, False) if causal is None else (causal,)) if kind in there]

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from support.places import REFERENCE
 
-from skhoid.lab.studies.thesis import delay_study, path_study, response_study
-from skhoid.lab.studies.thesis.trade_off import best_horizons, forgetting_study
+from skhoid.lab.studies import paper_study
 
 BIASES = [f"bias_{name}_fixed" for name in ("a1", "a2", "b0", "b1")]
 OPERATOR = [f"{name}_fixed" for name in ("K_e", "T_L", "K_edot", "omega_nm", "zeta_nm")]
@@ -36,33 +35,32 @@ def facts():
 @pytest.fixture(scope="module", params=SIZES)
 def delays(request):
     if request.param:
-        return delay_study(100)
-    return delay_study(100, intensities=[0.0, 0.15])
+        return paper_study("fig9", 100)
+    return paper_study("fig9", 100, intensities=[0.0, 0.15])
 
 
 @pytest.fixture(scope="module", params=SIZES)
 def forgetting(request):
     if request.param:
-        return forgetting_study(100)
-    return forgetting_study(40, intensities=[0.0, 0.15])
+        return paper_study("fig13", 100)
+    return paper_study("fig13", 40, intensities=[0.0, 0.15])
 
 
 @pytest.fixture(scope="module", params=SIZES)
 def paths(request):
     """Of few runs, deviations over 128 instants of 100 runs are known within 0.05."""
     if request.param:
-        return path_study(
-            100, conditions=["C1", "C2", "C3", "C4", "C5", "C6"], step=0.64,
+        return paper_study("fig14", 100, conditions=["C1", "C2", "C3", "C4", "C5", "C6"], step=0.64,
             intensities=[0.05, 0.10, 0.15, 0.20, 0.25, 0.30],
         )  # fmt: skip
-    return path_study(100, conditions=["C4"], intensities=[0.15], step=0.64)
+    return paper_study("fig14", 100, conditions=["C4"], intensities=[0.15], step=0.64)
 
 
 @pytest.fixture(scope="module", params=SIZES)
 def responses(request):
     if request.param:
-        return response_study(300)
-    return response_study(100, conditions=["C1"], intensities=[0.15])
+        return paper_study("appI", 300)
+    return paper_study("appI", 100, conditions=["C1"], intensities=[0.15])
 
 
 def cells_of(summary):
@@ -129,7 +127,8 @@ def test_trade_off(forgetting, facts):
     than its tolerance (from three batches) allows for: it is held to the tolerance and two of its
     standard errors. The best N0 is one power of two from the reference, or as good within 0.05.
     """
-    summary, best = forgetting.summary, best_horizons(forgetting.summary)
+    summary = forgetting.summary
+    best = summary["vaf_validation"].unstack("memory_horizon").idxmax(axis=1)
     for condition, P_n in {key[:2] for key in summary.index}:
         fact = facts[f"fig13.{condition}.P{P_n:.2f}"]
         expected, tolerance = fact["reproduced_value"], fact["tolerance_recommended"]

@@ -20,14 +20,13 @@ PUBLIC_MODULES = [
     "skhoid.human",
     "skhoid.interpret",
     "skhoid.io",
-    "skhoid.lab.studies.montecarlo",
+    "skhoid.lab.studies",
     "skhoid.plotting",
     "skhoid.recordings",
     "skhoid.lab.report",
     "skhoid.search",
     "skhoid.simulation",
     "skhoid.testing",
-    "skhoid.lab.studies.thesis",
 ]
 
 

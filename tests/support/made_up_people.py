@@ -6,10 +6,8 @@ import numpy as np
 import pandas as pd
 
 from skhoid import EffectSearchCV, OperatorRegressor
-from skhoid.lab.experiment.group import GroupEffectSearch
-from skhoid.lab.experiment.group.contrasts import condition_contrasts
-from skhoid.lab.experiment.people import PeopleResult
-from skhoid.lab.experiment.people.result import COLUMNS
+from skhoid.lab.experiment.group import GroupEffectSearch, condition_contrasts
+from skhoid.lab.experiment.people import COLUMNS, PeopleResult
 from skhoid.search import Verdict
 
 UNITS = {"K_e": "", "tau_e": "s"}

@@ -11,9 +11,8 @@ from digests import digested, learned, parts
 CASES: dict[str, Callable[[], dict[str, Any]]] = {}
 HOMES = (
     "skhoid",
-    "skhoid.lab.studies.thesis",
     "skhoid.lab.experiment",
-    "skhoid.lab.studies.montecarlo",
+    "skhoid.lab.studies",
     "skhoid.interpret",
     "skhoid.plotting",
 )

@@ -69,7 +69,7 @@ def common() -> dict[str, Any]:
 
 
 def of_thesis(name: str, n_replications: int, **options: Any) -> dict[str, Any]:
-    found = public(name)(n_replications, **options)
+    found = public("paper_study")(PAPER[name], n_replications, every_figure=True, **options)
     return {
         "table": found.table,
         "summary": found.summary,
@@ -80,6 +80,12 @@ def of_thesis(name: str, n_replications: int, **options: Any) -> dict[str, Any]:
 
 
 HORIZONS = [64, 256, np.inf]
+PAPER = {
+    "delay_study": "fig9",
+    "forgetting_study": "fig13",
+    "path_study": "fig14",
+    "response_study": "appI",
+}
 SMALL: dict[str, dict[str, Any]] = {
     "delay_study": CELL | {"orders": [2, "nm"], "n_validation": 1},
     "forgetting_study": {

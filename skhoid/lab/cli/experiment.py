@@ -264,7 +264,7 @@ def _with_effects(estimator: Any, group: Any) -> Any:
     An effect of some conditions is left out: where people have it not, its parameters are free to
     take over those of others. The page says that it is missing.
     """
-    from ..experiment.read import ALL
+    from ..experiment.groups import ALL
 
     table = group.prevalence_
     for name in group.group_effects_:
@@ -309,7 +309,7 @@ def _tables(
     statistics: dict[str, Any],
 ) -> list[str]:
     """Tables in the format asked for, and the files for other programs."""
-    from ..experiment.statistics import write_long, write_wide
+    from ..experiment import write_long, write_wide
 
     if options.tables is None:
         return []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import time
-from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +45,7 @@ QUESTIONS = (
     "detect",
     "predict",
     "delay",
-)  # of skhoid.lab.studies.tournament, not loaded here
+)  # of skhoid.lab.studies, not loaded here
 SIZES = ("full", "small")
 OF_EXPERIMENT = ("paths", "batch", "scores", "validation", "changes", "delays", "verdicts")
 OTHERS = {
@@ -135,7 +134,7 @@ def add_study(commands: Any) -> None:
 
 def study(options: argparse.Namespace) -> int:
     """Run one study, or all of the paper."""
-    from ..studies.thesis import PAPER_STUDIES
+    from ..studies import PAPER_STUDIES
 
     _check(options)
     if options.name == "list":
@@ -181,7 +180,7 @@ def _check(options: argparse.Namespace) -> None:
 
 def names_of_studies() -> tuple[str, ...]:
     """What there is to choose from."""
-    from ..studies.thesis import PAPER_STUDIES
+    from ..studies import PAPER_STUDIES
 
     return ("list", *OTHERS, *PAPER_STUDIES)
 
@@ -202,13 +201,13 @@ def _applying(options: argparse.Namespace) -> tuple[str, list[str]]:
 
 
 def _parameters(name: str) -> set[str]:
-    from ..studies.thesis import PAPER_STUDIES
+    from ..studies import PAPER_STUDIES
 
-    return set(signature(PAPER_STUDIES[name].function).parameters)
+    return set(PAPER_STUDIES[name].options)
 
 
 def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
-    from ..studies.thesis import paper_study
+    from ..studies import paper_study
 
     given = {key: getattr(options, part) for part, key in PARTS.items()}
     has = _parameters(name)
@@ -254,7 +253,7 @@ def _save(result: Any, folder: Path, options: argparse.Namespace) -> list[str]:
 
 
 def _tournament(options: argparse.Namespace) -> int:
-    from ..studies.tournament import tournament_cells
+    from ..studies import tournament_cells
 
     size = options.size or "full"
     folder = None if options.out is None else Path(options.out) / "tournament"

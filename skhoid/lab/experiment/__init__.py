@@ -1,33 +1,18 @@
-"""Experiments with several people: planning, simulation and analysis."""
+"""Experiments with several people: simulation, identification, statistics and shared effects."""
 
-from .analyse import analyse_experiment
-from .group import GroupEffectSearch
-from .people import PeopleResult, identify_people
-from .recommend import ForgettingAdvice, recommend_forgetting
-from .result import ExperimentResult
-from .simulate import simulate_experiment
-from .statistics import (
-    MixedModelResult,
-    RepeatedMeasuresResult,
-    mixed_model,
-    repeated_measures,
-    write_long,
-    write_wide,
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "analyse": ["analyse_experiment"],
+        "export": ["write_long", "write_wide"],
+        "group": ["GroupEffectSearch"],
+        "identify": ["identify_people"],
+        "mixed": ["MixedModelResult", "mixed_model"],
+        "people": ["PeopleResult"],
+        "repeated": ["RepeatedMeasuresResult", "repeated_measures"],
+        "result": ["ExperimentResult"],
+        "simulate": ["simulate_experiment"],
+    },
 )
-
-__all__ = [
-    "ExperimentResult",
-    "ForgettingAdvice",
-    "GroupEffectSearch",
-    "MixedModelResult",
-    "PeopleResult",
-    "RepeatedMeasuresResult",
-    "analyse_experiment",
-    "identify_people",
-    "mixed_model",
-    "recommend_forgetting",
-    "repeated_measures",
-    "simulate_experiment",
-    "write_long",
-    "write_wide",
-]

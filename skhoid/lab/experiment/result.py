@@ -11,7 +11,7 @@ from scipy import stats
 
 from ...runs import RUN
 from ...text import Summary, counted
-from .read import ALL, CONDITION, SUBJECT
+from .groups import ALL, CONDITION, SUBJECT
 
 SIGNIFICANT = 0.005  # of each of two gains, so that a cell is wrong in 1 % of cases
 ENOUGH = 4  # runs, below which only large changes can be significant

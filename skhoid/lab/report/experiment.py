@@ -14,8 +14,8 @@ from sklearn.utils.validation import check_is_fitted
 from ...effects.registry import title_of, titles_of
 from ...recordings.experiment_check import ExperimentCheck
 from ...text import VAF_RULE, counted, p_text
-from ..experiment.group import GroupEffectSearch
-from ..experiment.group.text import (
+from ..experiment.group import (
+    GroupEffectSearch,
     contrast_lines,
     group_lines,
     headline,
@@ -23,9 +23,8 @@ from ..experiment.group.text import (
     notes,
     single_lines,
 )
+from ..experiment.groups import ALL, Group, levels_of, read_groups
 from ..experiment.people import PeopleResult
-from ..experiment.people.groups import Group, levels_of, read_groups
-from ..experiment.read import ALL
 from .experiment_parts import parameters_section, people_section, people_text, sure_text
 from .page import Page, provenance
 from .plots import ExperimentGallery

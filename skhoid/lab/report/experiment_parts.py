@@ -12,9 +12,8 @@ import pandas as pd
 from ...effects.registry import title_of, titles_of
 from ...pipelines import prediction_from
 from ...text import DASH, as_sentence, number, p_text, quantity
-from ..experiment.people.groups import Group
-from ..experiment.read import ALL
-from ..experiment.statistics import MixedModelResult, mixed_model
+from ..experiment.groups import ALL, Group
+from ..experiment.mixed import MixedModelResult, mixed_model
 from .plots import ExperimentGallery, Plot, Stretch
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...effects.registry import title_of
 from ...search.explanations import with_effects
-from ..experiment.read import ALL
+from ..experiment.groups import ALL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

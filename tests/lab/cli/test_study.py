@@ -8,8 +8,8 @@ import pytest
 from skhoid import make_tracking_runs, write_runs
 from skhoid.lab.cli import main
 from skhoid.lab.cli import study as arguments
-from skhoid.lab.studies.tournament.cells import SIZES
-from skhoid.lab.studies.tournament.questions import QUESTIONS
+from skhoid.lab.studies.tournament_cells import SIZES
+from skhoid.lab.studies.tournament_scores import QUESTIONS
 
 pytestmark = pytest.mark.slow  # simulates studies
 

@@ -29,8 +29,9 @@ from skhoid import (
     write_runs,
     zoh_parameters,
 )
-from skhoid.lab.experiment import analyse_experiment, simulate_experiment, subjects
-from skhoid.lab.experiment.subjects import STANDARD, draw_participant
+from skhoid.lab.experiment import analyse_experiment, simulate_experiment
+from skhoid.lab.experiment import simulate as subjects
+from skhoid.lab.experiment.simulate import STANDARD, draw_participant
 
 pytestmark = pytest.mark.slow
 

@@ -16,8 +16,7 @@ from skhoid import (
     Remnant,
     recommend_forgetting,
 )
-from skhoid.lab.experiment.recommend import change_window, crossed_standard_error
-from skhoid.lab.studies.montecarlo.horizons import forgetting_vaf
+from skhoid.lab.studies.memory_horizons import change_window, crossed_standard_error, forgetting_vaf
 
 FEW = {"n_replications": 6, "n_validation": 4}
 

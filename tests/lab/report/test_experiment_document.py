@@ -13,7 +13,7 @@ from support.page import Node, parse
 
 from skhoid import simulate_experiment
 from skhoid.arx.batch import ARXRegressor
-from skhoid.lab.experiment.people import identify_people
+from skhoid.lab.experiment import identify_people
 from skhoid.lab.report import report, report_experiment
 from skhoid.lab.report.plots import ExperimentGallery, Plot
 

@@ -1,5 +1,0 @@
-"""Which effects people share."""
-
-from .search import GroupEffectSearch
-
-__all__ = ["GroupEffectSearch"]

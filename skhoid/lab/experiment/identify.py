@@ -1,0 +1,655 @@
+"""identify_people: one estimator for every person, condition and run of an experiment."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import re
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any, NamedTuple, TypeGuard
+
+import joblib
+import numpy as np
+import pandas as pd
+from sklearn.base import clone
+from sklearn.pipeline import Pipeline
+from sklearn.utils.metadata_routing import get_routing_for_object
+
+from ..._sklearn import HasMethods, Interval, checked
+from ..._version import __version__
+from ...diagnosis.ceiling import consistent_ceiling, noise_ceiling
+from ...diagnosis.signals import read_signals
+from ...interpret.arx_channel import is_arx
+from ...interpret.conversion import FROM_POLES, UNITS, operator_parameters
+from ...io.whole import is_left_over, written_whole
+from ...metrics import scored_rows, scored_signals, vaf_of_rows, vaf_of_sums
+from ...pipelines import final_step, prediction_from, raw_layout, taken_apart, trimmed_rows
+from ...preprocessing.gate import as_output
+from ...runs import RUN, run_labels
+from ...text import counted
+from ..studies.identity import described
+from ..studies.store import Store, uniform
+from ..studies.workers import completed
+from .groups import ALL, CONDITION, SUBJECT, Group, levels_of, read_groups
+from .outlying import outlying_table
+from .people import COLUMNS, PeopleResult
+
+
+class Row(NamedTuple):
+    """An estimate; NaN where it, or its standard error, is not known."""
+
+    parameter: str
+    estimate: float
+    se: float = np.nan
+    unit: str = ""
+
+
+def parameters_of(model: Any, vaf: float) -> list[Row]:
+    """What searches chose, parameters of the model, and of the operator that it stands for.
+
+    Of a recursive model they are those at the end. A model without parameters has its VAF.
+    """
+    rows = {row.parameter: row for row in _chosen(model)}
+    searched = "delay" in rows or any(name.endswith(("nk", "delay")) for name in rows)
+    table = getattr(taken_apart(model)[1], "parameters_", None)
+    if isinstance(table, pd.DataFrame):
+        for name, value, sd, unit in zip(
+            table.index, table["value"], table["sd"], table["unit"], strict=True
+        ):
+            rows[str(name)] = Row(str(name), float(value), float(sd), "" if unit == "-" else unit)
+    if is_arx(model):
+        for row in _operator(model, searched):
+            rows.setdefault(row.parameter, row)
+    return list(rows.values()) or [Row("vaf", vaf, unit="%")]
+
+
+def _chosen(estimator: Any) -> Iterator[Row]:
+    """Numbers that searches chose, from the outermost in."""
+    while True:
+        for name, value in (getattr(estimator, "best_params_", None) or {}).items():
+            if _is_number(value):
+                yield Row(str(name), float(value))
+        for name, unit in (("delay", "s"), ("memory_horizon", "samples")):
+            value = getattr(estimator, f"best_{name}_", None)
+            if _is_number(value):
+                yield Row(name, float(value), unit=unit)
+        if hasattr(estimator, "best_estimator_"):
+            estimator = estimator.best_estimator_
+        elif isinstance(estimator, Pipeline):
+            estimator = estimator.steps[-1][1]
+        else:
+            return
+
+
+def _is_number(value: Any) -> TypeGuard[float]:
+    return isinstance(value, (Real, np.number)) and not isinstance(value, (bool, np.bool_))
+
+
+def _operator(model: Any, searched: bool) -> Iterator[Row]:
+    """Parameters of the operator; none where orders, inputs or steps do not allow them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of real poles: their rows are NaN
+        try:
+            found = operator_parameters(model).iloc[-1]
+        except (TypeError, ValueError):
+            return
+    # A delay that was given is no estimate.
+    for name in (*FROM_POLES, *["tau_e"] * searched):
+        yield Row(name, float(found[name]), float(found[f"sd_{name}"]), UNITS[name])
+
+
+class Effect(NamedTuple):
+    """A parameter of an effect that a search found; without a name where it found none."""
+
+    effect: str
+    row: Row
+    verdict: str
+
+
+def effects_of(model: Any) -> list[Effect]:
+    """What a search for effects found; nothing of other estimators."""
+    while not hasattr(model, "best_effects_"):
+        if hasattr(model, "best_estimator_"):
+            model = model.best_estimator_
+        elif isinstance(model, Pipeline):
+            model = model.steps[-1][1]
+        else:
+            return []
+    parameters = parameters_of(model.best_estimator_, np.nan)
+    found = []
+    for effect in model.best_effects_:
+        start = f"{effect}__"
+        rows = [
+            row._replace(parameter=row.parameter.removeprefix(start))
+            for row in parameters
+            if row.parameter.startswith(start)
+        ]
+        found += [Effect(effect, row, str(model.verdict_)) for row in rows or [Row("", np.nan)]]
+    return found or [Effect("", Row("", np.nan), str(model.verdict_))]
+
+
+WHOLE = -1  # in place of the number of a run: the fit of all runs
+# What the rows of a block are.
+FIT, JUDGED, CEILING, EFFECT, WARNED, MODEL = "fit", "run", "ceiling", "effect", "warning", "model"
+# Filters of warnings belong to the whole process, and workers may be threads.
+_one_at_a_time = threading.RLock()
+
+
+class Line(NamedTuple):
+    """A row of a block; ``part`` says what it is."""
+
+    part: str
+    run: int
+    name: str = ""
+    estimate: float = np.nan
+    se: float = np.nan
+    unit: str = ""
+    vaf: float = np.nan
+    n_rows: int = 0
+    of: str = ""
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a worker is given."""
+
+    estimator: Any
+    group: Group
+    each_run: bool
+    ceiling: bool
+    keep_models: bool
+
+    def __str__(self) -> str:
+        return str(self.group)
+
+
+@dataclass
+class _Found:
+    """Lines so far, and the model of the group."""
+
+    lines: list[Line] = field(default_factory=list)
+    model: Any = None
+
+    def noting(self, run: int, work: Callable[[], Any]) -> tuple[Any, str]:
+        """The result, or the reason why there is none; warnings become lines."""
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                return work(), ""
+            except MemoryError:
+                raise
+            except Exception as error:
+                return None, f"{type(error).__name__}: {error}"
+            finally:
+                for warning in caught:
+                    text = f"{warning.category.__name__}: {warning.message}"
+                    self.lines.append(Line(WARNED, run, text=text))
+
+
+def fit_group(job: Job) -> tuple[pd.DataFrame, bytes]:
+    """The fits of one group, and its model as bytes (empty where none is kept)."""
+    with _one_at_a_time:
+        return _fit_group(job)
+
+
+def _fit_group(job: Job) -> tuple[pd.DataFrame, bytes]:
+    group, found = job.group, _Found()
+    n_runs = len(group.labels)
+    model, of_runs = _fit(job, found, WHOLE, group.X, group.y)
+    own = np.full(n_runs, np.nan)
+    if job.each_run and n_runs == 1:  # which is the same fit
+        of_all = [line for line in found.lines if line.part == FIT and line.run == WHOLE]
+        found.lines += [line._replace(run=0) for line in of_all]
+        own[0] = of_all[0].vaf
+    elif job.each_run:
+        for number in range(n_runs):
+            _, vaf = _fit(job, found, number, *group.run(number))
+            own[number] = vaf[0]
+    for number in range(n_runs):
+        rows = slice(*group.starts[number : number + 2])
+        output = np.asarray(group.y.iloc[rows], dtype=float)
+        known = output[np.isfinite(output)]
+        found.lines.append(
+            Line(
+                JUDGED,
+                number,
+                estimate=float(own[number]),
+                se=float(known.std()) if known.size else np.nan,
+                vaf=float(of_runs[number]),
+                n_rows=output.size,
+            )
+        )
+    if model is not None and job.ceiling:
+        ceiling, why = found.noting(WHOLE, lambda: ceiling_of(model, group.X, group.y))
+        found.lines.append(Line(CEILING, WHOLE, estimate=np.nan if why else ceiling))
+        if why:
+            found.lines.append(Line(WARNED, WHOLE, text=f"no noise ceiling: {why}"))
+    content = b""
+    if job.keep_models:
+        if model is not None:
+            content = packed(model)
+        found.lines.append(Line(MODEL, WHOLE, text=checksum(content)))
+    return uniform(pd.DataFrame(found.lines, columns=Line._fields)), content
+
+
+def _fit(
+    job: Job, found: _Found, run: int, X: pd.DataFrame, y: pd.Series
+) -> tuple[Any, np.ndarray]:
+    """Fit, and add the lines; the VAF of each run of X."""
+    n_runs = len(job.group.labels) if run == WHOLE else 1
+
+    def fitted() -> tuple[Any, list[Row], float, np.ndarray]:
+        model = clone(job.estimator)
+        model.fit(X, y, **_groups_for(model, X))
+        vaf, of_runs = vafs(model, X, y)
+        return model, parameters_of(model, vaf), vaf, of_runs
+
+    result, failure = found.noting(run, fitted)
+    if failure:
+        found.lines.append(Line(FIT, run, n_rows=len(y), text=failure))
+        return None, np.full(n_runs, np.nan)
+    model, rows, vaf, of_runs = result
+    found.lines += [
+        Line(FIT, run, row.parameter, row.estimate, row.se, row.unit, vaf, len(y)) for row in rows
+    ]
+    if run == WHOLE:
+        found.lines += [
+            Line(EFFECT, run, row.parameter, row.estimate, row.se, row.unit, of=name, text=verdict)
+            for name, row, verdict in effects_of(model)
+        ]
+    return model, of_runs
+
+
+def _groups_for(estimator: Any, X: pd.DataFrame) -> dict[str, Any]:
+    """The run of each row, for a search whose splitter asks for groups."""
+    prefix, last = final_step(estimator)
+    splitter = getattr(last, "cv", None)
+    if not hasattr(splitter, "get_metadata_routing"):
+        return {}
+    if get_routing_for_object(splitter).split.requests.get("groups") is not True:
+        return {}
+    return {f"{prefix}groups": run_labels(X)}
+
+
+def vafs(model: Any, X: pd.DataFrame, y: pd.Series) -> tuple[float, np.ndarray]:
+    """VAF of the free run as VAFScorer gives it, and that of each run."""
+    layout = raw_layout(model, X)
+    keep = scored_rows(layout, None, None) & ~trimmed_rows(model, X)
+    prediction, fed = prediction_from(model, X, y)
+    if fed.size == keep.size:
+        keep &= fed
+    signal, error, run = scored_signals(as_output(y), prediction, keep, layout, False)
+    n_runs = len(layout.labels)
+    lost, power = (np.bincount(run, part**2, n_runs) for part in (error, signal))
+    scored = np.bincount(run, minlength=n_runs) > 0
+    pooled = float(vaf_of_sums(lost, power, scored, "pooled"))
+    of_runs = np.full(n_runs, np.nan)
+    some = scored & (power > 0)
+    of_runs[some] = vaf_of_sums(lost[some], power[some], scored[some], None)
+    return pooled, of_runs
+
+
+def ceiling_of(model: Any, X: pd.DataFrame, y: pd.Series) -> float:
+    """``compare(model, X, y).noise_ceiling``, without the tests of a comparison."""
+    signals = read_signals(model, X, y, one_step=False)
+    vaf = float(
+        vaf_of_rows(signals.y, signals.predicted, signals.scored, signals.layout, "pooled", False)
+    )
+    ceiling = noise_ceiling(signals)
+    top, reason = consistent_ceiling(vaf + ceiling.gap, vaf, ceiling.sd, held_out=False)
+    return np.nan if reason or ceiling.reason else top
+
+
+def packed(model: Any) -> bytes:
+    stream = io.BytesIO()
+    joblib.dump(model, stream)
+    return stream.getvalue()
+
+
+def unpacked(content: bytes) -> Any:
+    return joblib.load(io.BytesIO(content))
+
+
+def checksum(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16] if content else ""
+
+
+MODELS = "models"
+
+
+class Folder:
+    """Groups that are finished: a block of a study's folder each, and a file for its model.
+
+    The model is written first, and the block holds its checksum: a block is there only with the
+    model that belongs to it.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], description: dict[str, Any]) -> None:
+        self.store = Store(folder, description)
+        self.models = Path(folder) / MODELS
+
+    def finished(self, keep_models: bool) -> dict[int, tuple[pd.DataFrame, bytes]]:
+        """Blocks by number with their models, but not those whose model is wanted and missing."""
+        if self.models.is_dir():
+            for path in self.models.iterdir():
+                if is_left_over(path):  # of a process that was killed while it wrote
+                    path.unlink(missing_ok=True)
+        found = {}
+        for number, table in self.store.finished().items():
+            content = b""
+            if keep_models:
+                told = table.loc[table["part"] == MODEL, "text"]
+                path = self._path(number)
+                if len(told) and told.iloc[0]:
+                    content = path.read_bytes() if path.is_file() else b""
+                if not len(told) or checksum(content) != told.iloc[0]:
+                    continue
+            found[number] = table, content
+        return found
+
+    def write(self, number: int, found: tuple[pd.DataFrame, bytes]) -> None:
+        table, content = found
+        if content:
+            self.models.mkdir(exist_ok=True)
+            with written_whole(self._path(number), sync=True) as path:
+                path.write_bytes(content)
+        self.store.write(number, table)
+
+    def _path(self, number: int) -> Path:
+        return self.models / f"model-{number:06d}.joblib"
+
+
+def description_of(
+    estimator: Any, groups: list[Group], *, each_run: bool, ceiling: bool
+) -> dict[str, Any]:
+    """What a folder's results depend on."""
+    return {
+        "task": "identify_people",
+        "estimator": described(estimator),
+        "each_run": each_run,
+        "ceiling": ceiling,
+        "data": {str(group): [*map(str, group.labels), group.identity()] for group in groups},
+        "entropy": "0",  # nothing is drawn; a folder's description has it
+        "skhoid": __version__,
+    }
+
+
+@checked(
+    estimator=[HasMethods(["fit", "get_params"])],
+    by=[str, list, tuple, None],
+    each_run=[bool, None],
+    ceiling=[bool],
+    folder=[str, os.PathLike, None],
+    keep_models=[bool],
+    n_jobs=[Interval(Integral, -1000, 1000, closed="both"), None],
+    progress=[bool, None],
+)
+def identify_people(
+    estimator: Any,
+    X: pd.DataFrame,
+    y: Any,
+    *,
+    by: Sequence[str] | str | None = None,
+    each_run: bool | None = None,
+    ceiling: bool = True,
+    folder: str | os.PathLike[str] | None = None,
+    keep_models: bool = True,
+    n_jobs: int | None = None,
+    progress: bool | None = None,
+) -> PeopleResult:
+    """Identify every person in every condition with one estimator, run by run and all runs.
+
+    A fit that fails does not stop the others: its row says why. Who and what looks wrong is listed
+    with the reason, and never left out.
+
+    Parameters
+    ----------
+    estimator : estimator
+        A model, pipeline or search of skhoid or scikit-learn. It is cloned for each fit.
+    X : DataFrame of shape (n_rows, n_channels)
+        Channels with the row index levels ``run`` and ``time`` (s), and ``subject`` and
+        ``condition`` if there are any.
+    y : Series or array of shape (n_rows,)
+        Control output.
+    by : str, sequence of str or None, default=None
+        Index levels whose combinations are identified apart. None means those of ``subject`` and
+        ``condition`` that X has.
+    each_run : bool or None, default=None
+        Whether each run is fitted on its own, besides all runs of the group. None means yes for
+        models, and no for searches, which hold out runs (an estimator with a parameter ``cv``).
+    ceiling : bool, default=True
+        Whether to estimate the noise ceiling of each group, as :func:`skhoid.compare` does.
+    folder : path or None, default=None
+        Folder for finished groups. A call that was stopped for any reason goes on where it was, and
+        ends with the same result. Needs ``pip install "skhoid[io]"``.
+    keep_models : bool, default=True
+        Whether to keep the fitted estimator of each group.
+    n_jobs : int or None, default=None
+        Number of workers, as in joblib; inside ``joblib.parallel_config(backend="dask")`` those of
+        the connected cluster.
+    progress : bool or None, default=None
+        Show a progress bar; None means only in a terminal.
+
+    Returns
+    -------
+    result : PeopleResult
+        Tables of parameters, models, failures, what is outlying, ``summary()``.
+
+    Raises
+    ------
+    RunIndexError
+        If X has no index with runs and time, or rows of a run are not together.
+    StudyFolderError
+        If the folder holds results of other data or of another estimator; the message says what
+        differs.
+    WorkersLostError
+        If workers die repeatedly.
+
+    See Also
+    --------
+    analyse_experiment : Time-varying parameters, and who adapts.
+    simulate_experiment : Simulate recordings whose truth is known.
+
+    Notes
+    -----
+    Each fit is the one that ``estimator.fit`` makes of these rows alone, to the last bit. A search
+    whose splitter asks for groups, such as ``LeaveOneGroupOut``, is given the runs. Besides the
+    model's own parameters the tables have what searches chose (``delay`` in s, numbers of
+    ``best_params_``), and the operator's parameters of ARX models whose orders allow it
+    (:func:`skhoid.operator_parameters`; NaN where the poles are real; ``tau_e`` where the delay was
+    searched). Of a recursive model they are those at the end of the runs. A model without
+    parameters has one row, ``vaf``.
+
+    What looks wrong is found by comparison with the other people and the person's other runs: the
+    sign of K_e or of the static gain, the size of the output, a VAF near zero, parameters, and runs
+    with a VAF far below the others. Spreads are robust (median absolute deviation; Qn of Rousseeuw
+    and Croux between people), and limits grow with the number of comparisons, so that each rule
+    flags anything in about 5 % of faultless experiments.
+
+    References
+    ----------
+    Rousseeuw and Croux, Alternatives to the median absolute deviation, J. Am. Stat. Assoc. 88,
+    1993.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, simulate_experiment
+    >>> from skhoid import identify_people
+    >>> X, y = simulate_experiment(2, "C1", runs=2, duration=20.48, random_state=0)
+    >>> result = identify_people(ARXRegressor(nk=29), X, y)
+    >>> K_e = result.groups[result.groups["parameter"] == "K_e"]
+    >>> K_e[["subject", "run", "estimate", "se"]].round(3)
+       subject  run  estimate     se
+    4       S1  all     0.082  0.001
+    13      S2  all     0.066  0.002
+    """
+    given = levels_of(X, by)
+    estimator = clone(estimator)
+    groups = read_groups(X, y, given)
+    chosen = not is_search(estimator) if each_run is None else bool(each_run)
+    jobs = [Job(estimator, group, chosen, bool(ceiling), bool(keep_models)) for group in groups]
+    found = _computed(jobs, folder, n_jobs, progress)
+    return assembled(estimator, groups, found, each_run=chosen, keep_models=bool(keep_models))
+
+
+def is_search(estimator: Any) -> bool:
+    """Whether it holds out runs, itself or as a step of a pipeline."""
+    names = estimator.get_params(deep=True)
+    return any(name == "cv" or name.endswith("__cv") for name in names)
+
+
+def _computed(
+    jobs: list[Job], folder: Any, n_jobs: int | None, progress: bool | None
+) -> list[tuple[pd.DataFrame, bytes]]:
+    """The block and the model of each group, from the folder where they are there."""
+    kept, finished = None, {}
+    if folder is not None:
+        first = jobs[0]
+        groups: list[Group] = [job.group for job in jobs]
+        kept = Folder(
+            folder,
+            description_of(first.estimator, groups, each_run=first.each_run, ceiling=first.ceiling),
+        )
+        finished = kept.finished(first.keep_models)
+    return completed(
+        {number: job for number, job in enumerate(jobs) if number not in finished},
+        fit_group,
+        finished,
+        None if kept is None else kept.write,
+        n_jobs=n_jobs,
+        progress=progress,
+        what="people",
+    )
+
+
+NUMBER = re.compile(r"\d[\d.,e+-]*")
+LONGEST = 300  # characters of a note
+
+
+def assembled(
+    estimator: Any,
+    groups: list[Group],
+    found: list[tuple[pd.DataFrame, bytes]],
+    *,
+    each_run: bool,
+    keep_models: bool,
+) -> PeopleResult:
+    """The result of all groups, in their order."""
+    lines = _labelled(groups, [table for table, _ in found])
+    fits = _fits(lines)
+    whole = fits[fits["number"] == WHOLE]
+    of_runs = fits[fits["number"] != WHOLE] if each_run else whole
+    judged = lines[lines["part"] == JUDGED].reset_index(drop=True)
+    runs = judged[[SUBJECT, CONDITION, RUN, "n_rows"]].assign(
+        vaf=judged["estimate"], vaf_group=judged["vaf"], spread=judged["se"]
+    )
+    whole, of_runs = (part[list(COLUMNS)].reset_index(drop=True) for part in (whole, of_runs))
+    outlying = outlying_table(whole, of_runs, runs)
+    whole, of_runs = (_flagged(part, outlying) for part in (whole, of_runs))
+    both = pd.concat([whole, of_runs], ignore_index=True) if each_run else whole
+    keys = [(group.subject, group.condition) for group in groups]
+    contents = [content for _, content in found]
+    models = {k: unpacked(c) for k, c in zip(keys, contents, strict=True) if c}
+    return PeopleResult(
+        table=of_runs,
+        groups=whole,
+        runs=runs,
+        models=models if keep_models else None,
+        failures=both[both["failure"] != ""].reset_index(drop=True),
+        outlying=outlying,
+        found=_effects(lines),
+        notes=[*_missing(groups), *_counted_warnings(lines)],
+        estimator=" ".join(repr(estimator).split()),
+        each_run=each_run,
+    )
+
+
+def _labelled(groups: list[Group], tables: list[pd.DataFrame]) -> pd.DataFrame:
+    """All lines, with the labels of their subject, condition and run."""
+    parts = []
+    for place, (group, table) in enumerate(zip(groups, tables, strict=True)):
+        labels = [ALL if number == WHOLE else group.labels[number] for number in table["run"]]
+        parts.append(
+            table.assign(
+                number=table["run"],
+                place=place,
+                subject=pd.Series([group.subject] * len(table), table.index, dtype=object),
+                condition=pd.Series([group.condition] * len(table), table.index, dtype=object),
+                run=pd.Series(labels, table.index, dtype=object),
+            )
+        )
+    return pd.concat(parts, ignore_index=True)
+
+
+def _fits(lines: pd.DataFrame) -> pd.DataFrame:
+    """The tidy table; the ceiling of a group holds for its runs too."""
+    ceilings = lines[lines["part"] == CEILING].set_index("place")["estimate"]
+    fits = lines[lines["part"] == FIT]
+    return fits.rename(columns={"name": "parameter", "text": "failure"}).assign(
+        ceiling=fits["place"].map(ceilings).astype(float), outlying=""
+    )
+
+
+def _flagged(table: pd.DataFrame, outlying: pd.DataFrame) -> pd.DataFrame:
+    """The reasons beside the rows that they concern; those of a person are in all its runs."""
+    reasons: dict[tuple[Any, ...], list[str]] = {}
+    for flag in outlying.itertuples(index=False):
+        reasons.setdefault((flag.subject, flag.condition, flag.run), []).append(flag.reason)
+    keys = zip(table[SUBJECT], table[CONDITION], table[RUN], strict=True)
+    texts = [
+        "; ".join(
+            [*reasons.get((s, c, ALL), []), *(reasons.get((s, c, r), []) if r != ALL else [])]
+        )
+        for s, c, r in keys
+    ]
+    return table.assign(outlying=pd.Series(texts, table.index, dtype=object))
+
+
+def _effects(lines: pd.DataFrame) -> pd.DataFrame:
+    effects = lines[lines["part"] == EFFECT].rename(
+        columns={"of": "effect", "name": "parameter", "text": "verdict"}
+    )
+    columns = [SUBJECT, CONDITION, "effect", "parameter", "estimate", "se", "unit", "verdict"]
+    return effects[columns].reset_index(drop=True)
+
+
+def _missing(groups: list[Group]) -> list[str]:
+    """Who has no runs in a condition, and fewer runs than others."""
+    there = {(group.subject, group.condition) for group in groups}
+    subjects = list(dict.fromkeys(group.subject for group in groups))
+    notes = []
+    for condition in dict.fromkeys(group.condition for group in groups):
+        absent = [str(name) for name in subjects if (name, condition) not in there]
+        if absent:
+            notes.append(f"{condition} has no runs of {', '.join(absent)}")
+    most = max(len(group.labels) for group in groups)
+    notes += [
+        f"{group} has {counted(len(group.labels), 'run')}, others have up to {most}"
+        for group in groups
+        if len(group.labels) < most
+    ]
+    return notes
+
+
+def _counted_warnings(lines: pd.DataFrame) -> list[str]:
+    """Warnings of fits, those that differ in numbers only counted as one."""
+    first: dict[str, tuple[str, str]] = {}
+    times: dict[str, int] = {}
+    for line in lines[lines["part"] == WARNED].itertuples(index=False):
+        text = " ".join(line.text.split())[:LONGEST]
+        kind = NUMBER.sub("#", text)
+        named = [str(n) for n in (line.subject, line.condition) if n != ALL]
+        where = " ".join([*named, "all runs" if line.run == ALL else f"run {line.run}"])
+        first.setdefault(kind, (text, where))
+        times[kind] = times.get(kind, 0) + 1
+    return [
+        f"{where}{f' (and {times[kind] - 1} more)' if times[kind] > 1 else ''}: {text}"
+        for kind, (text, where) in first.items()
+    ]

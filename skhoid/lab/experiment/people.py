@@ -1,0 +1,205 @@
+"""What identify_people found, as tables and as text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from ...runs import RUN
+from ...text import Summary, TextTable, counted, wrapped
+from .groups import ALL, CONDITION, SUBJECT
+
+COLUMNS = (
+    SUBJECT,
+    CONDITION,
+    RUN,
+    "parameter",
+    "estimate",
+    "se",
+    "unit",
+    "vaf",
+    "ceiling",
+    "n_rows",
+    "outlying",
+    "failure",
+)
+SHOWN = 12  # failures, outlying ones and notes in a summary
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class PeopleResult:
+    """What :func:`identify_people` found.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row per fit and parameter: ``subject`` and ``condition`` (``"all"`` where the data have
+        no such level), ``run`` (``"all"`` for a fit of all runs), ``parameter``, ``estimate``,
+        ``se`` (of this fit, NaN where not known), ``unit``, ``vaf`` (of the free run on the rows of
+        the fit, in percent, unclipped), ``ceiling`` (the noise ceiling of the group, in percent,
+        NaN where not known), ``n_rows``, ``outlying`` (why this person or run looks wrong, or
+        ``""``), ``failure`` (why there is no fit, or ``""``; then ``parameter`` is ``""``). Fits of
+        single runs if each run was fitted, else those of groups.
+    groups : DataFrame
+        The same columns, for the fits of all runs of a person in a condition.
+    runs : DataFrame
+        One row per run: ``n_rows``, ``vaf`` (of its own fit, NaN if there is none), ``vaf_group``
+        (of the fit of the group, on this run), ``spread`` (standard deviation of the output).
+    models : dict or None
+        Fitted estimator of each group by (subject, condition); None if they were not kept.
+    failures : DataFrame
+        The rows of both tables with a failure.
+    outlying : DataFrame
+        ``subject``, ``condition``, ``run`` (``"all"`` for a person), ``kind`` (``"sign"``,
+        ``"scale"``, ``"no response"``, ``"parameter"``, ``"run"``) and ``reason``.
+    found : DataFrame
+        Of a search for effects, one row per parameter of each effect found: ``subject``,
+        ``condition``, ``effect``, ``parameter``, ``estimate``, ``se``, ``unit``, ``verdict``; one
+        row with an empty ``effect`` where none was found. Empty for other estimators.
+    notes : list of str
+        What is missing, and the warnings of fits, counted.
+    estimator : str
+        The estimator as text.
+    each_run : bool
+        Whether each run was fitted on its own.
+
+    Examples
+    --------
+    >>> from skhoid import ARXRegressor, identify_people, simulate_experiment
+    >>> X, y = simulate_experiment(2, "C1", runs=1, duration=20.48, random_state=0)
+    >>> result = identify_people(ARXRegressor(nk=29), X, y, ceiling=False)
+    >>> sorted(result.models)
+    [('S1', 'C1'), ('S2', 'C1')]
+    """
+
+    table: pd.DataFrame
+    groups: pd.DataFrame
+    runs: pd.DataFrame
+    models: dict[tuple[Any, Any], Any] | None
+    failures: pd.DataFrame
+    outlying: pd.DataFrame
+    found: pd.DataFrame
+    notes: list[str]
+    estimator: str
+    each_run: bool
+
+    def __repr__(self) -> str:
+        n = [self.runs[name].nunique() for name in (SUBJECT, CONDITION)]
+        return f"PeopleResult({n[0]} people, {n[1]} conditions, {len(self.runs)} runs)"
+
+    def _repr_html_(self) -> str:
+        return self.summary()._repr_html_()
+
+    def summary(self) -> Summary:
+        """The result in plain words: how many, means and spreads, what failed, what looks wrong.
+
+        Returns
+        -------
+        text : Summary
+            A string that notebooks show line by line.
+        """
+        lines = [*wrapped(_how_many(self)), *wrapped(f"Estimator: {self.estimator}")]
+        lines += [line for of_one in _of_conditions(self) for line in ("", *of_one)]
+        lines += _effects(self)
+        failed = self.failures.to_dict("records")
+        lines += _listed("No fit", [f"{_name(row)}: {row['failure']}" for row in failed])
+        odd = self.outlying.to_dict("records")
+        reasons = [f"{_name(row)}: {row['reason']}" for row in odd]
+        lines += _listed("Looks wrong (nothing is left out)", reasons)
+        if not odd:
+            lines += ["", "Nobody and no run is outlying."]
+        lines += _listed("Notes", self.notes)
+        return Summary("\n".join(lines))
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the VAF of everybody's runs against the noise ceiling.
+
+        Parameters
+        ----------
+        ax : sequence of Axes or None, default=None
+            One for each person; None makes a figure.
+
+        Returns
+        -------
+        display : PeopleDisplay
+        """
+        from ...plotting import PeopleDisplay
+
+        return PeopleDisplay.from_result(self, ax=ax)
+
+
+def _how_many(r: PeopleResult) -> str:
+    n = r.runs.groupby([SUBJECT, CONDITION], sort=False).size()
+    few, many = int(n.min()), int(n.max())
+    each = f"{few}" if few == many else f"{few} to {many}"
+    subjects, conditions = (r.runs[name].nunique() for name in (SUBJECT, CONDITION))
+    people = "1 person" if subjects == 1 else f"{subjects} people"
+    fitted = "each run and all runs" if r.each_run else "all runs"
+    return (
+        f"{people}, {counted(conditions, 'condition')}; {each} run{'s' * (many > 1)} of each, "
+        f"{len(r.runs)} in all. Fitted: {fitted} of each person and condition."
+    )
+
+
+def _of_conditions(r: PeopleResult) -> list[list[str]]:
+    """A table of means and spreads between people for each condition."""
+    found = []
+    for condition, part in r.groups.groupby(CONDITION, sort=False):
+        people = part.drop_duplicates(SUBJECT)
+        vaf = people["vaf"].dropna()
+        caption = f"{'Fits' if condition == ALL else condition}: " + (
+            f"VAF {vaf.min():.0f} to {vaf.max():.0f} %, median {vaf.median():.0f} %"
+            if len(vaf)
+            else "no fit"
+        )
+        top = people["ceiling"].dropna()
+        if len(top):
+            caption += f"; noise ceiling {top.median():.0f} % (median)"
+        rows = [
+            _spread(name, of_one)
+            for name, of_one in part[part["parameter"] != ""].groupby("parameter", sort=False)
+        ]
+        table = TextTable("", ("", "unit", "mean", "spread", "se", "people"), rows)
+        found.append([caption, *(table.lines() if rows else [])])
+    if any(len(of_one) > 1 for of_one in found):
+        found[-1].append("spread: standard deviation between people; se: median of their fits.")
+    return found
+
+
+def _spread(name: Any, part: pd.DataFrame) -> tuple[str, ...]:
+    values = part["estimate"].dropna()
+    se = part["se"].dropna()
+    return (
+        str(name),
+        part["unit"].iloc[0],
+        f"{values.mean():.3g}" if len(values) else "-",
+        f"{values.std():.2g}" if len(values) > 1 else "-",
+        f"{se.median():.2g}" if len(se) else "-",
+        str(len(values)),
+    )
+
+
+def _effects(r: PeopleResult) -> list[str]:
+    if r.found.empty:
+        return []
+    each = r.found.drop_duplicates([SUBJECT, CONDITION, "effect"])
+    total = len(each.drop_duplicates([SUBJECT, CONDITION]))
+    named = each["effect"].where(each["effect"] != "", "no effect").value_counts()
+    return _listed("Effects found", [f"{name}: {n} of {total}" for name, n in named.items()])
+
+
+def _name(row: dict[str, Any]) -> str:
+    named = [str(row[level]) for level in (SUBJECT, CONDITION) if row[level] != ALL]
+    run = "" if row[RUN] == ALL else f"run {row[RUN]}"
+    return ", ".join(part for part in (" ".join(named), run) if part) or "all runs"
+
+
+def _listed(title: str, texts: list[str]) -> list[str]:
+    if not texts:
+        return []
+    lines = ["", f"{title}:"]
+    for text in texts[:SHOWN]:
+        lines += wrapped(f"  {text}", "      ")
+    return lines + [f"  ... and {len(texts) - SHOWN} more"] * (len(texts) > SHOWN)

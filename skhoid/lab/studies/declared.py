@@ -1,0 +1,232 @@
+"""What the studies of the thesis are declared by, and what they find: cells, claims, results."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...io.figures import save_figure
+from ...io.tables import check_table_format, write_tables
+from ...simulation.conditions import ORDERS
+from .monte_carlo import MonteCarloStudy
+
+CONDITIONS = ("C1", "C2", "C3", "C4", "C5", "C6")
+STATES = ("C1", "C2")  # constant dynamics
+INTENSITIES = (0.0, 0.05, 0.10, 0.15, 0.20, 0.25, 0.30)  # P_n
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement of the thesis, compared with what a study found.
+
+    Parameters
+    ----------
+    source : str
+        Figure or section.
+    statement : str
+        What the thesis says.
+    found : str
+        What the study found, in numbers.
+    holds : bool or None
+        Whether it holds; None if the cells or replications do not allow a judgement.
+
+    Examples
+    --------
+    >>> from skhoid.lab.studies import Claim
+    >>> print(Claim("Fig. 9", "n_k* = 29 without remnant", "29 in C1 and C2", True))
+    [holds] Fig. 9: n_k* = 29 without remnant. Found: 29 in C1 and C2.
+    """
+
+    source: str
+    statement: str
+    found: str
+    holds: bool | None
+
+    def __str__(self) -> str:
+        verdict = {True: "holds", False: "does not hold", None: "not judged"}[self.holds]
+        return f"[{verdict}] {self.source}: {self.statement}. Found: {self.found}."
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """What a study of the thesis found.
+
+    Parameters
+    ----------
+    name : str
+        As in ``skhoid study NAME``.
+    title : str
+        One sentence.
+    table : DataFrame
+        One row per replication and setting.
+    summary : DataFrame
+        Means and deviations by cell.
+    claims : list of Claim
+        Statements of the thesis, and whether they hold here.
+    figures : dict of str to callable
+        Functions that draw the thesis's figures, by name.
+    notes : list of str
+        Further remarks.
+
+    Examples
+    --------
+    >>> from skhoid.lab.studies import paper_study
+    >>> found = paper_study("fig9", 2, orders=["nm"], intensities=[0.0, 0.1], conditions=["C1"])
+    >>> print(found.claims[0])
+    [holds] Fig. 9: without remnant n_k* = n_k^0. Found: 29 where it is 29.
+    """
+
+    name: str
+    title: str
+    table: pd.DataFrame
+    summary: pd.DataFrame
+    claims: list[Claim]
+    figures: Mapping[str, Callable[[], Any]]
+    notes: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        return "\n".join([self.title, *map(str, self.claims), *self.notes])
+
+    def __repr__(self) -> str:
+        return f"StudyResult({self.name!r}, {len(self.table)} rows, {len(self.claims)} claims)"
+
+    def plot(self) -> dict[str, Any]:
+        """Draw the thesis's figures.
+
+        Returns
+        -------
+        figures : dict of str to matplotlib Figure
+        """
+        return {name: draw().figure_ for name, draw in self.figures.items()}
+
+    def save(
+        self, folder: str | os.PathLike[str], *, figures: bool = True, table_format: str = "csv"
+    ) -> list[Path]:
+        """Write table, summary, claims and figures.
+
+        Parameters
+        ----------
+        folder : path
+            Created if it does not exist.
+        figures : bool, default=True
+            Save the figures too.
+        table_format : {"csv", "tsv", "parquet"}, default="csv"
+            Format of the tables; Parquet needs ``pip install "skhoid[io]"``.
+
+        Returns
+        -------
+        files : list of Path
+            ``table.csv.gz``, ``summary.csv``, ``claims.csv``, or with the other endings, and PNG
+            files.
+        """
+        check_table_format(table_format)
+        folder = Path(folder)
+        packed = "" if table_format == "parquet" else ".gz"
+        tables = {
+            f"table.{table_format}{packed}": self.table,
+            f"summary.{table_format}": self.summary,
+            f"claims.{table_format}": pd.DataFrame([asdict(claim) for claim in self.claims]),
+        }
+        files = write_tables(tables, folder)
+        if figures:
+            for name, draw in self.figures.items():
+                files.append(save_figure(draw().figure_, folder / f"{name}.png"))
+        return files
+
+
+@dataclass(frozen=True)
+class PaperStudy:
+    """A study of the thesis, declared: what is simulated, and what is made of the table.
+
+    Parameters
+    ----------
+    what : str
+        What it shows, in a few words.
+    title : str
+        One sentence.
+    options : dict
+        Its options and their defaults, beside those that all studies have.
+    declare : callable
+        ``declare(n_replications, random_state=..., **options)`` returns the MonteCarloStudy.
+    summarize : callable
+        Means and deviations by cell, of the table without failures.
+    judge : callable
+        Claims, of summary and table.
+    draw : callable
+        Functions that draw the figures, by name, of the table.
+    shown : tuple of str, default=()
+        Prefixes of the names of its figures; empty for all.
+
+    Examples
+    --------
+    >>> from skhoid.lab.studies import PAPER_STUDIES
+    >>> PAPER_STUDIES["fig12"].what
+    'n_k fixed or estimated: validation VAF'
+    """
+
+    what: str
+    title: str
+    options: Mapping[str, Any]
+    declare: Callable[..., MonteCarloStudy]
+    summarize: Callable[[pd.DataFrame], pd.DataFrame]
+    judge: Callable[[pd.DataFrame, pd.DataFrame], list[Claim]]
+    draw: Callable[[pd.DataFrame], dict[str, Any]]
+    shown: tuple[str, ...] = ()
+
+    def showing(self, what: str, *shown: str, **options: Any) -> PaperStudy:
+        """The same study with other figures and options.
+
+        Parameters
+        ----------
+        what : str
+            What it shows, in a few words.
+        *shown : str
+            Prefixes of the names of its figures.
+        **options
+            Options with other defaults.
+
+        Returns
+        -------
+        study : PaperStudy
+        """
+        return replace(self, what=what, shown=shown, options={**self.options, **options})
+
+
+def checked_orders(orders: Sequence[Any]) -> list[Any]:
+    """Orders of the remnant filter; numbers may be given as text."""
+    known = {str(order): order for order in ORDERS}
+    unknown = [order for order in orders if str(order) not in known]
+    if unknown:
+        raise ValueError(
+            f"Orders of the remnant filter must be among {list(known)}; got {unknown[0]!r}."
+        )
+    return [known[str(order)] for order in orders]
+
+
+def gains_of(gains: str, intensities: Sequence[float]) -> dict[str, Any]:
+    """Options of the simulation for where the remnant's gains come from."""
+    if gains not in ("table", "tuned"):
+        raise ValueError(f"gains must be 'table' (Table G.1) or 'tuned'; got {gains!r}.")
+    strange = [P_n for P_n in intensities if not np.isclose(P_n, INTENSITIES).any()]
+    if gains == "table" and strange:
+        raise ValueError(
+            f"Table G.1 has gains for P_n = 0.05, 0.10 ... 0.30; got {strange[0]:g}. For any "
+            "other, use gains='tuned' (--gains tuned)."
+        )
+    return {"remnant_gain": "table"} if gains == "table" else {}
+
+
+def range_text(values: Any, digits: int = 2, sign: bool = False) -> str:
+    """Smallest and largest value as text."""
+    values = np.asarray(values, dtype=float)
+    low, high = np.nanmin(values), np.nanmax(values)
+    form = f"{{:{'+' if sign else ''}.{digits}f}}"
+    if form.format(low) == form.format(high):
+        return form.format(low)
+    return f"{form.format(low)} to {form.format(high)}"

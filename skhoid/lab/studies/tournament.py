@@ -1,0 +1,633 @@
+"""run_tournament and recommend_method: every method on the same simulated runs."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..._sklearn import Interval, StrOptions, checked
+from ...human.operator import delay_samples
+from ...simulation.conditions import Condition
+from ...simulation.task import CompensatoryTask
+from ...simulation.tracking_runs import make_tracking_runs
+from ...text import Summary, wrapped
+from .monte_carlo import MonteCarloStudy
+from .tournament_cells import SIZES, Change, TournamentCell, tournament_cells
+from .tournament_methods import TOURNAMENT_METHODS, TournamentMethod, available_methods
+from .tournament_result import TournamentResult
+from .tournament_scores import (
+    DATA_SET,
+    FOLLOWED,
+    LOWEST_VAF,
+    QUESTIONS,
+    losses,
+    method_figures,
+    question_of,
+    tuning_scores,
+)
+from .workers import progress_bar
+
+SIMULATION = {"run_in": 20.0}  # s
+
+
+def groups_of(cells: Sequence[TournamentCell]) -> dict[str, list[TournamentCell]]:
+    """The cells that are tuned together."""
+    groups: dict[str, list[TournamentCell]] = {}
+    for cell in cells:
+        groups.setdefault(cell.group, []).append(cell)
+    return groups
+
+
+def spread(cells: Sequence[TournamentCell], n_data_sets: int) -> tuple[list[TournamentCell], int]:
+    """At most so many cells, evenly from all, and replications of each, for so many data sets."""
+    places = np.linspace(0, len(cells) - 1, min(n_data_sets, len(cells))).round().astype(int)
+    chosen = [cells[place] for place in places]
+    return chosen, math.ceil(n_data_sets / len(chosen))
+
+
+def tuned(
+    method: TournamentMethod,
+    cells: Sequence[TournamentCell],
+    n_data_sets: int,
+    options: dict[str, Any],
+    run: Callable[[MonteCarloStudy, Path], pd.DataFrame],
+) -> pd.DataFrame:
+    """Mean validation VAF of each setting in each group, and which setting is taken.
+
+    ``options`` are the delay, the number of validation runs and the seed; ``run`` runs a study in
+    a folder of this name.
+    """
+    rows = []
+    for number, (group, members) in enumerate(groups_of(cells).items()):
+        scores = np.full(len(method.settings), np.nan)
+        failed = np.zeros(len(method.settings))
+        if len(method.settings) > 1:
+            some, n_replications = spread(members, n_data_sets)
+            study = MonteCarloStudy(
+                partial(tuning_scores, method=method.name, delay=options["delay"]),
+                [cell.row() for cell in some],
+                n_replications,
+                n_validation_runs=options["n_validation"],
+                simulation=simulation_of(some, method),
+                block_size=1,
+                random_state=options["seed"],
+            )
+            table = run(study, Path("tuning") / method.name / f"group {number}")
+            table = table.reindex(columns=["setting", "vaf", "failure", "error"])
+            found = table["vaf"].fillna(LOWEST_VAF).groupby(table["setting"]).mean()
+            scores = found.reindex(range(len(method.settings))).to_numpy(float)
+            lost = (table["failure"].notna() | table["error"].notna()).groupby(table["setting"])
+            failed = 100.0 * lost.mean().reindex(range(len(scores))).fillna(100.0).to_numpy()
+        best = int(np.nanargmax(scores)) if np.isfinite(scores).any() else 0
+        rows += [
+            {
+                "method": method.name,
+                "group": group,
+                "knob": method.knob,
+                "setting": str(setting),
+                "vaf": scores[place],
+                "failed": failed[place],
+                "chosen": place == best,
+            }
+            for place, setting in enumerate(method.settings)
+        ]
+    return pd.DataFrame(rows)
+
+
+def simulation_of(cells: Sequence[TournamentCell], method: TournamentMethod) -> dict[str, Any]:
+    """Options of the simulation; a whole task has its own run-in."""
+    whole = any("sampling_rate" not in cell.row() for cell in cells)
+    return {"channels": method.channels} | ({} if whole else SIMULATION)
+
+
+def chosen_settings(
+    method: TournamentMethod, tuning: pd.DataFrame, cells: Sequence[TournamentCell]
+) -> dict[str, Any]:
+    """The setting of a method in each cell, by the cell's name, from the tuning of the method."""
+    by_group = {
+        group: method.settings[int(np.argmax(part["chosen"].to_numpy()))]
+        for group, part in tuning.groupby("group", sort=False)
+    }
+    return {cell.name: by_group[cell.group] for cell in cells}
+
+
+def watching(settings: dict[str, Any], cells: Sequence[TournamentCell]) -> dict[str, Any]:
+    """The settings with which changes are watched for: where nothing changes, those that the method
+    has where something does, with the same remnant; else its own.
+    """
+    of_changing = {cell.group: settings[cell.name] for cell in cells if cell.kind == "changing"}
+    return {
+        cell.name: of_changing.get(cell.group.replace("constant", "changing"), settings[cell.name])
+        for cell in cells
+    }
+
+
+# Replications of fast and slow methods, and data sets that each setting is tried on.
+NUMBERS = {"full": (16, 4, 8), "small": (4, 1, 2)}
+TUNING, EVALUATION = 1, 2  # spawn keys of the seeds
+OF_CELL = ("family", "kind", "group")
+DT = 0.01  # s, of the run whose cost is measured
+AT_ONCE = 4  # replications of a block
+
+
+@checked(
+    methods=["array-like", None],
+    cells=["array-like", None],
+    size=[StrOptions(set(SIZES))],
+    n_replications=[Interval(Integral, 1, None, closed="left"), None],
+    n_validation=[Interval(Integral, 1, None, closed="left")],
+    delay=[StrOptions({"true", "searched"})],
+    random_state=[Interval(Integral, 0, None, closed="left")],
+)
+def run_tournament(
+    methods: Sequence[str] | None = None,
+    cells: Sequence[TournamentCell] | None = None,
+    *,
+    size: str = "full",
+    n_replications: int | None = None,
+    n_validation: int = 3,
+    delay: str = "true",
+    random_state: int = 0,
+    out: str | os.PathLike[str] | None = None,
+    n_jobs: int | None = None,
+    progress: bool | None = None,
+) -> TournamentResult:
+    """Let methods that follow a varying operator compete on the same simulated runs.
+
+    Each method is first tuned: for constant and for changing conditions, and each remnant
+    intensity, the setting of its one knob with the highest mean VAF on validation runs; all methods
+    try as many settings on the same number of data sets. Then each follows other runs, of other
+    seeds, and is compared with the truth.
+
+    Parameters
+    ----------
+    methods : sequence of str or None, default=None
+        Names in :data:`TOURNAMENT_METHODS`; None means all that can be imported.
+    cells : sequence of TournamentCell or None, default=None
+        Conditions; None means those of :func:`tournament_cells` for ``size``.
+    size : {"full", "small"}, default="full"
+        Cells and replications: 16 runs of a cell, 4 for slow methods, and 8 data sets for each
+        setting; or 4, 1 and 2.
+    n_replications : int or None, default=None
+        Runs of each cell instead, the same for slow methods.
+    n_validation : int, default=3
+        Validation runs of each cell.
+    delay : {"true", "searched"}, default="true"
+        What methods are told that do not estimate the delay: the true one, or the n_k of the
+        lowest one-step error of a batch ARX model of each run.
+    random_state : int, default=0
+        Source of all randomness.
+    out : path or None, default=None
+        Folder in which finished blocks are kept; see :meth:`MonteCarloStudy.run`. Each method has
+        its own part, so that a further method computes only itself.
+    n_jobs : int or None, default=None
+        Number of workers, as in joblib.
+    progress : bool or None, default=None
+        Show a progress bar; None means only in a terminal.
+
+    Returns
+    -------
+    result : TournamentResult
+        ``print(result)`` says which method to use when; ``result.table`` has all figures.
+
+    Raises
+    ------
+    ValueError
+        If a method is not known, two cells have the same name, or no run can be simulated.
+
+    See Also
+    --------
+    recommend_method : The same for one's own experiment and question.
+
+    Examples
+    --------
+    >>> from skhoid.lab.studies import run_tournament, tournament_cells
+    >>> cells = tournament_cells("small", conditions=["C4"])
+    >>> result = run_tournament(["rls", "arx"], cells, size="small", n_replications=2)
+    >>> result.ranking("follow").index.tolist()
+    ['rls', 'arx']
+    """
+    chosen, notes = available_methods(methods)
+    cells = tournament_cells(size) if cells is None else list(cells)
+    names = [cell.name for cell in cells]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"Two cells have the name {twice!r}.")
+    fast, slow, n_tuning = NUMBERS[size]
+    if n_replications is not None:
+        fast = slow = n_replications
+    options = {"delay": delay, "n_validation": n_validation, "seed": _seed(random_state, TUNING)}
+    n_studies = sum(1 + len(groups_of(cells)) * (len(m.settings) > 1) for m in chosen)
+    tables, tunings = [], []
+    with progress_bar(progress, n_studies, 0, "tournament") as advance:
+
+        def run(study: MonteCarloStudy, folder: Path) -> pd.DataFrame:
+            where = None if out is None else Path(out) / folder
+            found = study.run(where, n_jobs=n_jobs, progress=False)
+            advance()
+            return found
+
+        for method in chosen:
+            tuning = tuned(method, cells, n_tuning, options, run)
+            settings = chosen_settings(method, tuning, cells)
+            study = MonteCarloStudy(
+                partial(
+                    method_figures,
+                    method=method.name,
+                    settings=settings,
+                    watching=watching(settings, cells),
+                    delay=delay,
+                ),
+                [cell.row() for cell in cells],
+                slow if method.slow else fast,
+                n_validation_runs=n_validation,
+                simulation=simulation_of(cells, method),
+                block_size=1 if method.slow else AT_ONCE,
+                random_state=_seed(random_state, EVALUATION),
+            )
+            found = run(study, Path("evaluation") / method.name)
+            tables.append(_told(found, method, settings, cells))
+            tunings.append(tuning)
+    table = pd.concat(tables, ignore_index=True)
+    if table["error"].notna().all():
+        raise ValueError(f"Every simulated run failed. The first error: {table['error'].iloc[0]}")
+    tuning = pd.concat(tunings, ignore_index=True)
+    return TournamentResult(
+        table=table,
+        tuning=tuning,
+        methods=_table_of_methods(chosen, slow, fast),
+        cost=measured_cost(chosen, tuning),
+        notes=notes,
+    )
+
+
+def _seed(random_state: int, key: int) -> int:
+    sequence = np.random.SeedSequence(int(random_state), spawn_key=(key,))
+    return int.from_bytes(sequence.generate_state(4).tobytes(), "little")
+
+
+def _told(
+    table: pd.DataFrame,
+    method: TournamentMethod,
+    settings: dict[str, Any],
+    cells: Sequence[TournamentCell],
+) -> pd.DataFrame:
+    """The table with what is known of the cells and the method."""
+    of_cells = {cell.name: asdict(cell) | {"group": cell.group} for cell in cells}
+    for name in reversed(OF_CELL):
+        table.insert(1, name, [of_cells[cell][name] for cell in table["cell"]])
+    table["method"] = method.name  # also of data sets that failed
+    table["setting"] = [str(settings[cell]) for cell in table["cell"]]
+    return table
+
+
+def _table_of_methods(methods: Sequence[TournamentMethod], slow: int, fast: int) -> pd.DataFrame:
+    rows = [
+        {
+            "method": method.name,
+            "label": method.label,
+            "causal": method.causal,
+            "knob": method.knob,
+            "n_settings": len(method.settings),
+            "told": method.told,
+            "oracle": method.is_oracle,
+            "n_replications": slow if method.slow else fast,
+        }
+        for method in methods
+    ]
+    return pd.DataFrame(rows).set_index("method")
+
+
+def measured_cost(methods: Sequence[TournamentMethod], tuning: pd.DataFrame) -> pd.Series:
+    """Microseconds per sample of ``fit``, on this machine: the shortest of three fits of one run.
+
+    The setting is the one most often chosen; slow methods are fitted once.
+    """
+    X, y, truth = make_tracking_runs(
+        "C4",
+        1,
+        remnant_intensity=0.15,
+        channels=("e", "f_t"),
+        run_in=20.0,
+        random_state=0,
+        return_truth=True,
+    )
+    costs = {}
+    for method in methods:
+        taken = tuning[tuning["chosen"] & (tuning["method"] == method.name)]["setting"]
+        common = taken.mode().iloc[0]
+        setting = next(s for s in method.settings if str(s) == common)
+        spent = []
+        for _ in range(1 if method.slow else 3):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                begin = time.perf_counter()
+                try:
+                    method.estimator(DT, truth.nk, setting, truth.parameters).fit(
+                        X[list(method.channels)], y
+                    )
+                except Exception:  # it is in the table
+                    spent.append(np.nan)
+                    continue
+                spent.append(time.perf_counter() - begin)
+        costs[method.name] = 1e6 * float(np.min(spent)) / len(y)
+    return pd.Series(costs, name="cost")
+
+
+SIGNIFICANT = 2.0  # standard errors
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MethodAdvice:
+    """The method that suits an experiment and a question, and the results behind it.
+
+    Parameters
+    ----------
+    method : str
+        Name of the method with the lowest mean loss.
+    estimator : estimator
+        With its options, to be fitted to recordings.
+    close : list of str
+        Methods whose mean loss is within two standard errors (paired) of the lowest.
+    ranking : DataFrame
+        By method, the best first: mean ``loss``, ``difference`` from the best one, its paired
+        standard error ``se``, ``setting`` of its knob, ``causal``, and the number ``n`` of data
+        sets.
+    question : str
+        What was asked.
+    parameter : str
+        Which parameter, if the question is about one.
+    result : TournamentResult
+        All figures.
+
+    Examples
+    --------
+    >>> from skhoid.lab.studies import recommend_method
+    >>> advice = recommend_method("C4", 0.15, methods=["rls", "arx"], n_replications=2)
+    >>> advice.estimator
+    RecursiveARX(memory_time=5.12, nk=29, store_covariance=True)
+    """
+
+    method: str
+    estimator: Any
+    close: list[str]
+    ranking: pd.DataFrame
+    question: str
+    parameter: str
+    result: TournamentResult
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def _repr_html_(self) -> str:
+        return Summary(self)._repr_html_()
+
+    def __str__(self) -> str:
+        question, best = QUESTIONS[self.question], self.ranking.iloc[0]
+        label = TOURNAMENT_METHODS[self.method].label
+        lines = wrapped(
+            f"To {question.worded(self.parameter)}: {self.method} ({label}); {question.loss} "
+            f"{best['loss']:.3g} {question.unit}."
+        )
+        others = [name for name in self.close if name != self.method]
+        alike = "All other methods are worse by more than two standard errors."
+        if others:
+            alike = f"Equally good within two standard errors: {', '.join(others)}."
+        lines += wrapped(alike if len(self.ranking) > 1 else "No other method took part.")
+        for name, row in self.ranking.iloc[1:].iterrows():
+            if name not in self.close:
+                lines += wrapped(
+                    f"  {name}: {row['difference']:+.3g} ± {row['se']:.2g} {question.unit}", "  "
+                )
+        P_n = self.result.cells["group"].str.partition(", ")[2].drop_duplicates()
+        lines += wrapped(
+            f"From {int(best['n'])} simulated runs ({'; '.join(P_n)}), tuned by validation VAF on "
+            "others. To fit to recordings:"
+        )
+        return "\n".join([*lines, "", repr(self.estimator)])
+
+    def plot(self, kind: str = "bias", **options: Any) -> Any:
+        """Draw the tournament behind it.
+
+        Parameters
+        ----------
+        kind : {"bias", "settling", "winners"}, default="bias"
+            As for :meth:`TournamentResult.plot`.
+        **options
+            Of the display.
+
+        Returns
+        -------
+        display : Display
+        """
+        return self.result.plot(kind, **options)
+
+
+@checked(
+    remnant_intensity=[Interval(Real, 0, None, closed="neither"), "array-like", None],
+    question=[StrOptions(set(QUESTIONS))],
+    parameter=[str],
+    causal=["boolean", None],
+    methods=["array-like", None],
+    n_replications=[Interval(Integral, 2, None, closed="left")],
+    n_validation=[Interval(Integral, 1, None, closed="left")],
+    random_state=[Interval(Integral, 0, None, closed="left")],
+)
+def recommend_method(
+    task: str | Condition | CompensatoryTask,
+    remnant_intensity: float | Sequence[float] | None = None,
+    *,
+    question: str = "follow",
+    parameter: str = FOLLOWED,
+    causal: bool | None = None,
+    methods: Sequence[str] | None = None,
+    remnant_order: Any = 2,
+    n_replications: int = 10,
+    n_validation: int = 3,
+    delay: str = "true",
+    random_state: int = 0,
+    out: str | os.PathLike[str] | None = None,
+    n_jobs: int | None = None,
+    progress: bool | None = None,
+) -> MethodAdvice:
+    """Find the method for an experiment and a question, by a tournament on a simulation of it.
+
+    Runs of the experiment are simulated, every method is tuned by validation runs and follows
+    others, and its answers are compared with the truth.
+
+    Parameters
+    ----------
+    task : str, Condition or CompensatoryTask
+        The experiment: controlled element, forcing functions, sampling rate, duration, and the
+        expected operator with all changes over time; or the name of a condition of the thesis.
+    remnant_intensity : float, sequence of float or None, default=None
+        Expected P_n, or several to average over; None means the task's own remnant.
+    question : {"follow", "final", "detect", "predict", "delay"}, default="follow"
+        "follow": the RMSE over time of a parameter; "final": its RMSE after the change; "detect":
+        the time to an alarm, with one false alarm in ten; "predict": the validation VAF; "delay":
+        the RMSE over time of tau_e.
+    parameter : {"K_edot", "K_e", "omega_nm", "zeta_nm", "tau_e"}, default="K_edot"
+        For "follow" and "final".
+    causal : bool or None, default=None
+        Whether the answer is needed while the person steers (True) or afterwards, by a method that
+        also uses later data (False). None means any.
+    methods : sequence of str or None, default=None
+        Names in :data:`TOURNAMENT_METHODS`; None means all that can be imported.
+    remnant_order : {1, 2, 3, 4, "nm"}, default=2
+        Order of the remnant filter.
+    n_replications : int, default=10
+        Runs for each intensity.
+    n_validation : int, default=3
+        Validation runs for each intensity.
+    delay : {"true", "searched"}, default="true"
+        What methods are told that do not estimate the delay, as for :func:`run_tournament`.
+    random_state : int, default=0
+        Source of all randomness.
+    out : path or None, default=None
+        Folder in which finished blocks are kept; see :meth:`MonteCarloStudy.run`.
+    n_jobs : int or None, default=None
+        Number of workers, as in joblib.
+    progress : bool or None, default=None
+        Show a progress bar; None means only in a terminal.
+
+    Returns
+    -------
+    advice : MethodAdvice
+        ``print(advice)`` shows it as text; ``advice.estimator`` is ready to be fitted.
+
+    Raises
+    ------
+    ValueError
+        If there is no remnant, nothing changes but the question is about a change, or a method is
+        not known.
+
+    See Also
+    --------
+    skhoid.recommend_forgetting : The memory of recursive least squares alone, more finely.
+
+    Notes
+    -----
+    Methods are compared on the same runs: standard errors are those of the mean difference from
+    the best method. They say nothing about the validation runs, which all share.
+
+    Examples
+    --------
+    >>> from skhoid.lab.studies import recommend_method
+    >>> advice = recommend_method(
+    ...     "C3", 0.15, question="predict", methods=["rls", "arx"], n_replications=2
+    ... )
+    >>> advice.method, advice.close
+    ('rls', ['rls'])
+    """
+    question_of(question)
+    if not isinstance(task, CompensatoryTask):
+        task = CompensatoryTask.of_condition(task, run_in=SIMULATION["run_in"])
+    chosen, _ = available_methods(methods, causal=causal)
+    of_delay = question == "delay" or (parameter == "tau_e" and question in ("follow", "final"))
+    names = [m.name for m in chosen if not m.is_oracle and (m.estimates_delay or not of_delay)]
+    if not names:
+        lacking = "estimates the delay" if of_delay else "does without the truth"
+        raise ValueError(f"None of these methods {lacking}.")
+    cells = _cells(task, remnant_intensity, remnant_order, question)
+    result = run_tournament(
+        names,
+        cells,
+        size="small",
+        n_replications=n_replications,
+        n_validation=n_validation,
+        delay=delay,
+        random_state=random_state,
+        out=out,
+        n_jobs=n_jobs,
+        progress=progress,
+    )
+    return _advice(result, question, parameter, task)
+
+
+def _cells(
+    task: CompensatoryTask, intensity: Any, order: Any, question: str
+) -> list[TournamentCell]:
+    if intensity is None:
+        if task.remnant is None or not (task.remnant.gain or task.remnant.intensity):
+            raise ValueError(
+                "Give remnant_intensity, such as 0.15: without remnant every method is right."
+            )
+        wanted: list[float | None] = [None]
+    else:
+        wanted = [float(P_n) for P_n in np.atleast_1d(intensity)]
+        if min(P_n for P_n in wanted if P_n is not None) <= 0:
+            raise ValueError(f"remnant_intensity must be above 0; got {intensity!r}.")
+        task = replace(task, remnant=None)
+    changes = Change.of(replace(task, remnant=None)).times is not None
+    if not changes and question in ("final", "detect"):
+        raise ValueError(
+            f"Nothing changes in this task, so the question {question!r} has no answer: give an "
+            "operator with parameters over time, such as a Sigmoid or Step."
+        )
+    cells = []
+    for P_n in wanted:
+        text = "own remnant" if P_n is None else f"P_n {P_n:g}"
+        kind = "changing" if changes else "constant"
+        cells.append(TournamentCell(f"task, {text}", task, P_n, order, kind=kind))
+        if question == "detect":
+            still = TournamentCell(
+                f"task before the change, {text}", task.at(0.0), P_n, order, kind="constant"
+            )
+            cells.append(still)
+    return cells
+
+
+def _advice(
+    result: TournamentResult, question: str, parameter: str, task: CompensatoryTask
+) -> MethodAdvice:
+    found = losses(result.table, question, parameter).dropna(how="any", axis=1)
+    order = found.mean().sort_values(kind="stable")
+    best = str(order.index[0])
+    apart = found[order.index].sub(found[best], axis=0)
+    error = _paired_error(apart)
+    taken = result.tuning[result.tuning["chosen"]].drop_duplicates("method", keep="first")
+    if (result.tuning["group"].str.startswith("changing")).any():
+        changing = result.tuning["group"].str.startswith("changing")
+        taken = result.tuning[result.tuning["chosen"] & changing].drop_duplicates("method")
+    ranking = pd.DataFrame(
+        {
+            "loss": order,
+            "difference": apart.mean(),
+            "se": error,
+            "setting": taken.set_index("method")["setting"].reindex(order.index),
+            "causal": result.methods["causal"].reindex(order.index),
+            "n": found.count(),
+        }
+    ).reindex(order.index)
+    ranking.index.name = "method"
+    near = (ranking["difference"] <= SIGNIFICANT * ranking["se"]) | (ranking["difference"] <= 0)
+    how = TOURNAMENT_METHODS[best]
+    setting = next(s for s in how.settings if str(s) == ranking["setting"].iloc[0])
+    nk = delay_samples(task.operator, 1 / task.sampling_rate, nearest=True)
+    return MethodAdvice(
+        method=best,
+        estimator=how.make(1 / task.sampling_rate, nk, setting),
+        close=ranking.index[near].tolist(),
+        ranking=ranking,
+        question=question,
+        parameter=parameter,
+        result=result,
+    )
+
+
+def _paired_error(apart: pd.DataFrame) -> pd.Series:
+    """Standard errors of means over cells of differences between methods on the same data sets."""
+    grouped = apart.groupby(DATA_SET[0])
+    variance = (grouped.var() / grouped.count()).mean() / grouped.ngroups
+    return np.sqrt(variance)

@@ -1,0 +1,454 @@
+"""TournamentResult: what each method made of each condition, and which to use when."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...io.figures import save_figure
+from ...io.tables import check_table_format, write_tables
+from ...text import STYLE, Summary, TextTable, wrapped
+from .tournament_scores import FOLLOWED, QUESTIONS, detection_table, losses, question_of, ranked
+
+TABLES = ("table", "tuning", "methods", "cost", "notes")
+KINDS = {True: "Causal", False: "Offline"}
+SHOWN = ("bias", "sd", "rmse", "settling", "vaf")  # of K_edot, in the text
+PICTURES = ("winners", "bias", "settling")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TournamentResult:
+    """What a tournament of methods found.
+
+    Parameters
+    ----------
+    table : DataFrame
+        A row for each data set, method and parameter. Of the relative error over time, in %, in the
+        windows ``_all``, ``_before``, ``_around`` and ``_after`` the change: ``bias_``, ``rmse_``,
+        ``median_error_``, ``failed_`` (instants without an estimate), ``coverage_`` (of the stated
+        95 % intervals). Of the data set: ``vaf`` on validation runs, ``diverged``, ``failure`` (the
+        error message). Of K_edot: ``settling`` and ``lag`` in s, ``peak`` and ``alarm_``.
+    tuning : DataFrame
+        Mean validation VAF of each setting in each group of cells, the share of data sets in % on
+        which it ``failed``, and which setting was ``chosen``.
+    methods : DataFrame
+        By method: ``label``, ``causal``, ``knob``, ``n_settings``, ``told``, ``n_replications``,
+        and whether it is an ``oracle``, which is shown but not ranked.
+    cost : Series
+        Microseconds per sample of a fit, on the machine of this tournament.
+    notes : list of str
+        Methods that could not take part.
+
+    Examples
+    --------
+    >>> from skhoid.lab.studies import run_tournament, tournament_cells
+    >>> cells = tournament_cells("small", conditions=["C4"])
+    >>> result = run_tournament(["rls", "arx"], cells, size="small", n_replications=2)
+    >>> result.best("follow", causal=True)
+    'rls'
+    >>> result.ranking("predict").index.tolist()
+    ['rls', 'arx']
+    """
+
+    table: pd.DataFrame
+    tuning: pd.DataFrame
+    methods: pd.DataFrame
+    cost: pd.Series
+    notes: list[str] = field(default_factory=list)
+
+    def ranking(
+        self, question: str = "follow", *, causal: bool | None = None, parameter: str = FOLLOWED
+    ) -> pd.DataFrame:
+        """Methods in the order in which they answer a question.
+
+        Parameters
+        ----------
+        question : {"follow", "final", "detect", "predict", "delay"}, default="follow"
+            RMSE over time of a parameter; RMSE after the change; time to the alarm after the
+            change; 100 % less the validation VAF; RMSE over time of tau_e.
+        causal : bool or None, default=None
+            Only causal methods, or only offline ones.
+        parameter : str, default="K_edot"
+            For "follow" and "final".
+
+        Returns
+        -------
+        ranking : DataFrame
+            By method, the best first: ``loss``, the median over cells of the median in a cell,
+            ``mean`` and ``worst`` over cells, ``won``, the share of cells in % in which it is the
+            lowest of those ranked, and ``n`` data sets.
+        """
+        return ranked(self._losses(question, causal, parameter))
+
+    def best(
+        self, question: str = "follow", *, causal: bool | None = None, parameter: str = FOLLOWED
+    ) -> str:
+        """The name of the method that answers a question best; see :meth:`ranking`.
+
+        Parameters
+        ----------
+        question, causal, parameter : str, bool or None, str
+            As for :meth:`ranking`.
+
+        Returns
+        -------
+        name : str
+        """
+        return str(self.ranking(question, causal=causal, parameter=parameter).index[0])
+
+    def winners(
+        self, question: str = "follow", *, causal: bool | None = None, parameter: str = FOLLOWED
+    ) -> pd.DataFrame:
+        """The method with the lowest median loss in each cell, and the next one.
+
+        Parameters
+        ----------
+        question, causal, parameter : str, bool or None, str
+            As for :meth:`ranking`.
+
+        Returns
+        -------
+        winners : DataFrame
+            By cell: ``method``, ``loss``, ``next``, ``next_loss``, and what describes the cell.
+        """
+        of_cells = self._losses(question, causal, parameter).groupby("cell", sort=False).median()
+        rows = []
+        for cell, values in of_cells.iterrows():
+            order = values.dropna().sort_values(kind="stable")
+            second = order.index[1] if len(order) > 1 else None
+            rows.append(
+                {
+                    "cell": cell,
+                    "method": order.index[0],
+                    "loss": order.iloc[0],
+                    "next": second,
+                    "next_loss": np.nan if second is None else order[second],
+                }
+            )
+        return pd.DataFrame(rows).set_index("cell").join(self.cells)
+
+    @property
+    def cells(self) -> pd.DataFrame:
+        """What describes each cell, by its name."""
+        columns = list(self.table.columns)
+        before = columns[: columns.index("replication")]
+        return self.table[before].drop_duplicates("cell").set_index("cell")
+
+    def by_cell(self, window: str = "all") -> pd.DataFrame:
+        """Bias, standard deviation, RMSE and more of each method in each cell.
+
+        Parameters
+        ----------
+        window : {"all", "before", "around", "after"}, default="all"
+            Part of the run.
+
+        Returns
+        -------
+        summary : DataFrame
+            By cell, method and parameter, in %: ``bias``, the mean over data sets and time;
+            ``sd``, the deviation from it, over both; ``rmse``, the median over data sets;
+            ``median_error``, ``failed``, ``coverage``; ``vaf`` (median), ``diverged`` (share of
+            data sets in %); ``settling`` and ``lag`` in s (medians).
+        """
+        keys = ["cell", "method", "parameter"]
+        rows = self.table.dropna(subset="parameter")
+        rows = rows.assign(
+            square=rows[f"rmse_{window}"] ** 2, diverged=100.0 * rows["diverged"].astype(float)
+        )
+        grouped = rows.groupby(keys, sort=False)
+        bias = grouped[f"bias_{window}"].mean()
+        found = {
+            "bias": bias,
+            "sd": np.sqrt((grouped["square"].mean() - bias**2).clip(lower=0.0)),
+            "rmse": grouped[f"rmse_{window}"].median(),
+            "median_error": grouped[f"median_error_{window}"].median(),
+            "failed": grouped[f"failed_{window}"].mean(),
+            "coverage": grouped[f"coverage_{window}"].mean(),
+            "vaf": grouped["vaf"].median(),
+            "diverged": grouped["diverged"].mean(),
+            "settling": grouped["settling"].median(),
+            "lag": grouped["lag"].median(),
+        }
+        return pd.DataFrame(found)
+
+    def summary(
+        self, window: str = "all", *, family: str | Sequence[str] | None = None
+    ) -> pd.DataFrame:
+        """The same of each method, over cells.
+
+        Parameters
+        ----------
+        window : {"all", "before", "around", "after"}, default="all"
+            Part of the run.
+        family : str, sequence of str or None, default=None
+            Only cells of these families: "condition", "shape", "50 Hz", "element".
+
+        Returns
+        -------
+        summary : DataFrame
+            By method and parameter: medians over cells, of the size of the bias too; means of
+            ``failed``, ``coverage`` and ``diverged``.
+        """
+        found = self.by_cell(window)
+        if family is not None:
+            wanted = [family] if isinstance(family, str) else list(family)
+            cells = self.cells.index[self.cells["family"].isin(wanted)]
+            found = found[found.index.get_level_values("cell").isin(cells)]
+            if found.empty:
+                raise ValueError(
+                    f"No cell is of the family {family!r}; there are "
+                    f"{', '.join(dict.fromkeys(self.cells['family']))}."
+                )
+        means = ["failed", "coverage", "diverged"]
+        found = found.assign(bias=found["bias"].abs())
+        grouped = found.groupby(["method", "parameter"], sort=False)
+        return pd.DataFrame(
+            {
+                name: grouped[name].mean() if name in means else grouped[name].median()
+                for name in found
+            }
+        )
+
+    def detection(self, by: str | Sequence[str] = "remnant_intensity") -> pd.DataFrame:
+        """How well changes are seen in K_edot(t), with one detector for all methods.
+
+        Parameters
+        ----------
+        by : str or sequence of str, default="remnant_intensity"
+            Columns of the table within which changed and constant runs are compared.
+
+        Returns
+        -------
+        detection : DataFrame
+            By method: ``roc_area``; with one false alarm in ten ``threshold`` of the change of ln
+            K_edot, shares ``found``, ``missed``, ``too_early``, and the median ``delay`` in s of
+            those found.
+        """
+        by = [by] if isinstance(by, str) else list(by)
+        rows = self.table[self.table["parameter"] == FOLLOWED]
+        found = detection_table(rows, by)
+        return found.set_index(["method", *by]) if len(found) else found
+
+    def _losses(self, question: str, causal: bool | None, parameter: str) -> pd.DataFrame:
+        question_of(question)
+        return losses(self._ranked_rows(causal), question, parameter)
+
+    def _ranked_rows(self, causal: bool | None) -> pd.DataFrame:
+        """The rows of methods that are ranked: not those of oracles."""
+        kept = ~self.methods["oracle"].astype(bool)
+        if causal is not None:
+            kept &= self.methods["causal"] == causal
+        rows = self.table[self.table["method"].isin(self.methods.index[kept])]
+        if rows.empty:
+            kind = "" if causal is None else f"{KINDS[causal].lower()} "
+            raise ValueError(f"No {kind}method took part that could be ranked.")
+        return rows
+
+    def __repr__(self) -> str:
+        return str(self)
+
+    def __str__(self) -> str:
+        lines = [*self._head(), *self._advice(), ""]
+        for table in self._tables():
+            lines += [table.caption, *table.lines(), ""]
+        return Summary("\n".join(lines + self._remarks()).rstrip())
+
+    def _repr_html_(self) -> str:
+        text = "".join(f"<p>{escape(line.strip())}</p>" for line in self._head() + self._advice())
+        tables = "".join(table.html("the tournament") for table in self._tables())
+        remarks = "".join(f"<p>{escape(line)}</p>" for line in self._remarks())
+        return f'{STYLE}<div class="skhoid-summary">{text}{tables}{remarks}</div>'
+
+    def _head(self) -> list[str]:
+        n_sets = len(self.table.drop_duplicates(["cell", "replication"]))
+        return wrapped(
+            f"{len(self.methods)} methods on {len(self.cells)} conditions, {n_sets} simulated "
+            "runs; tuned by validation VAF on other runs."
+        )
+
+    def _advice(self) -> list[str]:
+        """Use this when, in plain words."""
+        lines = []
+        for causal in (True, False):
+            for name, question in QUESTIONS.items():
+                try:
+                    found = self.ranking(name, causal=causal)
+                except ValueError:
+                    continue
+                asked = question.worded(FOLLOWED)
+                first = found.iloc[0]
+                text = (
+                    f"{KINDS[causal]}, to {asked}: {found.index[0]} ({question.loss} "
+                    f"{first['loss']:.3g} {question.unit}"
+                )
+                if len(found) > 1:
+                    text += f", best in {first['won']:.0f} % of cells"
+                others = found.iloc[1:3]
+                text += "".join(f"; {m} {row['loss']:.3g}" for m, row in others.iterrows())
+                lines += wrapped(f"- {text}).", "  ")
+        return lines
+
+    def _tables(self) -> list[TextTable]:
+        tables = []
+        summary, detected = self.summary(), self.detection()
+        for causal in (True, False):
+            names = self.methods.index[self.methods["causal"] == causal]
+            rows = []
+            for name in names:
+                if (name, FOLLOWED) not in summary.index:
+                    continue
+                of = summary.loc[(name, FOLLOWED)]
+                area = delay = np.nan
+                if len(detected) and name in detected.index:
+                    area, delay = detected.loc[name, ["roc_area", "delay"]].median()
+                rows.append(
+                    [
+                        name, *(_shown(of[k], 1) for k in SHOWN),
+                        _shown(area, 3), _shown(delay, 1), _shown(of["coverage"], 0),
+                        _shown(of["diverged"], 1), _shown(self.cost.get(name, np.nan), 1),
+                    ]
+                )  # fmt: skip
+            if rows:
+                header = ["", "bias", "sd", "RMSE", "settles", "VAF", "ROC", "alarm", "cover",
+                          "div.", "µs"]  # fmt: skip
+                caption = f"{KINDS[causal]} methods: K_edot over time"
+                tables.append(TextTable(caption, header, rows))
+        return tables
+
+    def _remarks(self) -> list[str]:
+        failed = self.table["failure"].notna() if "failure" in self.table else None
+        remarks = [
+            "bias (its size), sd and RMSE in % of the truth, medians over cells; settles: s after "
+            "the change; alarm: s after the change with one false alarm in ten; cover: % of the "
+            "time in the stated 95 % interval; div.: % of runs that diverged; µs per sample on the "
+            "machine that ran it."
+        ]
+        if failed is not None and failed.any():
+            rows = self.table[failed].drop_duplicates(["method", "cell", "replication"])
+            counts = rows["method"].value_counts()
+            told = ", ".join(f"{name} {n}" for name, n in counts.items())
+            remarks.append(f"Fits that failed: {told}; the column failure says why.")
+        failing = self.tuning[self.tuning["failed"] > 0].drop_duplicates(["method", "setting"])
+        if len(failing):
+            told = ", ".join(f"{m} ({s})" for m, s in failing[["method", "setting"]].to_numpy())
+            remarks.append(f"Settings that failed on some data sets of the tuning: {told}.")
+        if self.table["error"].notna().any():
+            remarks.append("Some runs could not be simulated; the column error says why.")
+        return [line for text in [*remarks, *self.notes] for line in wrapped(text, "")]
+
+    def plot(self, kind: str = "winners", **options: Any) -> Any:
+        """Draw the result.
+
+        Parameters
+        ----------
+        kind : {"winners", "bias", "settling"}, default="winners"
+            The best method by cell; bias against standard deviation by method; error before and
+            settling time after the change.
+        **options
+            Of ``from_result`` of the display.
+
+        Returns
+        -------
+        display : TournamentWinnersDisplay, TournamentBiasDisplay or TournamentSettlingDisplay
+        """
+        from ...plotting.tournament_bias import TournamentBiasDisplay
+        from ...plotting.tournament_settling import TournamentSettlingDisplay
+        from ...plotting.tournament_winners import TournamentWinnersDisplay
+
+        displays: dict[str, Any] = {
+            "winners": TournamentWinnersDisplay,
+            "bias": TournamentBiasDisplay,
+            "settling": TournamentSettlingDisplay,
+        }
+        if kind not in displays:
+            raise ValueError(f"kind must be one of {list(displays)}; got {kind!r}.")
+        return displays[kind].from_result(self, **options)
+
+    def save(
+        self, folder: str | os.PathLike[str], *, figures: bool = True, table_format: str = "csv"
+    ) -> list[Path]:
+        """Write all tables, and figures.
+
+        Parameters
+        ----------
+        folder : path
+            Created if it does not exist.
+        figures : bool, default=True
+            Save the three figures too.
+        table_format : {"csv", "tsv", "parquet"}, default="csv"
+            Format of the tables; Parquet needs ``pip install "skhoid[io]"``.
+
+        Returns
+        -------
+        files : list of Path
+            ``table.csv.gz``, ``tuning.csv``, ``methods.csv``, ``cost.csv``, ``notes.csv``,
+            ``summary.csv``, ``by_cell.csv`` and PNG files.
+        """
+        check_table_format(table_format)
+        packed = "" if table_format == "parquet" else ".gz"
+        tables = {
+            f"table.{table_format}{packed}": self.table,
+            f"tuning.{table_format}": self.tuning,
+            f"methods.{table_format}": self.methods,
+            f"cost.{table_format}": self.cost.rename_axis("method").to_frame(),
+            f"notes.{table_format}": pd.DataFrame({"note": self.notes}, dtype=object),
+            f"summary.{table_format}": self.summary(),
+            f"by_cell.{table_format}": self.by_cell(),
+        }
+        files = write_tables(tables, Path(folder))
+        if figures:
+            for kind in PICTURES:
+                path = Path(folder) / f"{kind}.png"
+                files.append(save_figure(self.plot(kind).figure_, path))
+        return files
+
+    @classmethod
+    def load(cls, folder: str | os.PathLike[str]) -> TournamentResult:
+        """Read what :meth:`save` wrote, in any of its formats.
+
+        Parameters
+        ----------
+        folder : path
+
+        Returns
+        -------
+        result : TournamentResult
+
+        Raises
+        ------
+        FileNotFoundError
+            If a table is missing.
+        """
+        found = {name: _read(Path(folder), name) for name in TABLES}
+        table = found["table"]
+        for name in ("error", "seed", "failure"):
+            table[name] = table[name].astype(object).where(table[name].notna(), None)
+        return cls(
+            table=table,
+            tuning=found["tuning"],
+            methods=found["methods"].set_index("method"),
+            cost=found["cost"].set_index("method")["cost"],
+            notes=found["notes"]["note"].astype(str).tolist(),
+        )
+
+
+def _read(folder: Path, name: str) -> pd.DataFrame:
+    for path in sorted(folder.glob(f"{name}.*")):
+        if path.suffix == ".parquet":
+            return pd.read_parquet(path)
+        if path.suffixes[0] in (".csv", ".tsv"):
+            return pd.read_csv(path, sep="\t" if path.suffixes[0] == ".tsv" else ",")
+    raise FileNotFoundError(f"{folder} holds no table named {name}.csv.gz, .csv, .tsv or .parquet.")
+
+
+def _shown(value: float, digits: int) -> str:
+    if np.isnan(value):
+        return "-"
+    return "never" if np.isinf(value) else f"{value:.{digits}f}"

@@ -1,0 +1,144 @@
+"""GroupEffectSearch: what people share, who is different, what fails, and what is kept."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+
+from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs, report
+from skhoid.effects import Effects
+from skhoid.lab.experiment import group as module
+from skhoid.lab.experiment.group import GroupEffectSearch, named_by
+
+
+def joined(people, names):
+    X = pd.concat({name: X for name, (X, _) in people.items()}, names=names)
+    return X, pd.concat({name: y for name, (_, y) in people.items()}, names=names)
+
+
+def runs(number, duration=20.48):
+    return make_tracking_runs("C1", n_runs=2, duration=duration, random_state=number)
+
+
+@pytest.fixture(scope="module")
+def found():
+    """Of three people two are pushed to one side, in condition A only."""
+    people = {}
+    for number in range(3):
+        X, y = runs(number)
+        people[f"S{number + 1}", "A"] = X, y + 0.05 * (number > 0)
+        people[f"S{number + 1}", "B"] = X, y
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias"])
+    group = GroupEffectSearch(search, least_prevalence=0.1)
+    return group.fit(*joined(people, ["subject", "condition"]))
+
+
+@pytest.mark.slow
+def test_it_names_the_effect_in_the_condition_in_which_people_have_it(found):
+    assert found.group_effects_ == ["bias"]
+    table = found.prevalence_.set_index("condition")
+    assert table.loc["A", "with_it"] == ["S2", "S3"]
+    assert table.loc["A", "without"] == ["S1"]
+    assert table.loc["B", "n_with"] == 0
+    assert list(table["group"]) == [True, False, False]
+    assert "bias in A: 2 of 3 people" in found.summary()
+    assert "bias in B: 0 of 3 people" in found.summary()
+
+
+@pytest.mark.slow
+def test_parameters_are_those_of_the_effect_where_it_is(found):
+    table = found.parameters_
+    bias = table[table["parameter"].str.startswith("bias")]
+    assert list(bias["subject"]) == ["S2", "S3"]
+    assert set(bias["condition"]) == {"A"}
+    np.testing.assert_allclose(bias["estimate"], 0.05, atol=0.01)
+    assert (bias["se"] > 0).all()
+
+
+@pytest.mark.slow
+def test_each_person_has_its_search(found):
+    assert set(found.searches_) == {(f"S{i}", c) for i in (1, 2, 3) for c in "AB"}
+    assert found.people_.set_index(["subject", "condition"]).loc[("S2", "A"), "effects"] == "bias"
+
+
+@pytest.mark.slow
+def test_conditions_are_compared(found):
+    (row,) = found.contrasts_.to_dict("records")
+    assert (row["n_with"], row["n_other"], row["only_here"]) == (2, 0, 2)
+    assert row["p"] == pytest.approx(0.5)
+
+
+def test_one_person_is_no_group():
+    X, y = joined({"S1": runs(0)}, ["subject"])
+    group = GroupEffectSearch(EffectSearchCV(OperatorRegressor()))
+    with pytest.raises(ValueError, match=r"at least two people.*S1"):
+        group.fit(X, y)
+
+
+def test_it_needs_a_search():
+    X, y = joined({"S1": runs(0), "S2": runs(1)}, ["subject"])
+    with pytest.raises(TypeError, match="needs an EffectSearchCV"):
+        GroupEffectSearch(OperatorRegressor()).fit(X, y)
+
+
+def test_it_can_be_cloned():
+    group = GroupEffectSearch(EffectSearchCV(OperatorRegressor()), least_prevalence=0.4)
+    assert clone(group).get_params()["least_prevalence"] == 0.4
+
+
+@pytest.mark.slow
+def test_who_cannot_be_searched_is_told_and_the_others_are_searched():
+    people = {f"S{i}": runs(i) for i in range(3)}
+    X, y = people["S1"]
+    people["S1"] = X, y * np.nan
+    group = GroupEffectSearch(EffectSearchCV(OperatorRegressor(), effects=["bias"]))
+    group.fit(*joined(people, ["subject"]))
+    assert "S1 could not be searched" in group.summary()
+    assert group.people_.set_index("subject").loc["S1", "failure"]
+    assert set(group.searches_) == {("S0", "all"), ("S2", "all")}
+
+
+@pytest.mark.slow
+def test_what_is_finished_is_kept_and_gives_the_same(tmp_path, monkeypatch):
+    people = {f"S{i}": (X, y + 0.05) for i, (X, y) in enumerate(map(runs, range(3)))}
+    X, y = joined(people, ["subject"])
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias", "drift"])
+    whole = GroupEffectSearch(search).fit(X, y)
+    kept = GroupEffectSearch(search, folder=tmp_path / "kept").fit(X, y)
+    with monkeypatch.context() as patched:
+        patched.setattr(module, "weighed", _stopped)
+        with pytest.raises(KeyboardInterrupt):
+            GroupEffectSearch(search, folder=tmp_path / "broken").fit(X, y)
+    again = GroupEffectSearch(search, folder=tmp_path / "broken").fit(X, y)
+    for other in (kept, again):
+        pd.testing.assert_frame_equal(other.evidence_, whole.evidence_)
+        pd.testing.assert_frame_equal(other.prevalence_, whole.prevalence_)
+        pd.testing.assert_frame_equal(other.parameters_, whole.parameters_)
+    # Nothing is fitted again.
+    monkeypatch.setattr(EffectSearchCV, "fit", _stopped)
+    GroupEffectSearch(search, folder=tmp_path / "kept").fit(X, y)
+
+
+def _stopped(*args, **kwargs):
+    raise KeyboardInterrupt
+
+
+def test_an_effect_that_stands_in_for_something_unknown_is_not_named():
+    effects = Effects.of(["bias", "dead_zone"])
+    best = SimpleNamespace(effects_=effects, effects=effects)
+    search = SimpleNamespace(best_effects_=["bias", "unknown"], best_estimator_=best)
+    assert named_by(search).names == ["bias"]
+
+
+@pytest.mark.slow
+def test_where_nothing_is_missing_it_says_so_and_has_empty_tables():
+    people = {(f"S{i}", c): runs(i) for i in range(2) for c in "AB"}
+    group = GroupEffectSearch(EffectSearchCV(OperatorRegressor(), effects=["bias"]))
+    group.fit(*joined(people, ["subject", "condition"]))
+    assert group.summary().splitlines()[0] == "Nothing is missing, in the group or in anybody."
+    assert group.group_effects_ == []
+    for table in (group.prevalence_, group.members_, group.contrasts_):
+        assert len(table) == 0
+    assert "Nothing is missing" in report(group).html

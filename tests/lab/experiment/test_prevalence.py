@@ -1,0 +1,123 @@
+"""Prevalence of effects in a group: a closed form, evidence that adds up, and odd people."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from skhoid.lab.experiment.prevalence import (
+    CAP,
+    OF_NOTHING,
+    PersonEvidence,
+    log_factor,
+    prevalences,
+    summed,
+)
+
+COLUMNS = ["instead_of", "effect", "evidence", "vaf_gain"]
+AGAINST = ("", "bias", -8.0, -0.01)
+
+
+def person(named=(), *rows):
+    return PersonEvidence(tuple(named), pd.DataFrame(rows, columns=COLUMNS))
+
+
+def with_dead_zone(evidence=300.0):
+    own = [("dead_zone", "dead_zone", evidence, 4.0), ("dead_zone", "friction", 100.0, 1.0)]
+    return person(["dead_zone"], AGAINST, *own)
+
+
+def without():
+    return person([], ("", "dead_zone", -9.0, -0.02), ("", "friction", -9.0, -0.02), AGAINST)
+
+
+def one_of(people, effect, **options):
+    names = ["dead_zone", "friction", "bias"]
+    return {found.effect: found for found in prevalences(people, names, **options)}[effect]
+
+
+@pytest.mark.parametrize("n_with", [0, 1, 6, 10, 12])
+def test_with_clear_evidence_it_is_the_beta_distribution_of_the_count(n_with):
+    people = [with_dead_zone() for _ in range(n_with)] + [without() for _ in range(12 - n_with)]
+    found = one_of(people, "dead_zone")
+    exact = stats.beta(1 + n_with, 13 - n_with)
+    assert found.n_with == n_with
+    assert found.n_people == 12
+    assert found.share == pytest.approx(exact.mean(), abs=0.01)
+    assert [found.low, found.high] == pytest.approx(exact.interval(0.95), abs=0.02)
+    assert found.more_than(0.25) == pytest.approx(exact.sf(0.25), abs=0.03)
+
+
+def test_what_is_too_weak_in_each_person_adds_up_over_people():
+    weak = [person([], ("", "dead_zone", OF_NOTHING + 4.0, 0.15), AGAINST) for _ in range(12)]
+    assert one_of(weak, "dead_zone").more_than(0.25) > 0.99
+    alone = [weak[0], *(without() for _ in range(11))]
+    assert one_of(alone, "dead_zone").has[0] < 0.6
+
+
+def test_a_rare_effect_asks_for_more_evidence_than_a_common_one():
+    doubtful = person([], ("", "dead_zone", OF_NOTHING + 2.0, 0.15), AGAINST)
+    common = one_of([doubtful, *(with_dead_zone() for _ in range(11))], "dead_zone").has[0]
+    rare = one_of([doubtful, *(without() for _ in range(11))], "dead_zone").has[0]
+    assert common > 0.9
+    assert rare < 0.3
+
+
+def test_who_cannot_tell_two_effects_apart_counts_for_the_one_that_others_have():
+    rows = [("friction", "friction", 100.0, 2.0), ("friction", "dead_zone", 98.0, 1.9), AGAINST]
+    unsure = person(["friction"], *rows)
+    assert one_of([unsure, *(with_dead_zone() for _ in range(11))], "dead_zone").has[0] > 0.8
+    assert one_of([unsure, *(without() for _ in range(11))], "friction").has[0] > 0.5
+
+
+def test_large_evidence_of_one_person_does_not_make_an_effect_of_the_group():
+    people = [with_dead_zone(1e6), *(without() for _ in range(11))]
+    found = one_of(people, "dead_zone")
+    assert found.has[0] > 0.9
+    assert found.more_than(0.25) < 0.5
+
+
+def test_large_evidence_against_it_in_one_person_does_not_unmake_it():
+    one = person([], ("", "dead_zone", -1e6, -50.0), AGAINST)
+    assert one_of([one, *(with_dead_zone() for _ in range(11))], "dead_zone").more_than(0.5) > 0.99
+
+
+def test_people_whose_data_cannot_tell_are_left_out_of_the_count():
+    blind = person([], ("", "dead_zone", np.nan, np.nan), AGAINST)
+    found = one_of([blind, with_dead_zone(), without()], "dead_zone")
+    assert found.n_people == 2
+    assert np.isnan(found.has[0])
+
+
+def test_the_order_of_people_changes_nothing():
+    people = [with_dead_zone(), without(), with_dead_zone(15.0), without()]
+    one, other = one_of(people, "dead_zone"), one_of(people[::-1], "dead_zone")
+    np.testing.assert_allclose(one.has, other.has[::-1], rtol=1e-9)
+    assert one.share == pytest.approx(other.share, rel=1e-9)
+
+
+def test_what_gains_nothing_on_held_out_rows_has_no_evidence_for_it():
+    assert log_factor(500.0, 0.05) == 0.0
+    assert log_factor(500.0, 0.5) == CAP
+    assert log_factor(-500.0, 0.5) == -CAP
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_prevalence_of_a_population():
+    """Of experiments drawn from populations of any prevalence, 95 % hold it: 3 sigma of 200."""
+    rng = np.random.default_rng(5)
+    held = 0
+    for _ in range(200):
+        share = rng.random()
+        has = rng.random(12) < share
+        found = one_of([with_dead_zone() if h else without() for h in has], "dead_zone")
+        held += found.low <= share <= found.high
+    assert abs(held / 200 - 0.95) < 3 * np.sqrt(0.95 * 0.05 / 200) + 0.01
+
+
+def test_evidence_of_all_conditions_adds_up():
+    weak = person([], ("", "dead_zone", OF_NOTHING + 3.0, 0.15))
+    (joined,) = summed([[weak, weak, weak]], ["dead_zone"])
+    assert joined.states()[1][1] == pytest.approx(4.5)
+    (mixed,) = summed([[with_dead_zone(), without()]], ["dead_zone"])
+    assert abs(mixed.states()[1][1]) < CAP

@@ -1,0 +1,268 @@
+"""The folder of a study: what is kept, what is refused, what is computed again."""
+
+import json
+import shutil
+import sys
+
+import pandas as pd
+import pytest
+
+from skhoid import MonteCarloStudy
+from skhoid.exceptions import StudyFolderError, StudyWarning
+from skhoid.lab.studies import monte_carlo as study_module
+
+SHORT = {"duration": 5.12, "run_in": 2.0, "remnant_gain": 0.02}
+CELLS = {"condition": ["C1", "C3"]}
+
+
+def spread(data, scale=1.0):
+    return {"u": scale * data.y.std(), "name": "x", "late": data.replication > 2}
+
+
+def other(data, scale=1.0):
+    return {"u": scale * data.y.var(), "name": "x", "late": data.replication > 2}
+
+
+def study(function=spread, conditions=CELLS, n=6, **options):
+    options = {"simulation": SHORT, "random_state": 3, "block_size": 2} | options
+    return MonteCarloStudy(function, conditions, n, **options)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("study") / "finished"
+    return folder, study().run(folder)
+
+
+@pytest.fixture
+def folder(finished, tmp_path):
+    return shutil.copytree(finished[0], tmp_path / "study")
+
+
+@pytest.fixture
+def computed(monkeypatch):
+    """Blocks that are computed, by cell and first replication."""
+    seen = []
+
+    def counting(job):
+        seen.append((job.labels["condition"], job.replications[0]))
+        return compute(job)
+
+    compute = study_module.compute
+    monkeypatch.setattr(study_module, "compute", counting)
+    return seen
+
+
+def block(folder, number):
+    return folder / "blocks" / f"block-{number:06d}.parquet"
+
+
+def test_the_folder_changes_nothing(finished, computed):
+    folder, table = finished
+    pd.testing.assert_frame_equal(study().run(), table, check_exact=True)
+    assert len(computed) == 6
+    del computed[:]
+    pd.testing.assert_frame_equal(study().run(folder), table, check_exact=True)
+    assert computed == []
+    assert sorted(path.name for path in folder.iterdir()) == ["blocks", "study.json"]
+    one = pd.read_parquet(block(folder, 1))
+    assert list(one["replication"]) == [2, 3]
+
+
+def truncate(path):
+    path.write_bytes(path.read_bytes()[:-30])
+
+
+def wipe(path):
+    contents = bytearray(path.read_bytes())
+    contents[20:60] = bytes(40)
+    path.write_bytes(contents)
+
+
+def empty(path):
+    path.write_bytes(b"")
+
+
+@pytest.mark.parametrize("damage", [truncate, wipe, empty])
+def test_damaged_blocks_are_computed_again(finished, folder, computed, damage):
+    damage(block(folder, 1))
+    with pytest.warns(StudyWarning, match=r"block-000001\.parquet is damaged"):
+        table = study().run(folder)
+    pd.testing.assert_frame_equal(table, finished[1], check_exact=True)
+    assert computed == [("C1", 2)]
+    assert study().run(folder).equals(table)
+
+
+@pytest.mark.slow
+def test_every_byte_of_a_block_counts(finished, folder):
+    """A flipped bit is found, or is where it changes nothing."""
+    whole = block(folder, 1).read_bytes()
+    store = study_module.Store(folder, study().description)
+    wanted = store._read(block(folder, 1), 1)
+    harmless = 0
+    for place in range(0, len(whole), 7):
+        contents = bytearray(whole)
+        contents[place] ^= 4
+        block(folder, 1).write_bytes(contents)
+        try:
+            found = store._read(block(folder, 1), 1)
+        except Exception:
+            continue
+        pd.testing.assert_frame_equal(found, wanted, check_exact=True)
+        harmless += 1
+    assert harmless < len(whole) / 7
+
+
+def test_blocks_that_are_gone_or_left_over(finished, folder, computed):
+    block(folder, 0).unlink()
+    block(folder, 5).rename(folder / "blocks" / ".block-000005.parquet.77.tmp")
+    (folder / "blocks" / "notes.txt").write_text("mine")
+    table = study().run(folder)
+    pd.testing.assert_frame_equal(table, finished[1], check_exact=True)
+    assert computed == [("C1", 0), ("C3", 4)]
+    left = {path.name for path in (folder / "blocks").iterdir()}
+    assert left == {"notes.txt"} | {block(folder, i).name for i in range(6)}
+
+
+def test_exchanged_blocks_and_blocks_of_another_study(finished, folder, tmp_path):
+    aside = block(folder, 1).rename(tmp_path / "aside")
+    block(folder, 2).rename(block(folder, 1))
+    aside.rename(block(folder, 2))
+    study(random_state=4).run(tmp_path / "other")
+    shutil.copy(block(tmp_path / "other", 4), block(folder, 4))
+    with pytest.warns(StudyWarning, match="not the block of this study") as caught:
+        table = study().run(folder)
+    assert len(caught) == 3
+    pd.testing.assert_frame_equal(table, finished[1], check_exact=True)
+
+
+def test_a_study_that_stops_goes_on(finished, tmp_path, monkeypatch, computed):
+    write = study_module.Store.write
+
+    def stop(self, number, table):
+        if number == 3:
+            raise KeyboardInterrupt
+        write(self, number, table)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(study_module.Store, "write", stop)
+        with pytest.raises(KeyboardInterrupt):
+            study().run(tmp_path / "study")
+    assert len(list((tmp_path / "study" / "blocks").iterdir())) == 3
+    del computed[:]
+    table = study().run(tmp_path / "study")
+    pd.testing.assert_frame_equal(table, finished[1], check_exact=True)
+    assert len(computed) == 3
+
+
+DIFFERENT = {
+    "function": ({"function": other}, "function"),
+    "seed": ({"random_state": 4}, 'entropy: "3" there, "4" here'),
+    "cells": ({"conditions": {"condition": ["C1", "C2"]}}, r'cells\[1\].condition: "C3" there'),
+    "more cells": ({"conditions": {"condition": ["C1", "C3", "C2"]}}, "cells: 2 there, 3 here"),
+    "replications": ({"n": 7}, "n_replications: 6 there, 7 here"),
+    "blocks": ({"block_size": 3}, "block_size: 2 there, 3 here"),
+    "simulation": ({"simulation": SHORT | {"remnant_order": 3}}, "simulation.remnant_order"),
+    "setting": ({"conditions": CELLS | {"scale": [2.0]}}, r"cells\[0\].scale: null there, 2 here"),
+    "validation": ({"n_validation_runs": 1}, "n_validation_runs"),
+    "common noise": ({"common_noise": True}, "common_noise"),
+}
+
+
+@pytest.mark.parametrize("name", DIFFERENT)
+def test_the_folder_of_a_different_study(folder, computed, name):
+    change, message = DIFFERENT[name]
+    with pytest.raises(StudyFolderError, match=f"belongs to a different study.*{message}"):
+        study(**change).run(folder)
+    assert computed == []
+    assert len(list((folder / "blocks").iterdir())) == 6
+
+
+def test_another_version(folder):
+    manifest = folder / "study.json"
+    there = json.loads(manifest.read_text(encoding="utf-8"))
+    manifest.write_text(json.dumps(there | {"skhoid": "0.0.1"}), encoding="utf-8")
+    with pytest.raises(StudyFolderError, match=r'skhoid: "0\.0\.1" there'):
+        study().run(folder)
+
+
+@pytest.mark.parametrize("contents", ["", "{", "[]", "{}", '{"entropy": "x"}', "\xff"])
+@pytest.mark.parametrize("random_state", [3, None])
+def test_a_damaged_description(folder, contents, random_state):
+    (folder / "study.json").write_text(contents, encoding="latin-1")
+    with pytest.raises(StudyFolderError, match=r"study\.json"):
+        study(random_state=random_state).run(folder)
+
+
+def test_folders_that_are_no_studies(tmp_path, computed):
+    (tmp_path / "thesis.tex").write_text("mine")
+    with pytest.raises(StudyFolderError, match=r"not belong to a study.*thesis\.tex"):
+        study().run(tmp_path)
+    with pytest.raises(StudyFolderError, match="is a file"):
+        study().run(tmp_path / "thesis.tex")
+    assert computed == []
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_a_folder_made_and_no_more(finished, tmp_path):
+    (tmp_path / ".study.json.77.tmp").write_text("{")
+    pd.testing.assert_frame_equal(study().run(tmp_path), finished[1], check_exact=True)
+
+
+def test_a_drawn_seed_is_that_of_the_folder(tmp_path):
+    first = study(random_state=None)
+    table = first.run(tmp_path)
+    again = study(random_state=None)
+    assert again.entropy != first.entropy
+    block(tmp_path, 2).unlink()
+    pd.testing.assert_frame_equal(again.run(tmp_path), table, check_exact=True)
+    assert again.entropy == first.entropy
+    third = study(other, random_state=None)
+    drawn = third.entropy
+    with pytest.raises(StudyFolderError, match="function"):
+        third.run(tmp_path)
+    assert third.entropy == drawn
+
+
+def test_without_pyarrow(tmp_path, monkeypatch, computed):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(ImportError, match=r'pip install "skhoid\[io\]"'):
+        study().run(tmp_path / "study")
+    assert computed == []
+    assert not (tmp_path / "study").exists()
+    assert len(study().run()) == 12
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "said"),
+    [
+        ("blocks/block-000001.parquet", "folder", "is a folder, where a block"),
+        ("blocks/block-000001.parquet", "link", "a broken link, where a block"),
+        ("blocks", "file", "blocks is a file; a study needs a folder there"),
+        ("blocks", "link", "blocks is a broken link"),
+        ("study.json", "folder", "study.json cannot be read"),
+        ("study.json", "link", "study.json cannot be read"),
+        ("", "link", "is a broken link; a study needs a folder"),
+    ],
+)
+def test_what_is_no_file_or_folder_of_a_study(folder, name, kind, said):
+    path = folder / name
+    shutil.rmtree(path) if path.is_dir() else path.unlink()
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "link":
+        path.symlink_to("nowhere")
+    else:
+        path.write_text("precious")
+    with pytest.raises(StudyFolderError, match=said):
+        study().run(folder)
+
+
+def test_a_block_that_may_not_be_read(folder, monkeypatch):
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied")  # root may read everything
+
+    monkeypatch.setattr("pyarrow.parquet.read_table", refuse)
+    with pytest.raises(StudyFolderError, match=r"block-000000\.parquet .*no permission to read"):
+        study().run(folder)
+    assert len(list((folder / "blocks").iterdir())) == 6
