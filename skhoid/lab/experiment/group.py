@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -572,9 +572,6 @@ def _members(
     columns = ["subject", "condition", "effect", "probability", "named", "has"]
     return pd.DataFrame(rows, columns=columns).astype({"named": bool, "has": bool})
 
-
-if TYPE_CHECKING:
-    from .search import GroupEffectSearch
 
 MOST_NAMED = 6  # people in a sentence
 NOTED = 0.05  # p of a difference between conditions

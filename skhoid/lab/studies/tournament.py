@@ -23,7 +23,7 @@ from ...simulation.task import CompensatoryTask
 from ...simulation.tracking_runs import make_tracking_runs
 from ...text import Summary, wrapped
 from .monte_carlo import MonteCarloStudy
-from .tournament_cells import SIZES, Change, TournamentCell, tournament_cells
+from .tournament_conditions import SIZES, Change, TournamentCell, tournament_cells
 from .tournament_methods import TOURNAMENT_METHODS, TournamentMethod, available_methods
 from .tournament_result import TournamentResult
 from .tournament_scores import (

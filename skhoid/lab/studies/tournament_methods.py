@@ -19,7 +19,7 @@ from sklearn.pipeline import make_pipeline
 from ...exceptions import did_you_mean
 from ...interpret.conversion import operator_parameters
 from ...preprocessing import Decimator, DelayShift
-from .tournament_cells import Points
+from .tournament_conditions import Points
 
 MEMORY = (0.64, 1.28, 2.56, 5.12, np.inf)  # s
 LONGER = (1.28, 2.56, 5.12, 10.24, np.inf)  # s

@@ -16,7 +16,7 @@ from ...exceptions import did_you_mean
 from ...metrics import VAFScorer
 from .blocks import DataSet
 from .identity import identified_as
-from .tournament_cells import WINDOWS, Change
+from .tournament_conditions import WINDOWS, Change
 from .tournament_methods import TOURNAMENT_METHODS, TournamentMethod
 
 LAST = 1.28  # s that an alarm looks at

@@ -8,7 +8,7 @@ import pytest
 from skhoid import make_tracking_runs, write_runs
 from skhoid.lab.cli import main
 from skhoid.lab.cli import study as arguments
-from skhoid.lab.studies.tournament_cells import SIZES
+from skhoid.lab.studies.tournament_conditions import SIZES
 from skhoid.lab.studies.tournament_scores import QUESTIONS
 
 pytestmark = pytest.mark.slow  # simulates studies

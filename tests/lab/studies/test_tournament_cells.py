@@ -5,7 +5,7 @@ import pytest
 
 from skhoid import CompensatoryTask, MonteCarloStudy
 from skhoid.lab.studies import TournamentCell, tournament_cells
-from skhoid.lab.studies.tournament_cells import Change, Points, elements, shapes
+from skhoid.lab.studies.tournament_conditions import Change, Points, elements, shapes
 
 
 def test_all_cells_are_there_once():

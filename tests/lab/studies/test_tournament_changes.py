@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skhoid import CompensatoryTask
-from skhoid.lab.studies.tournament_cells import Change, shapes
+from skhoid.lab.studies.tournament_conditions import Change, shapes
 
 
 def change_of(condition):
