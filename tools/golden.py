@@ -160,7 +160,7 @@ def model() -> Numbers:
             loop("C1", effects=fx.DeadZone(width=0.3) + fx.Bias(level=0.05)),
         ),
         "change": (OperatorRegressor(effects="tv_gain"), loop("C4")),
-        "arx with a bias": (ARXRegressor(nk=NK, inputs=["e"], effects="bias"), loop("C1")),
+        "arx with a bias": (ARXRegressor(nk=NK, inputs=["e"]).with_effect("bias"), loop("C1")),
     }.items():
         regressor = regressor.fit(*data)
         table = regressor.parameters_

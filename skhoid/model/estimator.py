@@ -25,7 +25,7 @@ from ..effects.record import Record
 from ..exceptions import UsageError, did_you_mean
 from ..human import ELEMENT, ControlledElement, LinearElement
 from ..human.controlled_element import simplest
-from ..parameters import ParameterTable
+from ..parameters import Kind, ParameterTable
 from ..preprocessing.base import keep_parameters
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, RunRegressor
@@ -314,6 +314,58 @@ class GreyBox(RunRegressor):
                 "moved: add one by with_effect(...), and fit."
             )
         return moved(self, values, self._fixed_core)
+
+    def with_table(self, table: ParameterTable) -> Any:
+        """A new, unfitted model that a fit completes as a table says.
+
+        Parameters
+        ----------
+        table : ParameterTable
+            ``parameter_table_`` of this fitted model, after :meth:`~ParameterTable.fix` and
+            :meth:`~ParameterTable.vary`. What it fixes is given to effects, with the form and the
+            channel that the fit chose; of the core of an operator only ``tau_e`` can be given.
+
+        Returns
+        -------
+        model : estimator
+            A clone. Starts that the table names are tried beside its own.
+
+        Examples
+        --------
+        >>> from skhoid import OperatorRegressor, make_tracking_runs
+        >>> X, y = make_tracking_runs("C1", 2, remnant_intensity=0.05, random_state=1)
+        >>> model = OperatorRegressor(effects=["bias"]).fit(X, y)
+        >>> other = model.with_table(model.parameter_table_.fix("bias__level", 0.0))
+        >>> other.effects
+        Effects(steps=[('bias', Bias(level=0.0))])
+        """
+        check_is_fitted(self)
+        steps = []
+        for name, effect in self.simulation_.effects:
+            rows = {p.name: table[f"{name}__{p.name}"] for p in effect.parameters}
+            given = {key: None if one.free else one.value for key, one in rows.items()}
+            steps.append((name, effect.with_choices(**given)))
+        fixed = {
+            name: one.value
+            for name, one in table.items()
+            if one.kind is Kind.GIVEN and "__" not in name
+        }
+        start = {
+            name: one.start for name, one in table.items() if one.free and np.isfinite(one.start)
+        }
+        model = clone(self).set_params(effects=Effects(steps))
+        if start:
+            model.set_params(start=start)
+        return model._with_given_core(fixed)
+
+    def _with_given_core(self, given: Mapping[str, float]) -> Any:
+        """The unfitted model with some parameters of its core given."""
+        if given:
+            raise ValueError(
+                f"{', '.join(given)}: parameters of the core of {type(self).__name__} cannot be "
+                "fixed. Let them vary, and fix parameters of effects."
+            )
+        return self
 
     def prepare(self, X: Any, y: Any) -> Prepared:
         """Read data for :meth:`first_fit`; searches call it.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from numbers import Real
 from typing import Any
 
@@ -64,6 +65,8 @@ class OperatorRegressor(GreyBox):
 
     Attributes
     ----------
+    parameter_table_ : ParameterTable
+        All parameters with estimates, bounds and units; see :class:`skhoid.model.ParameterTable`.
     parameters_ : DataFrame
         Indexed by parameter: value, sd (standard error), low and high (95 % interval), unit,
         meaning. Parameters of effects are called ``<effect>__<parameter>``. A parameter at a
@@ -173,6 +176,11 @@ class OperatorRegressor(GreyBox):
         self.start = start
         self.dt = dt
         self.run = run
+
+    def _with_given_core(self, given: Mapping[str, float]) -> Any:
+        delay = given.get("tau_e")
+        super()._with_given_core({name: v for name, v in given.items() if name != "tau_e"})
+        return self.set_params(delay=delay)
 
     def _simulated_core(self) -> SimulatedCore:
         delay = None if self.delay is None else float(self.delay)
