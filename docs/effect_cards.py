@@ -4,6 +4,3 @@
 page, which autosummary makes by ``_templates/autosummary/effect.rst``. To change what a
 card says, change the effect; to change how, ``_templates/effect_card.rst``.
 """
-
-
-

@@ -13,7 +13,7 @@ from ._sklearn import DT, RUN_IN, WINDOW, StrOptions, checked
 from .exceptions import MissingDataWarning, UsageError
 from .pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
 from .preprocessing.gate import as_output, check_not_too_small, unmasked
-from .preprocessing.run_in import run_in_rows
+from .preprocessing.transformers import run_in_rows
 from .runs import RunLayout, check_alignment, read_layout
 
 __all__ = ["VAF_FLOOR", "VAFScorer", "vaf_score"]

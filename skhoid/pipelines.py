@@ -9,7 +9,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import _num_samples
 
 from .preprocessing.base import as_fitted
-from .preprocessing.run_in import RunInTrimmer, run_in_rows
+from .preprocessing.transformers import RunInTrimmer, run_in_rows
 from .runs import RunLayout, read_layout
 
 

@@ -23,8 +23,7 @@ from .preprocessing.gate import (
     check_not_infinite,
     check_not_too_small,
 )
-from .preprocessing.grid import ModelGrid
-from .preprocessing.held_inputs import HeldInputs
+from .preprocessing.grid import HeldInputs, ModelGrid
 from .runs import (
     DecimationMark,
     RunLayout,

@@ -1,4 +1,4 @@
-"""Base class of ARX estimators: simulation, prediction, score, transfer function."""
+"""Base class of ARX estimators: simulation, how it begins, prediction, score, transfer function."""
 
 from __future__ import annotations
 
@@ -14,11 +14,9 @@ from .._sklearn import CoefficientsOfLags
 from ..exceptions import MissingDataWarning, ShortRunError
 from ..metrics import vaf_of_rows
 from ..parameters import NORMAL_95
-from ..preprocessing.grid import ModelGrid
-from ..preprocessing.held_inputs import BLOCK, HeldInputs
+from ..preprocessing.grid import BLOCK, HeldInputs, ModelGrid
 from ..regression import RunRegressor, segments
 from .orders import Orders, regressors
-from .transfer import transfer_function
 
 FARTHEST = 2**62  # rows; more cannot be counted
 BOUND = 1e100  # of simulated outputs; its square still sums without overflow
@@ -415,3 +413,81 @@ def arx_parameter_table(
         "meaning": [meaning[name[0]] for name in names],
     }
     return pd.DataFrame(columns, index=pd.Index(names, name="parameter"))
+
+
+REST, HELD, ESTIMATE = "rest", "held", "estimate"
+SHARE_OF_ERROR, SHARE_OF_POWER = 0.1, 0.01  # by which a start must lower the squares to be taken
+
+
+def pays(rest: float, other: float, y: np.ndarray) -> bool:
+    """Whether another start reduces the squares enough to show that runs do not begin at rest.
+
+    ``y`` is all that was measured; its power about the mean says how much that is.
+    """
+    if not y.size:
+        return False
+    moves = y - y.mean()
+    power = float(np.square(moves, out=moves).sum())
+    return bool(rest - other > max(SHARE_OF_ERROR * rest, SHARE_OF_POWER * power))
+
+
+def held_level(a: np.ndarray, drive: np.ndarray, levels: tuple[float, float]) -> np.ndarray:
+    """Output at rest under a constant drive, within limits; 0, or next to it, where there is none.
+
+    A slow or integrating model amplifies its errors, so a level that the output never had is not
+    believed.
+    """
+    rest = np.clip(np.zeros_like(drive), *levels)
+    if levels[0] == levels[1]:
+        return rest
+    return np.clip(drive / a.sum(), *levels) if is_stable(a) else rest
+
+
+def is_stable(denominator: np.ndarray) -> bool:
+    """Whether all poles lie inside the unit circle, and none of them integrates."""
+    poles = np.roots(denominator)
+    return bool((np.abs(poles) < 1.0 - 1e-6).all())
+
+
+def measured_rows(grid: ModelGrid, most: int | None = None) -> np.ndarray:
+    """Rows outside run-ins, or the first ``most`` of each stretch."""
+    rows = np.zeros(grid.n_rows, dtype=bool)
+    for begin, end in zip(grid.begin[grid.measured], grid.end[grid.measured], strict=True):
+        rows[begin : end if most is None else min(end, begin + most)] = True
+    return rows
+
+
+def transfer_function(
+    orders: Orders, theta: np.ndarray, dt: float, inputs: list[str], output: str, backend: str
+) -> Any:
+    """Discrete-time transfer functions in positive powers of z."""
+    a, b, _ = orders.split(theta)
+    polynomials = []
+    for row, nb, nk in zip(b, orders.nb, orders.nk, strict=True):
+        degree = max(orders.na, nk + nb - 1)
+        denominator = np.zeros(degree + 1)
+        denominator[: orders.na + 1] = [1.0, *a]
+        numerator = np.zeros(degree + 1)
+        numerator[nk : nk + nb] = row[:nb]
+        # Leading zeros are not coefficients; SciPy warns about them.
+        numerator = np.trim_zeros(numerator, "f")
+        polynomials.append((numerator if numerator.size else np.zeros(1), denominator))
+    if backend == "control":
+        try:
+            import control
+        except ImportError as error:
+            raise ImportError(
+                'backend="control" needs python-control: pip install "skhoid[control]".'
+            ) from error
+        numerators, denominators = zip(*polynomials, strict=True)
+        return control.TransferFunction(
+            [[n.tolist() for n in numerators]],
+            [[d.tolist() for d in denominators]],
+            dt,
+            inputs=list(inputs),
+            outputs=[output],
+        )
+    from scipy import signal
+
+    systems = [signal.dlti(n, d, dt=dt) for n, d in polynomials]
+    return systems[0] if len(systems) == 1 else dict(zip(inputs, systems, strict=True))

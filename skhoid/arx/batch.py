@@ -12,12 +12,19 @@ from sklearn.exceptions import ConvergenceWarning
 from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..exceptions import MissingDataWarning
 from ..preprocessing.base import as_fitted
-from ..preprocessing.grid import ModelGrid
-from ..preprocessing.held_inputs import HeldInputs
+from ..preprocessing.grid import HeldInputs, ModelGrid
 from ..regression import DataToFit
 from ..text import ModelSummary
-from .base import BaseARX, arx_parameter_table, check_row_count
-from .beginning import ESTIMATE, REST, held_level, measured_rows, pays
+from .base import (
+    ESTIMATE,
+    REST,
+    BaseARX,
+    arx_parameter_table,
+    check_row_count,
+    held_level,
+    measured_rows,
+    pays,
+)
 from .instruments import estimate, instrument_columns
 from .least_squares import Triangle, newey_west, rank_error
 from .model_summary import batch_summary

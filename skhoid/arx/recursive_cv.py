@@ -21,7 +21,7 @@ from .forgetting import Forgetting, kernel_arrays, read_forgetting
 from .recursive import RecursiveARX
 from .rls import RecursionData, RecursionState, kernel_regressors, recurse
 from .searches.folds import SplitsRuns, folds_of
-from .searches.text import highest, standard_error_over_folds
+from .searches.search import highest, standard_error_over_folds
 
 HORIZONS = (*(2.0**i for i in range(1, 14)), np.inf)  # Table V
 

@@ -27,8 +27,7 @@ from ..exceptions import MissingDataWarning, UsageError
 from ..metrics import VAF_FLOOR, VAFScorer, scored_rows, vaf_of_rows
 from ..pipelines import trimmed_rows
 from ..preprocessing import Decimator, RunInTrimmer
-from ..preprocessing.columns import as_column
-from ..preprocessing.gate import AS_GIVEN
+from ..preprocessing.gate import AS_GIVEN, as_column
 from ..recordings.loss_of_control import (
     CHOICES,
     KEEP,

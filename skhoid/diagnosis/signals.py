@@ -20,8 +20,13 @@ from ..exceptions import MissingDataWarning, ShortRunError
 from ..metrics import scored_rows, scored_signals, warn_of_unscored
 from ..pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import as_fitted
-from ..preprocessing.columns import checked_column
-from ..preprocessing.gate import as_output, as_table, check_not_too_small, check_numbers
+from ..preprocessing.gate import (
+    as_output,
+    as_table,
+    check_not_too_small,
+    check_numbers,
+    checked_column,
+)
 from ..recordings.loss_of_control import ControlCheck, control_check
 from ..regression import units_of
 from ..runs import RunLayout, check_alignment, output_name, run_column, run_name

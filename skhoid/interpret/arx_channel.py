@@ -11,7 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 from ..pipelines import taken_apart
 from ..preprocessing import Decimator, DelayShift, RunInTrimmer
 from ..preprocessing.base import as_fitted
-from ..preprocessing.delay_shift import shifted_columns
+from ..preprocessing.transformers import shifted_columns
 from ..runs.roles import columns_of_role
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.stats.qmc import Halton
 
-from ..arx.beginning import ESTIMATE, REST, pays
+from ..arx.base import ESTIMATE, REST, pays
 from ..effects.record import Record
 from .initial import fitted_states, free_responses
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from .. import _kernels
-from ..arx.beginning import held_level
+from ..arx.base import held_level
 from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import ONE, RAD, CoreKind, Dimension, E, Parameter, S, U
 from ..effects.record import Record

@@ -17,7 +17,7 @@ from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from .._sklearn import DT, Interval, StrOptions, fit_context
-from ..arx.beginning import ESTIMATE, HELD, REST, pays
+from ..arx.base import ESTIMATE, HELD, REST, pays
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.parameter import CoreKind

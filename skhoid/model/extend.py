@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arx.beginning import ESTIMATE
+from ..arx.base import ESTIMATE
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.free_form import FreeForm

@@ -17,7 +17,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.signal import lfilter
 
-from ..arx.beginning import pays
+from ..arx.base import pays
 from ..effects.record import Record
 
 FORGOTTEN = 2.0  # s of settling, after which an operator has forgotten how a run began

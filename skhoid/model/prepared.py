@@ -10,12 +10,11 @@ from typing import Any, Literal, Protocol
 import numpy as np
 import pandas as pd
 
-from ..arx.beginning import ESTIMATE, HELD, REST
+from ..arx.base import ESTIMATE, HELD, REST
 from ..effects.record import LARGE, Record, RowChannels, few_runs
 from ..exceptions import RankDeficiencyError, ShortRunError
 from ..human import LinearElement
-from ..preprocessing.grid import ModelGrid
-from ..preprocessing.held_inputs import HeldInputs
+from ..preprocessing.grid import HeldInputs, ModelGrid
 from ..regression import bad_output, segments, still
 from ..runs.roles import EXACT, target_is_sum
 from .cores import Core

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from .._sklearn import Interval
-from ..arx.base import BaseARX, check_lengths
+from ..arx.base import ESTIMATE, REST, BaseARX, check_lengths
 from ..arx.batch import ARXRegressor
-from ..arx.beginning import ESTIMATE, REST
 from ..arx.model_summary import orders_text
 from ..arx.orders import Orders
 from ..preprocessing.grid import ModelGrid

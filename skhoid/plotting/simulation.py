@@ -12,7 +12,7 @@ from sklearn.utils.validation import check_consistent_length, column_or_1d
 from ..metrics import layout_of_output, vaf_score
 from ..pipelines import raw_layout, trimmed_rows
 from ..preprocessing.gate import as_output, unmasked
-from ..preprocessing.run_in import run_in_rows
+from ..preprocessing.transformers import run_in_rows
 from ..runs import GAP, RunLayout, check_alignment, run_name
 from ..text import vaf_name
 from ._axes import with_unit

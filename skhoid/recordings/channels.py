@@ -9,8 +9,7 @@ import numpy as np
 
 from .._sklearn import DT, checked
 from ..exceptions import RunIndexError
-from ..preprocessing.columns import SingleColumn
-from ..preprocessing.gate import as_table
+from ..preprocessing.gate import SingleColumn, as_table
 from ..runs import GAP, JITTER_TOLERANCE, snap
 from ..runs.roles import of_person
 from ..text import counted

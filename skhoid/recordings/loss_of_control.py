@@ -16,8 +16,7 @@ import numpy as np
 import pandas as pd
 
 from .._sklearn import DT, ROLES, checked
-from ..preprocessing.columns import checked_column
-from ..preprocessing.gate import check_numbers
+from ..preprocessing.gate import check_numbers, checked_column
 from ..runs import RunLayout, read_layout, run_column, run_name
 from ..runs.roles import check_named, columns_by_role, is_external, with_error, with_target
 

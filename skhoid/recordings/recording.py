@@ -10,13 +10,13 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import IrregularSamplingError
-from ..preprocessing.columns import checked_column
 from ..preprocessing.gate import (
     as_output,
     as_table,
     check_not_infinite,
     check_not_too_small,
     check_numbers,
+    checked_column,
 )
 from ..runs import (
     GAP,

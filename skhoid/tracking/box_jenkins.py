@@ -9,8 +9,7 @@ import numpy as np
 from .. import _kernels
 from .._sklearn import StrOptions, fit_context
 from ..arx.orders import Orders
-from .prediction_error import Start, Window, stabilised
-from .whitened import CONSTRAINTS, WhitenedFilter, WhitenedRecursion
+from .whitened import CONSTRAINTS, Start, WhitenedFilter, WhitenedRecursion, Window, stabilised
 
 
 class BoxJenkinsFilter(WhitenedFilter):

@@ -12,11 +12,12 @@ import pandas as pd
 
 from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..arx.rls import Instants, window_rows
+from ..arx.streaming import Follower
 from ..exceptions import PoorExcitationWarning
 from ..preprocessing.base import as_fitted
-from .follower import Follower
-from .kalman_filter import (
+from .kalman import (
     METHODS,
+    NAMES,
     KalmanPlan,
     KalmanRows,
     Lanes,
@@ -25,7 +26,6 @@ from .kalman_filter import (
     log_bounds,
     run_lanes,
 )
-from .kalman_start import NAMES
 from .operator_path import OperatorPath, operator_frame
 
 OFTEN = 0.1  # of updates at a bound, of which a warning tells

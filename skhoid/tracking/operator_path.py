@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 
 from ..arx.base import free_run_output
-from ..arx.followed_path import warn_of_times_outside
 from ..arx.orders import Orders
+from ..arx.recursive import warn_of_times_outside
 from ..arx.rls import grid_numbers
 from ..effects.parameter import S
 from ..exceptions import UsageError

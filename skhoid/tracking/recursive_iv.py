@@ -11,8 +11,7 @@ from .. import _kernels
 from .._sklearn import fit_context
 from ..arx.instruments import estimate, instrument_columns, instrument_lags
 from ..exceptions import ShortRunError
-from .prediction_error import Start, Window, stabilised
-from .whitened import CONSTRAINTS, WhitenedFilter, WhitenedRecursion
+from .whitened import CONSTRAINTS, Start, WhitenedFilter, WhitenedRecursion, Window, stabilised
 
 
 class InstrumentsFilter(WhitenedFilter):

@@ -10,9 +10,8 @@ from support import whitened_twin as twin
 
 from skhoid.arx.orders import Orders
 from skhoid.tracking.box_jenkins import BoxJenkinsFilter
-from skhoid.tracking.prediction_error import Start, Window
 from skhoid.tracking.recursive_iv import InstrumentsFilter
-from skhoid.tracking.whitened import LITTLE_WORTH
+from skhoid.tracking.whitened import LITTLE_WORTH, Start, Window
 
 pytestmark = pytest.mark.slow  # compiles for many orders
 

@@ -49,14 +49,14 @@ def test_blocks_of_any_size_give_the_same_bits(name, rows, data, monkeypatch):
         X, y = X[long], y[long]
     whole = dict(answers(model, X, y))
     monkeypatch.setattr("skhoid.arx.base.BLOCK", rows)
-    monkeypatch.setattr("skhoid.preprocessing.held_inputs.BLOCK", rows)
+    monkeypatch.setattr("skhoid.preprocessing.grid.BLOCK", rows)
     for what, found in answers(model, X, y):
         np.testing.assert_array_equal(found, whole[what], err_msg=what)
 
 
 def test_what_is_missing_is_counted_once(data, monkeypatch):
     X, y = data
-    monkeypatch.setattr("skhoid.preprocessing.held_inputs.BLOCK", 21)
+    monkeypatch.setattr("skhoid.preprocessing.grid.BLOCK", 21)
     with pytest.warns(MissingDataWarning):
         model = ARXRegressor(2, 2, 3, inputs=["e"]).fit(X, y)
     with pytest.warns(MissingDataWarning, match=r"5 rows of the inputs \['e'\]") as found:

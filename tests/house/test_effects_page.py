@@ -1,4 +1,1 @@
 """The catalogue's pages say what there is: the grid, the cards, and what tells effects apart."""
-
-
-

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
-from skhoid.arx.beginning import ESTIMATE
+from skhoid.arx.base import ESTIMATE
 from skhoid.model.extend import refitted, shared_derivatives
 from skhoid.model.fitting import Criterion, derivatives, minimise
 from skhoid.model.model import Model

@@ -16,7 +16,7 @@ from skhoid import (
     make_tracking_runs,
     vaf_score,
 )
-from skhoid.arx.beginning import pays
+from skhoid.arx.base import pays
 from skhoid.effects import Effect
 from skhoid.model.initial import fitted_states, free_responses, with_fitted_pulses
 

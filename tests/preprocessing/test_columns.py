@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhoid.preprocessing.columns import SingleColumn, as_column
+from skhoid.preprocessing.gate import SingleColumn, as_column
 
 VALUES = np.array([0.1, np.nan, -3.5, 1e-40, np.inf, 7.7], np.float32)
 

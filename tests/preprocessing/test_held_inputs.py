@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skhoid.preprocessing.held_inputs import HeldInputs
+from skhoid.preprocessing.grid import HeldInputs
 
 STRETCHES = [(0, 4), (4, 5), (5, 30), (30, 60)]
 

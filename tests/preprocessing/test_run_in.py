@@ -9,7 +9,7 @@ from support import naive
 from support.synthetic import DT, arx_runs, signals
 
 from skhoid import ARXRegressor, Decimator, OrderSearchCV, RunInTrimmer
-from skhoid.preprocessing.run_in import run_in_rows
+from skhoid.preprocessing.transformers import run_in_rows
 from skhoid.runs import read_layout
 
 

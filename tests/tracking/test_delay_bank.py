@@ -17,8 +17,7 @@ from support.synthetic import DT, arx_runs
 from skhoid import Decimator, RecursiveARX, ShortRunError, make_tracking_runs
 from skhoid._kernels import delay_bank as kernels
 from skhoid.effects import TimeVaryingDelay
-from skhoid.tracking.delay_bank import DelayBankARX
-from skhoid.tracking.delay_bank_lanes import TEMPER, VARIANCE_MEMORY
+from skhoid.tracking.delay_bank import TEMPER, VARIANCE_MEMORY, DelayBankARX
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")]
 

@@ -13,7 +13,7 @@ from sklearn.pipeline import Pipeline
 
 from skhoid import Decimator, RecursiveARX, make_tracking_runs, operator_parameters, run_labels
 from skhoid.exceptions import PoorExcitationWarning, RankDeficiencyError, ShortRunError
-from skhoid.tracking.kalman_start import Noise, cascade, fitted_noise
+from skhoid.tracking.kalman import Noise, cascade, fitted_noise
 from skhoid.tracking.operator_kalman import OperatorKalman
 
 pytestmark = pytest.mark.slow  # compiles for many seconds, and fits

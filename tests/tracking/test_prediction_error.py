@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from skhoid.arx.orders import Orders
-from skhoid.tracking.prediction_error import (
+from skhoid.tracking.whitened import (
     Window,
     lagged,
     stabilised,

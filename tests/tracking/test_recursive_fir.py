@@ -24,8 +24,7 @@ from skhoid import (
     make_tracking_runs,
     operator_parameters,
 )
-from skhoid.tracking.fir_filter import tc_kernel
-from skhoid.tracking.recursive_fir import RecursiveFIR
+from skhoid.tracking.recursive_fir import RecursiveFIR, tc_kernel
 
 pytestmark = pytest.mark.slow  # compiles for many seconds
 

@@ -10,8 +10,13 @@ from sklearn.base import clone
 from skhoid import HumanOperator, make_tracking_runs
 from skhoid.exceptions import RankDeficiencyError, ShortRunError
 from skhoid.tracking.operator_fitting import read_limits
-from skhoid.tracking.response_fitting import _Problem, fit_responses
-from skhoid.tracking.wavelet_operator import Blocks, WaveletOperator, peak_bins
+from skhoid.tracking.wavelet_operator import (
+    Blocks,
+    WaveletOperator,
+    _Problem,
+    fit_responses,
+    peak_bins,
+)
 
 pytestmark = pytest.mark.slow  # transforms for long
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ...exceptions import RunIndexError, ShortRunError
-from ...preprocessing.run_in import run_in_rows
+from ...preprocessing.transformers import run_in_rows
 from ...runs import (
     RUN,
     TIME,

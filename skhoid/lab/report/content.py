@@ -24,7 +24,6 @@ from ...runs import RunLayout, run_name
 from ...runs.fingerprint import as_frame
 from ...runs.roles import output_name, roles_of
 from ...search import EffectSearchCV, Shape, Status
-from ...search.judging import LEAST_DELTA_BIC, LEAST_GAIN
 from ...search.explanations import (
     HOW_TO_GO_ON,
     headline_of,
@@ -33,6 +32,7 @@ from ...search.explanations import (
     unexplained_by,
     with_effects,
 )
+from ...search.judging import LEAST_DELTA_BIC, LEAST_GAIN
 from ...search.shape import BY_HAND, LEAD, NO_FORM
 from ...text import DASH, VAF_RULE, Estimate, as_sentence, counted, gap_text, number, p_text
 from .page import provenance

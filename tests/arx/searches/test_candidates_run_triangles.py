@@ -21,7 +21,7 @@ from skhoid import (
     run_labels,
 )
 from skhoid.arx import least_squares
-from skhoid.arx.searches.fitted_candidates import FittedCandidates
+from skhoid.arx.searches.candidates import FittedCandidates
 from skhoid.arx.searches.folds import folds_of
 from skhoid.plotting import VAFContourDisplay
 from skhoid.runs import read_layout
