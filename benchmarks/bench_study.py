@@ -26,8 +26,8 @@ from skhoid.arx.many_runs import (
     TRANSITION,
     _begun,
     _inflation,
-    delay_losses,
-    least_squares,
+    fit_runs,
+    search_delays,
 )
 from skhoid.arx.recursive_cv import HORIZONS
 from skhoid.arx.rls import recurse
@@ -64,9 +64,9 @@ def stages() -> dict[str, float]:
     before, (first, end) = int((block.record.time < 0).sum()), TRANSITION
     e, u, e_v, u_v = block.record.e, block.record.u, block.validation.e, block.validation.u
     nks = candidate_delays(block.task)
-    delay_losses(e[:2], u[:2], before, nks)
+    search_delays(e[:2], u[:2], before, nks)
     begin = perf_counter()
-    losses, _ = delay_losses(e, u, before, nks)
+    losses, _ = search_delays(e, u, before, nks)
     begin = timed("delay search", begin)
     lanes = _kernels.rls.MANY
     follow = _kernels.trade_off.free_runs_of_many(lanes)
@@ -76,7 +76,7 @@ def stages() -> dict[str, float]:
         x = shifted(np.concatenate([e[[run]], e_v]), before, nk, extra=1)
         y = np.concatenate([u[[run], before:], u_v[:, before:]])
         begin = perf_counter()
-        theta0 = least_squares(x[:1, 1 : first + 1], y[:1, :first])[0]
+        theta0 = fit_runs(x[:1, 1 : first + 1], y[:1, :first])[0]
         begin = timed("theta0", begin)
         signals = np.stack([-y[0, :end], x[0, 1 : end + 1]])[:, :, None, None]
         target = y[0, :end, None, None].copy()
