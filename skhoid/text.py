@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
 from typing import Any, NamedTuple
@@ -200,9 +200,26 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Facts:
-    """Short facts, each under a label."""
+    """Short facts under their labels: two beside each other, or each on a line of its own."""
 
     facts: Mapping[str, str]
+    beside: bool = True
+
+
+@dataclass(frozen=True)
+class Item:
+    """One of a list: what it is, and under their labels what is to be said of it."""
+
+    title: str
+    parts: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Items:
+    """A list, numbered where its order says something."""
+
+    items: Sequence[Item]
+    numbered: bool = True
 
 
 @dataclass(frozen=True)
@@ -213,7 +230,7 @@ class Notes:
     numbered: bool = False
 
 
-Block = Heading | Paragraph | Facts | TextTable | Notes
+Block = Heading | Paragraph | Facts | Items | TextTable | Notes
 
 
 @dataclass(frozen=True)
@@ -245,10 +262,13 @@ class Document:
     ... )
     >>> document.text()
     Two runs
+    <BLANKLINE>
     The second is better.
+    <BLANKLINE>
     run   VAF
       1  61.0
       2  74.5
+    <BLANKLINE>
     Note: the first 2 s are left out.
     >>> document.as_dict()["blocks"][0]
     {'kind': 'paragraph', 'text': 'The second is better.', 'role': ''}
@@ -258,18 +278,25 @@ class Document:
     blocks: Sequence[Block]
     ruled: bool = False
 
-    def text(self, width: int = WIDTH) -> Summary:
-        """Lines of at most ``width`` columns."""
+    def text(self, width: int = WIDTH, say: Callable[[Note], str] | None = None) -> Summary:
+        """Lines of at most ``width`` columns.
+
+        ``say`` puts a note into words; None takes its text, and what one writes in Python.
+        """
+        say = say or (lambda note: note.with_hint)
         if not self.ruled:
             lines = wrapped(self.title, width=width)
+            after: Any = None
             for block in self.blocks:
-                lines += _lines(block, width)
+                lines += [] if isinstance(after, Heading) else [""]
+                lines += _lines(block, width, say)
+                after = block
             return Summary("\n".join(lines))
         lines = [_shortened(self.title, width).center(width).rstrip(), "=" * width]
         for number, block in enumerate(self.blocks):
             if number:
                 lines += [("=" if isinstance(block, Notes) else "-") * width]
-            lines += _lines(block, width)
+            lines += _lines(block, width, say)
         if not any(isinstance(block, Notes) for block in self.blocks):
             lines += ["=" * width]
         return Summary("\n".join(lines))
@@ -494,13 +521,21 @@ def wrapped(text: str, indent: str = "", width: int = WIDTH) -> list[str]:
     return textwrap.wrap(text, width, subsequent_indent=indent)
 
 
-def _lines(block: Block, width: int) -> list[str]:
+def _lines(block: Block, width: int, say: Callable[[Note], str]) -> list[str]:
     """A block as lines of text."""
     match block:
         case Heading(text) | Paragraph(text):
             return wrapped(text, width=width)
-        case Facts(facts):
-            return _in_two_columns(facts, width)
+        case Facts(facts, beside):
+            return _in_two_columns(facts, width) if beside else _labelled(facts, width)
+        case Items(items, numbered):
+            lines = []
+            for number, (title, parts) in enumerate(((i.title, i.parts) for i in items), 1):
+                mark = f"{number}. " if numbered else "- "
+                lines += wrapped(mark + title, " " * len(mark), width)
+                indent = " " * (len(mark) + 2)
+                lines += [indent + line for line in _labelled(parts, width - len(indent))]
+            return lines
         case TextTable(caption):
             return wrapped(caption, width=width) + block.lines(width)
         case Notes(notes, numbered):
@@ -510,7 +545,7 @@ def _lines(block: Block, width: int) -> list[str]:
                 for line in (
                     wrapped(f"[{number}] {note}", "    ", width)
                     if numbered
-                    else wrapped(f"Note: {note.with_hint}.", "  ", width)
+                    else wrapped(f"Note: {say(note).rstrip('.')}.", "  ", width)
                 )
             ]
 
@@ -522,8 +557,23 @@ def _html(block: Block) -> str:
         case Paragraph(text, role):
             text = f"<strong>{escape(text)}</strong>" if role else escape(text)
             return f"<p>{text}</p>"
-        case Facts(facts):
-            return f"<p>{escape(' · '.join(f'{k}: {v}' for k, v in facts.items()))}</p>"
+        case Facts(facts, beside):
+            if beside:
+                return f"<p>{escape(' · '.join(f'{k}: {v}' for k, v in facts.items()))}</p>"
+            rows = "".join(
+                f'<tr><th scope="row" class="left">{escape(label)}</th>'
+                f'<td class="left">{escape(value)}</td></tr>'
+                for label, value in facts.items()
+            )
+            return f"<table><tbody>{rows}</tbody></table>"
+        case Items(items):
+            parts = "".join(
+                f"<li><strong>{escape(item.title)}</strong>"
+                + "".join(f"<br>{escape(text)}" for text in item.parts.values())
+                + "</li>"
+                for item in items
+            )
+            return f"<ol>{parts}</ol>"
         case TextTable():
             return block.html()
         case Notes(notes):
@@ -539,11 +589,24 @@ def _dict(block: Block) -> dict[str, Any]:
             return {"kind": "paragraph", "text": text, "role": role}
         case Facts(facts):
             return {"kind": "facts", "facts": dict(facts)}
+        case Items(items):
+            listed = [{"title": item.title, **item.parts} for item in items]
+            return {"kind": "items", "items": listed}
         case TextTable(caption, header, rows, _, kind):
             cells = [list(row) for row in rows]
             return {"kind": kind or "table", "caption": caption, "header": [*header], "rows": cells}
         case Notes(notes):
             return {"kind": "notes", "notes": [note.as_dict() for note in notes]}
+
+
+def _labelled(facts: Mapping[str, str], width: int) -> list[str]:
+    """Facts one below the other, each beside its label."""
+    longest = max(map(len, facts), default=0) + 2
+    return [
+        line
+        for label, value in facts.items()
+        for line in wrapped(f"{label + ':':<{longest}}{value}", " " * longest, width)
+    ]
 
 
 def _cell(value: Any) -> str:

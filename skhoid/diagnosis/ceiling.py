@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -11,7 +12,8 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import resample
 from scipy.stats import norm
 
-from .repeats import Group
+from ..text import Note
+from .repeats import Decided, Group
 from .signals import (
     Signals,
     coherent_part,
@@ -32,25 +34,46 @@ N_AR = 12  # order of the autoregression that describes noise
 SILENT = 1e-12  # of the output power; residuals below are rounding errors
 
 
+class Route(StrEnum):
+    """How noise is told from what repeats."""
+
+    REPEATS = "repeats"
+    LINES = "lines"
+    NONE = "none"
+
+
+class NoCeiling(StrEnum):
+    """Why a noise ceiling is not known."""
+
+    NO_TARGET = "the target is not known"
+    APART = "runs of one target differ in a disturbance"
+    NO_ROUTE = "no run shares its target, and none is periodic"
+    FEW_RUNS = "too few of the runs have a route"
+    CONTRADICTED = "the model is better than the ceiling"
+
+
 @dataclass(frozen=True)
 class Ceiling:
     """Noise of each group of runs, and what it leaves to explain.
 
     ``gap`` is in VAF points of the power of the output on the rows that have a route; ``gap``,
-    ``sd`` and ``vaf`` are NaN where it is not known, for the ``reason``. ``part`` is the share of
-    the power of the output that these rows hold.
+    ``sd`` and ``vaf`` are NaN where it is not known (``known`` is False). ``note`` says how it was
+    found, or why it was not. ``part`` is the share of the power of the output that these rows hold.
     """
 
-    route: str
-    note: str
+    route: Route
+    note: Note
     gap: float
     sd: float
     vaf: float
     noise: NoiseDensity
     remnant: list[np.ndarray]
     covered: np.ndarray
-    reason: str = ""
     part: float = 1.0
+
+    @property
+    def known(self) -> bool:
+        return bool(np.isfinite(self.gap))
 
     @property
     def value(self) -> float:
@@ -64,7 +87,7 @@ class Ceiling:
 
 def consistent_ceiling(
     ceiling: float, vaf: float, sd: float = 0.0, *, held_out: bool = True
-) -> tuple[float, str]:
+) -> tuple[float, Note | None]:
     """Ceiling to show with the VAF of a model, or NaN and the reason why it is not known.
 
     A ceiling is never above 100, and a model that did not see the rows exceeds it only by chance.
@@ -84,19 +107,19 @@ def consistent_ceiling(
     -------
     ceiling : float
         At least ``vaf`` and at most 100; NaN where the two contradict each other.
-    reason : str
-        Why it is not known; empty where it is, or where ``ceiling`` is NaN.
+    reason : Note or None
+        Why it is not known; None where it is, or where ``ceiling`` is NaN.
 
     Examples
     --------
     >>> from skhoid.diagnosis.ceiling import consistent_ceiling
     >>> consistent_ceiling(101.6, 97.0)
-    (100.0, '')
+    (100.0, None)
     >>> consistent_ceiling(59.1, 71.2, sd=1.0)[0]
     nan
     """
     if not np.isfinite(ceiling):
-        return np.nan, ""
+        return np.nan, None
     if vaf > ceiling + max(SIGMAS * sd, LEAST_EXCESS):
         judged = "a model judged on rows it did not see" if held_out else "the model"
         why = (
@@ -105,11 +128,12 @@ def consistent_ceiling(
         )
         if not held_out:
             why = f"it has learnt the noise of these rows, or {why}"
-        return np.nan, (
+        return np.nan, Note(
+            NoCeiling.CONTRADICTED,
             f"{judged} reaches {vaf:.1f} %, more than the {min(ceiling, 100.0):.1f} % estimated: "
-            f"{why}"
+            f"{why}",
         )
-    return float(min(max(ceiling, vaf), 100.0)), ""
+    return float(min(max(ceiling, vaf), 100.0)), None
 
 
 def noise_ceiling(signals: Signals) -> Ceiling:
@@ -124,20 +148,20 @@ def noise_ceiling(signals: Signals) -> Ceiling:
     excited lines.
     """
     routes = [_route(group) for group in signals.groups]
-    best = "repeats" if "repeats" in routes else "lines" if "lines" in routes else "none"
+    best = next((route for route in (Route.REPEATS, Route.LINES) if route in routes), Route.NONE)
     noise, parts = _noise(signals, routes, best, [signals.residual[g.rows] for g in signals.groups])
     residuals, gap, variance, power, lost = [], 0.0, 0.0, 0.0, 0.0
     for group, route in zip(signals.groups, routes, strict=True):
         r, spread = signals.residual[group.rows], 0.0
-        if route == best != "none":
+        if route is best is not Route.NONE:
             r, spread = _without_linear_misfit(signals, group, noise)
         residuals.append(r)
         variance += spread
-    if best != "none":
+    if best is not Route.NONE:
         noise, parts = _noise(signals, routes, best, residuals)
     covered = np.zeros(signals.layout.n_rows, dtype=bool)
     for group, route, remnant in zip(signals.groups, routes, parts, strict=True):
-        if route != best or best == "none":
+        if route is not best or best is Route.NONE:
             continue
         covered[group.rows.ravel()] = True
         y, r = signals.y[group.rows], signals.residual[group.rows]
@@ -148,20 +172,22 @@ def noise_ceiling(signals: Signals) -> Ceiling:
         variance += spread
     note = _note(signals, best)
     unknown = Ceiling(best, note, np.nan, np.nan, np.nan, noise, parts, covered)
-    if best == "none":
-        return replace(unknown, reason=note.removeprefix("none: "))
+    if best is Route.NONE:
+        return unknown
     part = power / float(np.sum(signals.y[signals.scored] ** 2))
     if part < LEAST_PART:
         some = sum(
             group.n_runs
             for group, route in zip(signals.groups, routes, strict=True)
-            if route == best
+            if route is best
         )
         every = sum(group.n_runs for group in signals.groups)
-        what = "repeat each other" if best == "repeats" else "hold whole periods of their target"
-        reason = f"only {some} of {every} runs {what}"
-        reason += f"; {signals.decided}" if signals.decided else ""
-        return replace(unknown, reason=reason, part=part)
+        what = (
+            "repeat each other" if best is Route.REPEATS else "hold whole periods of their target"
+        )
+        text = f"only {some} of {every} runs {what}"
+        text += f"; {signals.decided}" if signals.decided.text else ""
+        return replace(unknown, note=Note(NoCeiling.FEW_RUNS, text), part=part)
     return Ceiling(
         best,
         note,
@@ -175,43 +201,43 @@ def noise_ceiling(signals: Signals) -> Ceiling:
     )
 
 
-def _route(group: Group) -> str:
+def _route(group: Group) -> Route:
     if group.n_runs > 1:
-        return "repeats"
-    return "none" if group.lines is None else "lines"
+        return Route.REPEATS
+    return Route.NONE if group.lines is None else Route.LINES
 
 
 def _noise(
-    signals: Signals, routes: list[str], best: str, residuals: list[np.ndarray]
+    signals: Signals, routes: list[Route], best: Route, residuals: list[np.ndarray]
 ) -> tuple[NoiseDensity, list[np.ndarray]]:
     """Noise model of the groups that have the best route, and noise (or residual) by group."""
     records, times, scored, without, parts, independent = [], [], [], [], [], 0
     for group, route, r in zip(signals.groups, routes, residuals, strict=True):
         part = r
-        if route == "repeats":
+        if route is Route.REPEATS:
             part = (r - r.mean(axis=0)) * np.sqrt(group.n_runs / (group.n_runs - 1))
-        elif route == "lines":
+        elif route is Route.LINES:
             part = r - on_lines(r, group)
         elif "f_t" in signals.channels:
             part = r - response_to_target(signals, group, "residual")
         parts.append(part)
-        if route == best:
+        if route is best:
             records += list(part)
             times += [signals.layout.time[rows] for rows in group.rows]
             scored += [signals.scored[rows] for rows in group.rows]
-            without += [group.lines if route == "lines" else None] * group.n_runs
-            independent += group.n_runs - (route == "repeats")
+            without += [group.lines if route is Route.LINES else None] * group.n_runs
+            independent += group.n_runs - (route is Route.REPEATS)
     floor = SILENT * float(np.mean(signals.y[signals.scored] ** 2))
     return noise_density(records, times, signals.dt, without, scored, independent, floor), parts
 
 
 def _noise_power(
-    group: Group, route: str, remnant: np.ndarray, noise: NoiseDensity
+    group: Group, route: Route, remnant: np.ndarray, noise: NoiseDensity
 ) -> tuple[float, float]:
     """Sum of squares of the noise of a group, and the variance of the error of the gap."""
     n = group.n_samples
     S = noise.at(group.omega(noise.dt)[1:])
-    if route == "repeats":
+    if route is Route.REPEATS:
         # r_k r_l of two runs, summed over n samples, has the variance 2 sum S^2 over the bins.
         spread = 2 * group.n_runs / (group.n_runs - 1) * noise.unevenness * 2 * float(np.sum(S**2))
         return float(np.sum(remnant**2)), spread
@@ -340,28 +366,37 @@ def _instrument(signals: Signals, group: Group, e: np.ndarray) -> np.ndarray | N
     return coherent_part(signals, group, "e")
 
 
-def _note(signals: Signals, route: str) -> str:
-    if route == "repeats":
-        return (
+def _note(signals: Signals, route: Route) -> Note:
+    """How the ceiling is found, or why it cannot be."""
+    decided = signals.decided
+    if route is Route.REPEATS:
+        return Note(
+            route,
             "from the part of the residual that does not repeat between runs with the same target"
-            f"{f' ({signals.decided})' if signals.decided else ''}; a lower bound "
-            "if a missing effect does not respond to the remnant linearly "
-            "(dead zone, steps, lapses, fast changes) or differs between runs"
+            f"{f' ({decided})' if decided.text else ''}; a lower bound if a missing effect does "
+            "not respond to the remnant linearly (dead zone, steps, lapses, fast changes) or "
+            "differs between runs",
         )
-    if route == "lines":
-        return (
+    if route is Route.LINES:
+        return Note(
+            route,
             "from the residual between the excited lines of a periodic target, in one run; a lower "
-            "bound: what varies in time or is distorted falls between the lines too"
+            "bound: what varies in time or is distorted falls between the lines too",
         )
     if "f_t" not in signals.channels:
-        return "none: the target is not known. Add a channel f_t (or e and x)"
-    if "disturbance" in signals.decided and "differ" in signals.decided:
-        return f"none: {signals.decided}. Record runs that share target and disturbance"
+        return Note(
+            NoCeiling.NO_TARGET,
+            "the target is not known. Add a channel f_t (or e and x)",
+            hint="or say with repeats= which runs share a target",
+        )
+    if Decided(decided.kind).apart:
+        return Note(NoCeiling.APART, f"{decided}. Record runs that share target and disturbance")
     which = "the only run has a target that" if len(signals.groups) == 1 else "every run has a "
     which += "" if len(signals.groups) == 1 else "target of its own, which"
-    return (
-        f"none: {which} is not periodic in the window. Record "
-        "runs that share the target, or a whole number of periods of a multisine"
+    return Note(
+        NoCeiling.NO_ROUTE,
+        f"{which} is not periodic in the window. Record runs that share the target, or a whole "
+        "number of periods of a multisine",
     )
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from numbers import Real
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -19,9 +20,8 @@ from ..pipelines import taken_apart
 from ..preprocessing.base import as_fitted
 from ..recordings.channels import check_channels
 from ..recordings.recording import Finding
-from ..text import Note, Summary
-from .ceiling import Ceiling, consistent_ceiling, noise_ceiling
-from .comparison_text import html, summary
+from ..text import Document, Note, Summary
+from .ceiling import Ceiling, Route, consistent_ceiling, noise_ceiling
 from .findings import WORDS, NextSteps, advise, is_operator
 from .leaks import LEAST_DELAY, LeakTest, leak_of_channels
 from .over_amplitude import by_operating_point, level_tests
@@ -30,6 +30,7 @@ from .over_runs import by_run, tests_over_runs
 from .over_time import BlockSums, by_time, cusum, tests_of_changes, time_frequency
 from .response import correlations, delay_test, linear_misfit
 from .signals import Signals, read_signals
+from .telling import numbers_of, tell_comparison
 from .tests_table import Test, tests_table
 
 MEAN = 0.5  # of the power of the output; more in its mean makes VAF about zero say little
@@ -37,22 +38,12 @@ CONSTANT = 1 - 1e-9  # the same of an output that does not move
 OVERFIT = 1.1  # mean squared error of validation over that of estimation (thesis)
 
 
-@dataclass(frozen=True, repr=False)
-class Comparison:
-    """What :func:`compare` found.
+@dataclass(frozen=True)
+class Figures:
+    """How good the predictions are.
 
     Parameters
     ----------
-    model_name, output : str
-        The model, and the name of the measured output.
-    unit : str or None
-        Unit of the output.
-    dt : float
-        Sampling time in s.
-    false_alarm : float
-        Rate at which each test, and each table as a whole, exceeds chance with nothing missing.
-    domain : {"human", "machine"}
-        Wording of the findings.
     vaf : float
         VAF of the free run on all scored rows, in percent, about zero and unclipped.
     vaf_about_mean : float
@@ -70,23 +61,53 @@ class Comparison:
     overfit_ratio : float
         Mean squared residual, relative to the output's power, on validation runs divided by that on
         estimation runs.
-    overfit : bool or None
-        Whether the ratio exceeds 1.1; None without estimation runs.
-    noise_ceiling : float
-        Highest VAF of a free run that any model driven by the measured signals could reach on
-        these runs: between ``vaf`` and 100. NaN if it is not known.
-    noise_ceiling_interval : (float, float)
+    """
+
+    vaf: float
+    vaf_about_mean: float
+    mean_share: float
+    one_step_vaf: float
+    rmse: float
+    estimation_vaf: float
+    overfit_ratio: float
+
+    @property
+    def overfit(self) -> bool | None:
+        """Whether the ratio exceeds 1.1; None without estimation runs."""
+        return None if np.isnan(self.overfit_ratio) else bool(self.overfit_ratio > OVERFIT)
+
+
+@dataclass(frozen=True)
+class NoiseCeiling:
+    """The highest VAF that any model driven by the measured signals could reach.
+
+    Parameters
+    ----------
+    value : float
+        Between the VAF of the model and 100; NaN if it is not known.
+    interval : (float, float)
         Its 95 % confidence interval.
-    explainable_gap : float
-        Estimated ceiling minus ``vaf``, in VAF points: what a better model could still gain. Not
-        thresholded: by chance it is below 0 where nothing is left, and the ceiling is then the VAF.
-    ceiling_route : {"repeats", "lines", "none"}
-        How the ceiling was found.
-    ceiling_note : str
-        The same as a sentence; why it is not known, where it is not.
-    leak : LeakTest or None
-        Whether the prediction is the output rebuilt from x; None without x (or e and f_t), and for
-        a model with inputs only from outside the loop.
+    gap : float
+        Estimated ceiling minus VAF, in VAF points.
+    route : Route
+        How it was found.
+    note : Note
+        The same as a sentence; why it is not known, where it is not (a ``NoCeiling`` as its kind).
+    """
+
+    value: float
+    interval: tuple[float, float]
+    gap: float
+    route: Route
+    note: Note
+
+
+@dataclass(frozen=True)
+class Views:
+    """The residual row by row, and by run, time, frequency and amplitude, as tables.
+
+    Parameters
+    ----------
     traces : DataFrame
         ``measured``, ``predicted``, ``residual``, ``one_step``, ``scored`` and the channels with
         a role, row by row.
@@ -95,10 +116,6 @@ class Comparison:
         ``exceeds`` is two-sided: a window with less than the others exceeds chance too.
         In ``by_time``, ``explainable`` is the part of ``share`` (VAF points lost) that repeats
         over runs.
-    tests : DataFrame
-        One row per test; ``p`` accounts for the search inside the test, ``exceeds`` is p <
-        ``false_alarm``; ``cost`` is in VAF points; ``valid`` is False for what is described but not
-        tested.
     correlations : DataFrame
         Cross-correlation of the prewhitened residual with signals, by lag.
     cusum : DataFrame
@@ -109,10 +126,58 @@ class Comparison:
         the noise expected there.
     remnant_spectrum : DataFrame
         Density over ``omega`` (rad/s) of what does not repeat; described, not tested.
-    findings : list of Finding
-        What the results mean and what to do next, most important first.
+    """
+
+    traces: pd.DataFrame
+    by_run: pd.DataFrame
+    by_time: pd.DataFrame
+    by_frequency: pd.DataFrame
+    by_operating_point: pd.DataFrame
+    correlations: pd.DataFrame
+    cusum: pd.DataFrame
+    time_frequency: pd.DataFrame
+    remnant_spectrum: pd.DataFrame
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """What :func:`compare` found.
+
+    The members of its parts are its own too: ``comparison.vaf`` is ``comparison.figures.vaf``,
+    ``comparison.by_run`` is ``comparison.views.by_run``; ``noise_ceiling``,
+    ``noise_ceiling_interval``, ``explainable_gap``, ``ceiling_route`` ("repeats", "lines" or
+    "none") and ``ceiling_note`` are of ``comparison.ceiling``.
+
+    Parameters
+    ----------
+    model_name, output : str
+        The model, and the name of the measured output.
+    unit : str or None
+        Unit of the output.
+    dt : float
+        Sampling time in s.
+    false_alarm : float
+        Rate at which each test, and each table as a whole, exceeds chance with nothing missing.
+    domain : {"human", "machine"}
+        Wording of the findings.
+    figures : Figures
+        How good the predictions are.
+    ceiling : NoiseCeiling
+        How good those of any model could be. The gap to it is not thresholded: by chance it is
+        below 0 where nothing is left, and the ceiling is then the VAF.
+    leak : LeakTest or None
+        Whether the prediction is the output rebuilt from x; None without x (or e and f_t), and for
+        a model with inputs only from outside the loop.
+    views : Views
+        Where the residual is, as tables.
+    tests : DataFrame
+        One row per test; ``p`` accounts for the search inside the test, ``exceeds`` is p <
+        ``false_alarm``; ``cost`` is in VAF points; ``valid`` is False for what is described but not
+        tested.
     notes : list of Note
         What was left out.
+    findings : list of Finding
+        What the results mean and what to do next, most important first.
 
     Examples
     --------
@@ -128,32 +193,36 @@ class Comparison:
     dt: float
     false_alarm: float
     domain: str
-    vaf: float
-    vaf_about_mean: float
-    mean_share: float
-    one_step_vaf: float
-    rmse: float
-    estimation_vaf: float
-    overfit_ratio: float
-    overfit: bool | None
-    noise_ceiling: float
-    noise_ceiling_interval: tuple[float, float]
-    explainable_gap: float
-    ceiling_route: str
-    ceiling_note: str
+    figures: Figures
+    ceiling: NoiseCeiling
     leak: LeakTest | None
-    traces: pd.DataFrame
-    by_run: pd.DataFrame
-    by_time: pd.DataFrame
-    by_frequency: pd.DataFrame
-    by_operating_point: pd.DataFrame
+    views: Views
     tests: pd.DataFrame
-    correlations: pd.DataFrame
-    cusum: pd.DataFrame
-    time_frequency: pd.DataFrame
-    remnant_spectrum: pd.DataFrame
-    findings: list[Finding]
     notes: list[Note]
+    findings: list[Finding] = field(default_factory=list)
+
+    vaf = property(attrgetter("figures.vaf"))
+    vaf_about_mean = property(attrgetter("figures.vaf_about_mean"))
+    mean_share = property(attrgetter("figures.mean_share"))
+    one_step_vaf = property(attrgetter("figures.one_step_vaf"))
+    rmse = property(attrgetter("figures.rmse"))
+    estimation_vaf = property(attrgetter("figures.estimation_vaf"))
+    overfit_ratio = property(attrgetter("figures.overfit_ratio"))
+    overfit = property(attrgetter("figures.overfit"))
+    noise_ceiling = property(attrgetter("ceiling.value"))
+    noise_ceiling_interval = property(attrgetter("ceiling.interval"))
+    explainable_gap = property(attrgetter("ceiling.gap"))
+    ceiling_route = property(attrgetter("ceiling.route.value"))
+    ceiling_note = property(attrgetter("ceiling.note.with_hint"))
+    traces = property(attrgetter("views.traces"))
+    by_run = property(attrgetter("views.by_run"))
+    by_time = property(attrgetter("views.by_time"))
+    by_frequency = property(attrgetter("views.by_frequency"))
+    by_operating_point = property(attrgetter("views.by_operating_point"))
+    correlations = property(attrgetter("views.correlations"))
+    cusum = property(attrgetter("views.cusum"))
+    time_frequency = property(attrgetter("views.time_frequency"))
+    remnant_spectrum = property(attrgetter("views.remnant_spectrum"))
 
     def __repr__(self) -> str:
         ceiling = "" if np.isnan(self.noise_ceiling) else f", ceiling {self.noise_ceiling:.1f} %"
@@ -191,10 +260,28 @@ class Comparison:
         text : Summary
             A string that notebooks show line by line.
         """
-        return summary(self)
+        return self.document().text()
+
+    def document(self) -> Document:
+        """The same as blocks, for who shows it in another way.
+
+        Returns
+        -------
+        document : Document
+        """
+        return tell_comparison(self)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Figures, leak test, findings and notes, for JSON.
+
+        Returns
+        -------
+        found : dict
+        """
+        return numbers_of(self)
 
     def _repr_html_(self) -> str:
-        return html(self)
+        return self.document().html()
 
     def explore(self) -> Any:
         """Look by hand, in a notebook: brush time, frequency or amplitude, and see the others.
@@ -336,6 +423,7 @@ def compare(
     domain = domain or _domain(signals)
     leak = _leak(signals, domain)
     ceiling = noise_ceiling(signals)
+    views, tests = _look(signals, ceiling, fitted, false_alarm)
     found = Comparison(
         model_name=_name_of(model),
         output=signals.output,
@@ -343,78 +431,57 @@ def compare(
         dt=signals.dt,
         false_alarm=false_alarm,
         domain=domain,
-        **_figures(signals, vaf),
-        **_overfit(vaf, fitted),
-        **_ceiling_of(ceiling, vaf, held_out=fitted is not None),
+        figures=_figures(signals, vaf, fitted),
+        ceiling=_ceiling_of(ceiling, vaf, held_out=fitted is not None),
         leak=leak,
-        **_tables(signals, ceiling, fitted, leak, false_alarm),
-        findings=[],
+        views=views,
+        tests=tests_table([*tests, *_leak_row(signals, leak)], false_alarm),
         notes=signals.notes,
     )
     return replace(found, findings=advise(found, signals, of_channels))
 
 
-def _figures(signals: Signals, vaf: float) -> dict[str, Any]:
-    """How good the predictions are."""
+def _figures(signals: Signals, vaf: float, fitted: Signals | None) -> Figures:
+    """How good the predictions are, also on the runs that the model was fitted to."""
     scored = signals.y[signals.scored]
     mean_share = float(np.mean(scored) ** 2 / np.mean(scored**2))
     moves = mean_share < CONSTANT
-    known = np.isfinite(signals.one_step)
-    return {
-        "vaf": vaf,
-        "vaf_about_mean": 100 - (100 - vaf) / (1 - mean_share) if moves else np.nan,
-        "mean_share": mean_share,
-        "one_step_vaf": _pooled(signals, signals.one_step, known) if known.any() else np.nan,
-        "rmse": float(np.sqrt(np.mean(signals.residual[signals.scored] ** 2))),
-    }
+    ahead = np.isfinite(signals.one_step)
+    own, ratio = np.nan, np.nan
+    if fitted is not None:
+        own = _pooled(fitted, fitted.predicted)
+        # Both relative to the power of their output, which differs between runs.
+        ratio = (100 - vaf) / (100 - own) if own < 100 else np.nan
+    return Figures(
+        vaf=vaf,
+        vaf_about_mean=100 - (100 - vaf) / (1 - mean_share) if moves else np.nan,
+        mean_share=mean_share,
+        one_step_vaf=_pooled(signals, signals.one_step, ahead) if ahead.any() else np.nan,
+        rmse=float(np.sqrt(np.mean(signals.residual[signals.scored] ** 2))),
+        estimation_vaf=own,
+        overfit_ratio=ratio,
+    )
 
 
-def _ceiling_of(ceiling: Ceiling, vaf: float, held_out: bool) -> dict[str, Any]:
+def _ceiling_of(ceiling: Ceiling, vaf: float, held_out: bool) -> NoiseCeiling:
     """The ceiling to show, or why it is not known.
 
     With rows that have no route left out, the ceiling is that of all rows that count.
     """
     estimate = vaf + ceiling.gap
     top, reason = consistent_ceiling(estimate, vaf, ceiling.sd, held_out=held_out)
-    if reason := reason or ceiling.reason:
-        return {
-            "noise_ceiling": np.nan,
-            "noise_ceiling_interval": (np.nan, np.nan),
-            "explainable_gap": np.nan,
-            "ceiling_route": "none",
-            "ceiling_note": f"none: {reason}",
-        }
+    if reason is not None or not ceiling.known:
+        nothing = (np.nan, np.nan)
+        return NoiseCeiling(np.nan, nothing, np.nan, Route.NONE, reason or ceiling.note)
     half = (ceiling.interval[1] - ceiling.interval[0]) / 2
-    return {
-        "noise_ceiling": top,
-        "noise_ceiling_interval": (
-            min(estimate - half, top),
-            min(max(estimate + half, top), 100.0),
-        ),
-        "explainable_gap": min(ceiling.gap, 100 - vaf),
-        "ceiling_route": ceiling.route,
-        "ceiling_note": ceiling.note,
-    }
+    interval = min(estimate - half, top), min(max(estimate + half, top), 100.0)
+    gap = min(ceiling.gap, 100 - vaf)
+    return NoiseCeiling(top, interval, gap, ceiling.route, ceiling.note)
 
 
-def _overfit(vaf: float, fitted: Signals | None) -> dict[str, Any]:
-    """The verdict on overfit, from the runs that the model was fitted on."""
-    own, ratio = np.nan, np.nan
-    if fitted is not None:
-        own = _pooled(fitted, fitted.predicted)
-        # Both relative to the power of their output, which differs between runs.
-        ratio = (100 - vaf) / (100 - own) if own < 100 else np.nan
-    verdict = None if np.isnan(ratio) else bool(ratio > OVERFIT)
-    return {"estimation_vaf": own, "overfit_ratio": ratio, "overfit": verdict}
-
-
-def _tables(
-    signals: Signals,
-    ceiling: Ceiling,
-    fitted: Signals | None,
-    leak: LeakTest | None,
-    false_alarm: float,
-) -> dict[str, Any]:
+def _look(
+    signals: Signals, ceiling: Ceiling, fitted: Signals | None, false_alarm: float
+) -> tuple[Views, list[Test]]:
     """Where the residual is, and every test of it."""
     runs = by_run(signals, "validation")
     p, of_runs = tests_over_runs(signals, ceiling)
@@ -436,21 +503,20 @@ def _tables(
         *of_amplitude,
         *level_tests(signals),
         *of_runs,
-        *_leak_row(signals, leak),
     ]
     density = ceiling.noise.density * signals.dt / np.pi
-    return {
-        "by_run": runs,
-        "by_time": by_time(signals, ceiling, false_alarm),
-        "by_frequency": by_frequency(signals, ceiling, false_alarm),
-        "by_operating_point": amplitude,
-        "tests": tests_table(tests, false_alarm),
-        "correlations": correlation,
-        "cusum": cusum(ceiling, sums, false_alarm),
-        "time_frequency": time_frequency(signals, ceiling, false_alarm),
-        "remnant_spectrum": pd.DataFrame({"omega": ceiling.noise.omega, "psd": density}),
-        "traces": _traces(signals),  # the largest last, when the others need no more room
-    }
+    views = Views(
+        by_run=runs,
+        by_time=by_time(signals, ceiling, false_alarm),
+        by_frequency=by_frequency(signals, ceiling, false_alarm),
+        by_operating_point=amplitude,
+        correlations=correlation,
+        cusum=cusum(ceiling, sums, false_alarm),
+        time_frequency=time_frequency(signals, ceiling, false_alarm),
+        remnant_spectrum=pd.DataFrame({"omega": ceiling.noise.omega, "psd": density}),
+        traces=_traces(signals),  # the largest last, when the others need no more room
+    )
+    return views, tests
 
 
 def _pooled(signals: Signals, prediction: np.ndarray, known: np.ndarray | None = None) -> float:
@@ -459,7 +525,7 @@ def _pooled(signals: Signals, prediction: np.ndarray, known: np.ndarray | None =
 
 
 def _gap_test(ceiling: Ceiling) -> list[Test]:
-    if ceiling.reason or ceiling.sd == 0:
+    if not ceiling.known or ceiling.sd == 0:
         return []
     z = ceiling.gap / ceiling.sd
     return [

@@ -19,6 +19,7 @@ from ..preprocessing.base import as_fitted
 from ..recordings.recording import Finding
 from ..runs.roles import is_external, role_of
 from ..text import counted, gap_text, p_text, vaf_name
+from .ceiling import Route
 from .leaks import band_edge
 from .signals import Signals
 
@@ -495,7 +496,7 @@ def _in_time(
         )
     power = sure.get(("remnant power change", "residual"))
     if power is not None:
-        known = c.ceiling_route != "none"
+        known = c.ceiling.route is not Route.NONE
         yield Finding(
             "remnant power change",
             f"The {'remnant' if known else 'residual'}'s power changes by a factor of "
@@ -657,7 +658,7 @@ def _not_located(
             "ResidualFrequencyDisplay",
             gap.cost,
         )
-    elif not any_located and not sure and not several and c.ceiling_route != "none":
+    elif not any_located and not sure and not several and c.ceiling.route is not Route.NONE:
         yield Finding(
             "none",
             "Nothing is missing that these runs could show",
@@ -671,11 +672,11 @@ def _not_located(
 
 
 def _design(c: Comparison, signals: Signals) -> Iterator[Finding]:
-    if c.ceiling_route == "none":
+    if c.ceiling.route is Route.NONE:
         yield Finding(
             "no ceiling",
             "How much is left to explain is not known",
-            f"There is no noise ceiling: {c.ceiling_note.removeprefix('none: ')}.",
+            f"There is no noise ceiling: {c.ceiling.note}.",
             "A low VAF may be due to remnant or to misfit: these runs cannot tell.",
             "Record runs that share the target and the disturbance, or a whole number of periods "
             "of a multisine.",

@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from enum import StrEnum
 from itertools import pairwise
 from typing import Any
 
@@ -34,20 +35,30 @@ from ..recordings.loss_of_control import (
     LEAVE_OUT,
     ControlCheck,
     control_check,
-    sentences_of,
+    notes_of_lost,
 )
 from ..runs import RunLayout, read_layout, run_name, whole_samples
 from ..runs.empty import empty_runs, rows_of_runs
 from ..runs.roles import columns_by_role, input_columns
 from ..runs.selection import run_labels
+from ..text import Note
 from .leaks import LEAST_DELAY, SLOPE, LeakTest, leak_of_channels
 
 MOST_DELAYS = 2_000
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
 SLOPE_OF_X = 0.15  # of the unseen disturbance that a regression on x holds at once, at most
 OPPOSED = -0.15  # correlation, below which a residual opposes what the prediction holds
-UNTOLD = "cannot be told apart from the controlled element's inverse"
-REBUILDS = "rebuilds the output from the controlled element's response"
+
+
+class Verdict(StrEnum):
+    """What the validation says of a model."""
+
+    UNSTABLE = "unstable"
+    REBUILDS = "rebuilds the output from the controlled element's response"
+    UNTOLD = "cannot be told apart from the controlled element's inverse"
+    FAILS = "fails on validation data"
+    OVERFIT = "overfit"
+    GOOD = "no overfit"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,16 +130,16 @@ class FittedModel:
         return self.spare < 0 or (self.spare <= 1 and not tested)
 
     @property
-    def verdict(self) -> str:
+    def verdict(self) -> Verdict:
         if self.vaf_validation <= VAF_FLOOR:
-            return "unstable"
+            return Verdict.UNSTABLE
         if self.leaks:
-            return REBUILDS
+            return Verdict.REBUILDS
         if self.untold:
-            return UNTOLD
+            return Verdict.UNTOLD
         if self.vaf_validation <= 0:
-            return "fails on validation data"
-        return "overfit" if self.ratio > OVERFIT_RATIO else "no overfit"
+            return Verdict.FAILS
+        return Verdict.OVERFIT if self.ratio > OVERFIT_RATIO else Verdict.GOOD
 
     def as_dict(self) -> dict[str, Any]:
         model, leak = self.model, self.leak
@@ -142,7 +153,7 @@ class FittedModel:
             "vaf_estimation": self.vaf_estimation,
             "vaf_validation": self.vaf_validation,
             "ratio": self.ratio,
-            "verdict": self.verdict,
+            "verdict": self.verdict.value,
             "leaks": leak.leaks if leak is not None else None,
             "leak_slope": leak.slope if leak is not None and tested else None,
             "leak_reason": leak.reason if leak is not None else None,
@@ -175,7 +186,7 @@ class Identification:
     adapting: FittedModel | None
     least_delay: LeastDelay
     left_out: pd.DataFrame
-    notes: list[str]
+    notes: list[Note]
 
     @property
     def units(self) -> dict[str, str]:
@@ -339,8 +350,8 @@ def identify(
             **orders, inputs=choice.inputs, fit_intercept=centered, **choice.memory
         )
         adapting = fitted("following changes", follows)
-    notes = least.notes(orders["nk"], given=choice.nk is not None)
-    notes += [f"Note: {sentence}." for sentence in sentences_of(seen.left_out)]
+    notes = [Note("delay", text) for text in least.notes(orders["nk"], given=choice.nk is not None)]
+    notes += notes_of_lost(seen.left_out)
     notes += [
         note for m in (models[-1], adapting) if m is not None for note in _leak_notes(m, least)
     ]
@@ -434,7 +445,7 @@ class _Measured:
         return found.judged(SLOPE_OF_X if least.closed else SLOPE, OPPOSED)
 
 
-def _leak_notes(model: FittedModel, least: LeastDelay) -> list[str]:
+def _leak_notes(model: FittedModel, least: LeastDelay) -> list[Note]:
     """Why a model is refused, and what to do."""
     if not (model.leaks or model.untold):
         return []
@@ -442,10 +453,13 @@ def _leak_notes(model: FittedModel, least: LeastDelay) -> list[str]:
     if model.leak is not None:
         seen = model.leak.reason
     delay = max(_loop_delay(model.model, least) * model.model.dt_, least.seconds)
-    verdict = f"it {REBUILDS}" if model.leaks else f"it {UNTOLD}"
+    verdict = f"it {Verdict.REBUILDS if model.leaks else Verdict.UNTOLD}"
     return [
-        f"The model {model.name!r} is no answer: {verdict}. {seen} Give a least delay that is "
-        f"longer than {delay:.3g} s, or other inputs: e alone, or f_t without e and x."
+        Note(
+            "leak",
+            f"The model {model.name!r} is no answer: {verdict}. {seen} Give a least delay that is "
+            f"longer than {delay:.3g} s, or other inputs: e alone, or f_t without e and x.",
+        )
     ]
 
 

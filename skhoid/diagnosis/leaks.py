@@ -191,8 +191,10 @@ class LeakTest:
         with the output and the target held fixed. The inverse has 1, a delayed response 0 or less.
     sd : float
         Standard error of the slope, with the long-run variance of the remainder.
-    reason : str
-        What was seen, as a sentence.
+    least_delay : float
+        Shortest time (s) in which a response to the disturbance is possible.
+    unknown : str, default=""
+        Why the data cannot tell, where they cannot.
     """
 
     leaks: bool | None
@@ -201,7 +203,27 @@ class LeakTest:
     residual_with_disturbance: float
     slope: float
     sd: float
-    reason: str
+    least_delay: float = LEAST_DELAY
+    unknown: str = ""
+
+    @property
+    def reason(self) -> str:
+        """What was seen, as a sentence."""
+        if self.leaks is None:
+            return f"Leaks cannot be tested: {self.unknown}."
+        before, rebuilt = ("", REBUILT) if self.leaks else (HONEST, "")
+        return (
+            f"{before}{100 * self.slope:.0f} ± {100 * self.sd:.0f} % of the unseen disturbance is "
+            f"in the prediction within {self.least_delay:g} s{rebuilt}; it correlates "
+            f"{self.correlation_with_inverse:.2f} with the input that the element's inverse gives "
+            f"(the measured output {self.reference:.2f}), its residual "
+            f"{self.residual_with_disturbance:+.2f} with that disturbance."
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Its numbers and the reason, by name."""
+        found = {name: value for name, value in vars(self).items() if name != "unknown"}
+        return {**found, "reason": self.reason}
 
     def judged(self, slope: float, residual: float) -> LeakTest:
         """The same test with other limits, of which both must be exceeded.
@@ -221,8 +243,7 @@ class LeakTest:
         if self.leaks is None:
             return self
         leaks = _exceeds(self.slope, self.sd, slope) and self.residual_with_disturbance < residual
-        seen, figures = self.reason.removeprefix(HONEST).replace(REBUILT, "").split("; ", 1)
-        return replace(self, leaks=leaks, reason=_told(leaks, seen, figures))
+        return replace(self, leaks=leaks)
 
 
 def leak_test(
@@ -330,15 +351,7 @@ def leak_test(
     if not np.isfinite(slope):
         return _unknown("the unseen disturbance follows the output and the target everywhere")
     leaks = _exceeds(slope, sd, SLOPE)
-    return LeakTest(
-        leaks,
-        with_inverse,
-        reference,
-        with_disturbance,
-        slope,
-        sd,
-        _reason(leaks, slope, sd, with_inverse, reference, with_disturbance, least_delay),
-    )
+    return LeakTest(leaks, with_inverse, reference, with_disturbance, slope, sd, least_delay)
 
 
 def leak_of_channels(
@@ -424,33 +437,8 @@ def _products(signals: list[np.ndarray], trim: int) -> np.ndarray:
     return inner @ inner.T
 
 
-def _reason(
-    leaks: bool,
-    slope: float,
-    sd: float,
-    with_inverse: float,
-    reference: float,
-    with_disturbance: float,
-    least_delay: float,
-) -> str:
-    seen = (
-        f"{100 * slope:.0f} ± {100 * sd:.0f} % of the unseen disturbance is in the prediction "
-        f"within {least_delay:g} s"
-    )
-    figures = (
-        f"it correlates {with_inverse:.2f} with the input that the element's inverse gives (the "
-        f"measured output {reference:.2f}), its residual {with_disturbance:+.2f} with that "
-        "disturbance"
-    )
-    return _told(leaks, seen, f"{figures}.")
-
-
-def _told(leaks: bool, seen: str, figures: str) -> str:
-    return f"{seen}{REBUILT}; {figures}" if leaks else f"{HONEST}{seen}; {figures}"
-
-
 def _unknown(why: str) -> LeakTest:
-    return LeakTest(None, np.nan, np.nan, np.nan, np.nan, np.nan, f"Leaks cannot be tested: {why}.")
+    return LeakTest(None, np.nan, np.nan, np.nan, np.nan, np.nan, unknown=why)
 
 
 def _pieces(

@@ -10,7 +10,7 @@ from scipy import fft
 from scipy.signal.windows import hann
 from scipy.stats import f as f_distribution
 
-from .ceiling import Ceiling
+from .ceiling import Ceiling, Route
 from .repeats import Group
 from .signals import Signals
 from .tests_table import Test, of_several
@@ -162,7 +162,7 @@ def distortion_tests(signals: Signals, ceiling: Ceiling) -> list[Test]:
     lines = _common_lines(
         [group.lines if group.n_samples == n else None for group in signals.groups]
     )
-    if lines is None or ceiling.route == "none":
+    if lines is None or ceiling.route is Route.NONE:
         return []
     parts = [_GroupSpectra.of(signals, group, n) for group in signals.groups]
     omega = 2 * np.pi * fft.rfftfreq(n, signals.dt)
@@ -193,7 +193,7 @@ def distortion_tests(signals: Signals, ceiling: Ceiling) -> list[Test]:
                 "the noise there",
             )
         )
-    if ceiling.route == "repeats":
+    if ceiling.route is Route.REPEATS:
         rest = np.setdiff1d(np.flatnonzero(known)[1:], lines)
         even = rest[rest // base % 2 == 0]
         kinds = {"odd harmonics": rest[rest // base % 2 == 1], "even harmonics": even}
@@ -250,7 +250,7 @@ def _row(
     known: np.ndarray,
     total: float,
     dt: float,
-    route: str,
+    route: Route,
     free: float,
 ) -> dict[str, object]:
     weight = np.where((bins == omega.size - 1) & (omega.size > 1), 1.0, 2.0)
@@ -264,14 +264,14 @@ def _row(
         "n_bins": bins.size,
         "psd_output": float(np.mean(U2)) / n_runs * density,
         "psd_residual": float(np.mean(R2)) / n_runs * density,
-        "psd_noise": float(np.mean(S[bins])) * density if route != "none" else np.nan,
+        "psd_noise": float(np.mean(S[bins])) * density if route is not Route.NONE else np.nan,
         "share": 100 * float(np.sum(weight * R2)) / total,
         "p": np.nan,
         **dict.fromkeys(COLUMNS[7:14], np.nan),
     }
     if kind in ("excited", "band") and parts[0].F is not None:
         row |= _response(bins, parts, S[bins], bool(known[bins].all()), free)
-    elif route == "repeats" and known[bins].all():
+    elif route is Route.REPEATS and known[bins].all():
         row["p"] = _repeatable(bins, parts, S[bins], free)
     return row
 

@@ -12,7 +12,7 @@ from scipy.signal.windows import hann
 from scipy.stats import chi2, kstwobign, norm
 from scipy.stats import f as f_distribution
 
-from .ceiling import Ceiling
+from .ceiling import Ceiling, Route
 from .repeats import Group
 from .signals import Signals, coherent_part
 from .tests_table import Test, of_one, of_several
@@ -120,7 +120,7 @@ class BlockSums:
         gains, placing, powers, means, largest = [], [], [], [], (0.0, np.nan)
         n_rows, of_run = 0, ""
         for group, remnant in zip(signals.groups, ceiling.remnant, strict=True):
-            repeated = ceiling.route == "repeats" and group.n_runs > 1
+            repeated = ceiling.route is Route.REPEATS and group.n_runs > 1
             # Deviations from a mean of R runs have R - 1 degrees of freedom in R records.
             per_record = group.n_runs / (group.n_runs - 1) if repeated else 1.0
             for k, rows in enumerate(group.rows):

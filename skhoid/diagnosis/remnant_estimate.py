@@ -16,7 +16,7 @@ from scipy.stats import chi2, norm
 
 from .._sklearn import DT, ROLES, RUN_IN, HasMethods, checked
 from ..text import Summary, counted, p_text
-from .ceiling import Ceiling, noise_ceiling
+from .ceiling import Ceiling, Route, noise_ceiling
 from .repeats import Group
 from .signals import Signals, read_signals
 
@@ -270,7 +270,7 @@ def remnant_estimate(
     used = [
         (group, part / np.sqrt(signals.scored[group.rows].mean()))
         for group, part in zip(signals.groups, ceiling.remnant, strict=True)
-        if ceiling.route == "none" or ceiling.covered[group.rows[0, 0]]
+        if ceiling.route is Route.NONE or ceiling.covered[group.rows[0, 0]]
     ]
     intensity, interval = _intensity(signals, ceiling, used)
     spectrum = _spectrum(used, ceiling, signals.dt)
@@ -282,7 +282,7 @@ def remnant_estimate(
         interval=interval,
         **_of_best_order(orders, spectrum),
         orders=orders,
-        route=ceiling.route,
+        route=ceiling.route.value,
         warning=_warning(orders),
         n_runs=sum(group.n_runs for group, _ in used),
         output=signals.output,
@@ -348,9 +348,9 @@ def _powers(
         u[:, -1] /= np.sqrt(2)
     at_lines = np.zeros(n.shape[1], dtype=bool)
     response, in_u, dof = np.zeros_like(u[0]), u, R
-    if ceiling.route == "repeats":
+    if ceiling.route is Route.REPEATS:
         response, in_u, dof = u.mean(axis=0), u - u.mean(axis=0), R - 1
-    elif ceiling.route == "lines":
+    elif ceiling.route is Route.LINES:
         at_lines[_excited(group) - 1] = True
         response = np.where(at_lines, u[0], 0.0)
     else:  # how much of u is noise is not known
@@ -367,7 +367,7 @@ def _powers(
         "u": (np.abs(u) ** 2).sum(axis=0),
         "nn": R**2 / dof * nn**2,
         "nu": R * np.abs(nu) ** 2,
-        "uu": dof * uu**2 + (uu**2 if ceiling.route == "repeats" else 0.0),
+        "uu": dof * uu**2 + (uu**2 if ceiling.route is Route.REPEATS else 0.0),
         "response": 2 * R * target * uu,
     }
 
@@ -396,13 +396,13 @@ def _spectrum(used: list[tuple[Group, np.ndarray]], ceiling: Ceiling, dt: float)
     power, dof = np.zeros(omega.size), np.zeros(omega.size)
     for group, part in used:
         n = group.n_samples
-        lines = _excited(group) if route == "lines" else np.array([], dtype=int)
+        lines = _excited(group) if route is Route.LINES else np.array([], dtype=int)
         spectrum = fft.rfft(part - part.mean(axis=1, keepdims=True), axis=1)
         spectrum[:, lines] = 0.0
         taper = tukey(n, TAPER)
         tapered = fft.rfft(taper * fft.irfft(spectrum, n, axis=1), axis=1)
         density = (np.abs(tapered) ** 2).sum(axis=0) * dt / np.sum(taper**2)
-        weight = np.full(density.size, (group.n_runs - (route == "repeats")) / group.n_runs)
+        weight = np.full(density.size, (group.n_runs - (route is Route.REPEATS)) / group.n_runs)
         weight[lines] = 0.0
         # Bins of a shorter run lie between those of the longest.
         at = np.minimum(np.round(np.arange(density.size) * longest / n).astype(int), omega.size - 1)

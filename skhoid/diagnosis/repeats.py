@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,25 @@ APART = 0.12  # rms difference of two disturbances (over root 2), of the rms out
 ALIKE = 0.7  # correlation of disturbances that are the same
 WINDOWS = (1, 4)  # stretches of a run with an element of their own: it may change
 THINNED = 8  # samples a period of the edge of the band
+
+
+class Decided(StrEnum):
+    """How it is known which runs repeat each other."""
+
+    BY_TARGET = "the targets alone were compared"
+    BY_CALLER = "the caller says it"
+    RECORDED = "runs of one target differ in a recorded disturbance"
+    UNRECORDED = "runs of one target differ in a disturbance that u and x show"
+    ALIKE = "u and x show no such disturbance"
+    UNCHECKED = "a disturbance that was not recorded cannot be ruled out"
+
+    @property
+    def apart(self) -> bool:
+        """Whether runs of one target were told apart by a disturbance."""
+        return self in (Decided.RECORDED, Decided.UNRECORDED)
+
+
+BY_TARGET = Note(Decided.BY_TARGET, "")
 
 
 @dataclass(frozen=True)
@@ -58,7 +78,7 @@ class Grouped:
     """Groups of runs, how it was decided which are repeats, and what was left out for it."""
 
     found: list[Group]
-    decided: str
+    decided: Note
     notes: list[Note]
 
 
@@ -77,17 +97,19 @@ def grouped(
     outside = {name: values for name, values in channels.items() if is_external(name)}
     members, apart = runs_in_common(layout, stretches, outside, labels)
     groups, notes = [], []
-    decided = ""
+    decided = BY_TARGET
     if labels is not None:
-        decided = "repeats= says which runs repeat"
+        decided = Note(Decided.BY_CALLER, "repeats= says which runs repeat")
     elif apart:
         names = ", ".join(sorted(apart))
-        decided = f"runs that share the target differ in the recorded disturbance {names}"
+        text = f"runs that share the target differ in the recorded disturbance {names}"
+        decided = Note(Decided.RECORDED, text)
     for runs, rows in members:
         split = [np.arange(len(runs))]
         if labels is None and len(runs) > 1:
             split, how = _by_disturbance(measured, channels, rows, layout)
-            decided = decided or how
+            if decided is BY_TARGET:
+                decided = how
         for part in split:
             group = Group(np.array(runs)[part], rows[part], None)
             group, note = _in_whole_periods(group, outside, layout)
@@ -130,7 +152,7 @@ def repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:
 
 def _by_disturbance(
     measured: np.ndarray, channels: Mapping[str, np.ndarray], rows: np.ndarray, layout: RunLayout
-) -> tuple[list[np.ndarray], str]:
+) -> tuple[list[np.ndarray], Note]:
     """Split runs of one target by a disturbance that was not recorded, and say how.
 
     The element moves as x = G (u + d). With G estimated, d follows: constant over the run, or in
@@ -140,7 +162,9 @@ def _by_disturbance(
     together = [np.arange(len(rows))]
     signals = with_target_and_x(channels)
     if signals is None:
-        return together, "that no unrecorded disturbance acts cannot be checked without x"
+        return together, Note(
+            Decided.UNCHECKED, "that no unrecorded disturbance acts cannot be checked without x"
+        )
     target, x = signals
     dt = layout.dt
     edge = band_edge([measured[part] for part in rows], dt, POWER)
@@ -157,9 +181,10 @@ def _by_disturbance(
     found = [_disturbances(low, dt * step, taps, n) for n in WINDOWS] if low else []
     estimates = [estimate for estimate in found if estimate is not None]
     if not estimates:
-        return together, (
+        return together, Note(
+            Decided.UNCHECKED,
             "that no unrecorded disturbance acts could not be checked: the controlled element "
-            "cannot be estimated from u and x"
+            "cannot be estimated from u and x",
         )
     size = float(np.mean([np.std(part["u"]) for part in low]))
 
@@ -178,10 +203,10 @@ def _by_disturbance(
         else:
             split.append([run])
     if len(split) == 1:
-        return together, "u and x show no unrecorded disturbance that differs between them"
-    return [np.array(part) for part in split], (
-        "u and x show an unrecorded disturbance that differs between runs of one target"
-    )
+        text = "u and x show no unrecorded disturbance that differs between them"
+        return together, Note(Decided.ALIKE, text)
+    text = "u and x show an unrecorded disturbance that differs between runs of one target"
+    return [np.array(part) for part in split], Note(Decided.UNRECORDED, text)
 
 
 def _disturbances(

@@ -32,7 +32,7 @@ from ..regression import units_of
 from ..runs import RunLayout, check_alignment, output_name, run_column, run_name
 from ..runs.roles import check_named, columns_by_role, is_external, with_target
 from ..text import Note, counted
-from .repeats import Group, grouped
+from .repeats import BY_TARGET, Group, grouped
 
 SETTLED = 0.01  # of the rms prediction; what two starts differ by when the first is forgotten
 LONGEST_SETTLING = 10.0  # s
@@ -65,7 +65,7 @@ class Signals:
     output: str
     units: dict[str, str]
     notes: list[Note]
-    decided: str = ""
+    decided: Note = BY_TARGET
     judged: np.ndarray | None = None
 
     @cached_property

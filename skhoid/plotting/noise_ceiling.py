@@ -91,8 +91,8 @@ class NoiseCeilingDisplay(ComparisonBaseDisplay):
         self : NoiseCeilingDisplay
         """
         (self.ax_,) = self._take_axes(ax, "the bar", figsize=(6.4, 2.2))
-        source = self.ceiling_note.removeprefix("none: ")
-        if source == self.ceiling_note:
+        source = self.ceiling_note
+        if np.isfinite(self.noise_ceiling):
             source = f"noise ceiling {source}"
         note = wrapped(source[:1].upper() + source[1:], letters(self.figure_))
         if self._own:

@@ -19,6 +19,7 @@ from .._sklearn import DT, ROLES, checked
 from ..preprocessing.gate import check_numbers, checked_column
 from ..runs import RunLayout, read_layout, run_column, run_name
 from ..runs.roles import check_named, columns_by_role, is_external, with_error, with_target
+from ..text import Note
 
 LEAVE_OUT, KEEP = "leave_out", "keep"
 CHOICES = (LEAVE_OUT, KEEP)
@@ -31,7 +32,7 @@ LOST = 3.0  # times the usual error
 CALM = 0.25  # of the windows of a run have a smaller error than its calm level
 OF_CALM = 2.0  # times that level: what a run usually reaches, at least
 ALONE = 4.0  # the same of a run alone, which no other shows to be unusual
-KEEP_ROWS = 'lost_control="keep" keeps them'
+KEEP_ROWS = 'lost_control="keep" keeps them'  # a hint
 
 
 @dataclass(frozen=True)
@@ -155,11 +156,16 @@ def control_in(
     return control_check(layout, channels, judged)
 
 
-def sentences_of(found: pd.DataFrame, how_to_keep: str = KEEP_ROWS) -> list[str]:
-    """What was left out, and how to keep it; of a table of stretches."""
+def notes_of_lost(found: pd.DataFrame) -> list[Note]:
+    """What was left out, of a table of stretches, and how to keep it."""
     return [
-        f"run {row['run']} from {row['from']:.4g} to {row['to']:.4g} s is left out of fits and "
-        f"scores, because {row['reason']}; {how_to_keep}"
+        Note(
+            "lost control",
+            f"run {row['run']} from {row['from']:.4g} to {row['to']:.4g} s is left out of fits and "
+            f"scores, because {row['reason']}",
+            hint=KEEP_ROWS,
+            options=["lost_control"],
+        )
         for _, row in found.iterrows()
     ]
 

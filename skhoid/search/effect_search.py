@@ -26,7 +26,7 @@ from ..model.prepared import Prepared
 from ..model.simulated_arx import simulated_model
 from ..preprocessing.base import as_fitted, keep_parameters
 from ..preprocessing.gate import as_output, as_table
-from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, sentences_of
+from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, notes_of_lost
 from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
 from ..runs.roles import role_of
@@ -420,7 +420,7 @@ class EffectSearchCV(
         self.notes_ += delay_notes(best.parameters_, getattr(prepared.core, "least", 0.0))
         if hasattr(best, "simulation_parameters_"):  # an operator
             self.notes_ += difference_notes(best.parameters_, best.simulation_parameters_)
-        self.notes_ += sentences_of(self.left_out_)
+        self.notes_ += [note.with_hint for note in notes_of_lost(self.left_out_)]
         self.experiments_ = experiments(self.ranking_)
 
     def _candidates(self) -> list[Effect]:

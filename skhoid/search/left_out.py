@@ -64,7 +64,9 @@ def without_rows(prepared: Prepared, rows: np.ndarray, settling: float) -> Prepa
         check_rows(record, len(prepared.core.parameters), grid, settling)
     except ShortRunError as error:
         raise ShortRunError(
-            f"{error} {counted(int(rows.sum()), 'row')} of X are left out because control was "
-            f"lost in them; {KEEP_ROWS}."
+            f"{error} {counted(int(rows.sum()), 'row')} of X are left out because control was lost "
+            "in them.",
+            hint=f"{KEEP_ROWS}.",
+            options=["lost_control"],
         ) from error
     return replace(prepared, record=record, measured=prepared.measured & ~lost)

@@ -118,7 +118,7 @@ def numbers_of(
         left=left,
         noises=noises,
         ceiling=ceiling,
-        no_ceiling=why or unknown,
+        no_ceiling=unknown if why is None else str(why),
         share=search.share,
         changes=further_changes(search, path),
     )
@@ -163,7 +163,7 @@ def gap_of(
     except ValueError:
         return np.nan, np.nan, np.nan, "the runs are too short for spectra"
     found = noise_ceiling(signals)
-    return found.gap, found.sd, found.vaf, found.reason
+    return found.gap, found.sd, found.vaf, "" if found.known else str(found.note)
 
 
 @dataclass(frozen=True)

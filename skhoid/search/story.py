@@ -13,7 +13,7 @@ from sklearn.base import clone
 from ..diagnosis.comparison import Comparison, compare
 from ..effects.registry import title_of, titles_of
 from ..preprocessing.base import as_fitted
-from ..recordings.loss_of_control import sentences_of
+from ..recordings.loss_of_control import notes_of_lost
 from ..regression import units_of
 from ..runs import output_name, read_layout
 from ..text import Estimate, counted, p_text
@@ -148,8 +148,8 @@ class Story:
         if others:
             text += f"; channels that effects may use: {', '.join(map(self._named, others))}"
         yield text
-        for sentence in sentences_of(self._lost.table):
-            yield f"  {sentence}"
+        for note in notes_of_lost(self._lost.table):
+            yield f"  {note.with_hint}"
 
     @property
     def _output(self) -> str:
@@ -183,8 +183,7 @@ class Story:
             )
             yield f"  the ceiling is {found.ceiling_note}"
         else:
-            why = found.ceiling_note.removeprefix("none: ")
-            yield f"  how much of the rest is remnant is not known: {why}"
+            yield f"  how much of the rest is remnant is not known: {found.ceiling_note}"
         for finding in found.findings[:SHOWN]:
             cost = f" ({finding.severity:.1f} points)" if np.isfinite(finding.severity) else ""
             # That nothing is missing is for the search to say.

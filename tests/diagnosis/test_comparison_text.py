@@ -1,68 +1,54 @@
-"""A comparison as a piece of HTML."""
+"""A comparison as text, as HTML and as numbers."""
 
-from types import SimpleNamespace
+import json
+from dataclasses import replace
 
 import numpy as np
-import pandas as pd
+import pytest
+from support.comparisons import altered
 from support.page import parse
 
-from skhoid.diagnosis.comparison_text import _runs, figures, html
-from skhoid.recordings.recording import Finding
+from skhoid import ARXRegressor, compare, make_tracking_runs
+from skhoid.recordings import Finding
+from skhoid.text import Note
+
+EVIL = "<script>alert('x')</script> & more"
 
 
-def made(**changed):
-    """What the text reads of a comparison."""
-    by_run = {"data": "validation", "run": [1], "target": [1], "vaf": 80.1234, "p": 0.5}
-    found = {
-        "model_name": "ARXRegressor",
-        "output": "u",
-        "unit": "deg",
-        "vaf": 80.0,
-        "vaf_about_mean": 80.0,
-        "mean_share": 0.0,
-        "mean_dominates": False,
-        "leak": None,
-        "one_step_vaf": np.nan,
-        "rmse": 0.1,
-        "noise_ceiling": np.nan,
-        "ceiling_note": "none: one run",
-        "overfit": None,
-        "by_run": pd.DataFrame(by_run),
-        "findings": [Finding("bias", "An offset", "p < 1e-6", "A trim", "Subtract it", "")],
-        "notes": ["one row is left out"],
-    }
-    return SimpleNamespace(**{**found, **changed})
+@pytest.fixture(scope="module")
+def comparison():
+    X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    return compare(ARXRegressor(nk=15).fit(X, y), X, y)
 
 
-def test_html_holds_figures_findings_runs_and_notes():
-    c = made()
-    page = html(c)
-    assert page.startswith("<p><b>ARXRegressor against measured u</b></p>")
-    for name, value in figures(c):
-        assert f"{name}</th><td style='text-align:left'>{value}</td>" in page
-    assert "<b>An offset</b><br>p &lt; 1e-6<br>A trim<br><i>Subtract it</i>" in page
-    assert "<summary>By run</summary><table" in page
-    assert "80.123" in page
-    assert "target" not in page
-    assert page.rstrip().endswith("<p>one row is left out.</p>")
+def test_text_html_and_numbers_tell_the_same(comparison):
+    finding = Finding("bias", "An offset", "p < 1e-6", "A trim", "Subtract it", "")
+    c = replace(comparison, findings=[finding], notes=[Note("kind", "one row is left out", "f()")])
+    text, page = " ".join(c.summary().split()), parse(c._repr_html_()).text
+    for said in (f"{c.vaf:.1f} %", "An offset", "p < 1e-6", "A trim", "Subtract it", "f()"):
+        assert said in text
+        assert said in page
+    found = json.loads(json.dumps(c.as_dict()))
+    assert found["vaf"] == c.vaf
+    assert found["findings"][0]["title"] == "An offset"
+    assert found["notes"] == ["one row is left out"]
 
 
-def test_names_in_the_data_are_text():
-    evil = "<script>alert('x')</script> & more"
-    c = made(output=evil, notes=[evil], by_run=made().by_run.assign(run=evil))
-    c.findings = [Finding("bias", evil, evil, evil, evil, "")]
-    assert "<script" not in html(c)
-    assert parse(html(c)).text.count(evil) == 7
+def test_names_in_the_data_are_text(comparison):
+    finding = Finding("bias", EVIL, EVIL, EVIL, EVIL, "")
+    runs = comparison.by_run.assign(run=EVIL)
+    c = altered(comparison, output=EVIL, findings=[finding], by_run=runs, notes=[Note("a", EVIL)])
+    page = c._repr_html_()
+    assert "<script" not in page
+    assert parse(page).text.count(EVIL) == 1 + 4 + len(runs) + 1
 
 
-def test_of_many_runs_those_of_lowest_vaf_are_listed():
-    n = 40
-    vaf = np.random.default_rng(0).permutation(n).astype(float)
-    table = pd.DataFrame({"data": "validation", "run": [f"r{k}" for k in range(n)], "vaf": vaf})
-    table = table.assign(one_step_vaf=90.0, rmse=1.0, ratio=1.0, exceeds=False)
-    title, listed = _runs(made(by_run=table))
-    assert title == "Runs, the 12 with the lowest VAF of 40"
-    assert [float(line.split()[2]) for line in listed.splitlines()[1:]] == list(range(12))
-    title, listed = _runs(made(by_run=table[:12]))
-    assert title == "Runs"
-    assert [line.split()[1] for line in listed.splitlines()[1:]] == [f"r{k}" for k in range(12)]
+def test_of_many_runs_those_of_lowest_vaf_are_listed(comparison):
+    runs = comparison.by_run.loc[[0] * 40].reset_index(drop=True)
+    runs["vaf"] = np.random.default_rng(0).permutation(40).astype(float)
+    text = altered(comparison, by_run=runs).summary()
+    head, _, listed = text.partition("Runs, the 12 with the lowest VAF of 40\n")
+    assert head
+    rows = [line.split() for line in listed.splitlines()[1:13]]
+    assert [float(row[2]) for row in rows] == list(range(12))
+    assert "lowest" not in altered(comparison, by_run=runs[:12]).summary()

@@ -92,8 +92,8 @@ def test_where_the_mean_holds_most_of_the_power_texts_are_about_the_mean():
     assert found.vaf > 99
     assert_allclose(found.vaf_about_mean, about_mean, rtol=1e-9)
     assert about_mean < 90
-    text = found.summary()
-    assert f"VAF (about the mean)   {about_mean:.1f} %" in text
+    text = " ".join(found.summary().split())
+    assert f"VAF (about the mean): {about_mean:.1f} %" in text
     assert "% of the power is the mean" in text
     points = found.point_scale * found.explainable_gap
     assert f"{points:.1f} VAF points (about the mean)" in text
@@ -105,7 +105,7 @@ def test_where_the_mean_holds_most_of_the_power_texts_are_about_the_mean():
 
 def test_without_a_dominant_mean_there_is_one_vaf():
     X, y, truth = runs(3)
-    text = compare(Oracle(truth.u_without_remnant), X, y).summary()
+    text = " ".join(compare(Oracle(truth.u_without_remnant), X, y).summary().split())
     assert "about the mean" not in text
     assert "VAF is about zero and not clipped unless it says otherwise." in text
 

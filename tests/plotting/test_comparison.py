@@ -4,7 +4,6 @@ import matplotlib as mpl
 
 mpl.use("Agg")
 
-import dataclasses
 import itertools
 
 import matplotlib.pyplot as plt
@@ -13,6 +12,7 @@ import pandas as pd
 import pytest
 from matplotlib.colors import same_color
 from scipy.stats import norm
+from support.comparisons import altered
 from support.plot_checks import labels_in, widths
 
 from skhoid import ARXRegressor, compare, make_tracking_runs, select_runs
@@ -176,7 +176,7 @@ def test_page_shades_the_worst_window_red_if_misfit_repeats_in_it(found, failing
     runs = found.by_run.assign(vaf=np.where(found.by_run["run"] == "2", -99.0, 0.0))
     windows = {f"w{i}": (1.0, 1e-9) for i in failing}
     display = ComparisonDisplay.from_comparison(
-        dataclasses.replace(found, by_run=runs, by_time=repeating(table, **windows))
+        altered(found, by_run=runs, by_time=repeating(table, **windows))
     )
     assert display.window_ == (table["start"][7], table["stop"][7])
     red = [p for p in display.axes_[0].patches if same_color(p.get_facecolor()[:3], VERMILION)]
@@ -188,20 +188,20 @@ def test_page_shades_the_worst_window_red_if_misfit_repeats_in_it(found, failing
 def test_page_of_runs_that_do_not_repeat_shades_a_worst_window_beyond_chance(found, fails):
     table = of_all_alone(found.by_time)
     table = table.assign(exceeds=(table["run"] != "all") & (table["ratio"] > 1) & fails)
-    display = ComparisonDisplay.from_comparison(dataclasses.replace(found, by_time=table))
+    display = ComparisonDisplay.from_comparison(altered(found, by_time=table))
     red = [p for p in display.axes_[0].patches if same_color(p.get_facecolor()[:3], VERMILION)]
     assert [p.get_x() for p in red] == ([display.window_[0]] if fails else [])
 
 
 def test_page_says_how_good_and_what_first(found):
     first = Finding("gain", "The gain is 50 % too low.", "p < 0.001", "", "")
-    display = ComparisonDisplay.from_comparison(dataclasses.replace(found, findings=[first]))
+    display = ComparisonDisplay.from_comparison(altered(found, findings=[first]))
     title = display.figure_.get_suptitle()
     assert f"VAF {found.vaf:.1f} %" in title
     assert f"noise ceiling {found.noise_ceiling:.1f} %" in title
     assert f"{found.explainable_gap:.1f} points" in title
     assert display.axes_[0].get_title() == first.title
-    untold = ComparisonDisplay.from_comparison(dataclasses.replace(found, findings=[]))
+    untold = ComparisonDisplay.from_comparison(altered(found, findings=[]))
     assert untold.figure_.get_suptitle() == title
     assert untold.axes_[0].get_title() == ""
 
@@ -212,7 +212,7 @@ def amplitude_of_page(found, tests):
     x = table["channel"] == "x"
     table = table.assign(mean=table["mean"].where(~x, 50 * table["band"]), valid=True)
     display = ComparisonDisplay.from_comparison(
-        dataclasses.replace(found, by_operating_point=table, tests=tests)
+        altered(found, by_operating_point=table, tests=tests)
     )
     return display.axes_[3].get_xlabel()
 
@@ -520,7 +520,7 @@ def test_empty_tables_are_said(display, found):
     empty = {name: getattr(found, name).iloc[:0] for name in TABLES}
     none = {"noise_ceiling": np.nan, "noise_ceiling_interval": (np.nan, np.nan)}
     drawn = display.from_comparison(
-        dataclasses.replace(found, **empty, **none, explainable_gap=np.nan, findings=[])
+        altered(found, **empty, **none, explainable_gap=np.nan, findings=[])
     )
     if display is not NoiseCeilingDisplay:
         assert "not available" in texts(drawn)
@@ -540,7 +540,7 @@ def test_tables_of_nan_are_drawn(display, found):
             if name != ("time_frequency")
             else table * np.nan
         )
-    drawn = display.from_comparison(dataclasses.replace(found, **lost))
+    drawn = display.from_comparison(altered(found, **lost))
     drawn.figure_.canvas.draw()
 
 

@@ -29,10 +29,10 @@ from .output import (
     message_for,
     print_json,
     print_source,
-    print_wrapped,
     say_files,
     say_next,
     typed,
+    width,
 )
 from .parser import (
     DOMAINS,
@@ -143,13 +143,11 @@ def compare(options: argparse.Namespace) -> int:
     files = {"report": page, "pictures": pictures, "tables": tables}
     if options.json:
         head = {"skhoid": __version__, "source": source, "columns": columns_dict(options)}
-        print_json({**head, **_as_dict(found), **files})
+        print_json({**head, **found.as_dict(), **files})
     else:
         print_source(options, source)
-        for line in found.summary().splitlines()[: -len(found.notes) or None]:
-            print_wrapped(line)
-        for each in found.notes:
-            print_wrapped(f"Note: {message_for(each, options)}")
+        say = partial(message_for, options=options)
+        print(found.document().text(width(), say=say))
         say_files(files)
         say_next(_after_compare(options))
     return 0
@@ -287,27 +285,3 @@ def _columns_of(model: Any) -> list[str] | None:
 def _draw(found: Any, path: Path, X: Any, y: Any) -> list[str]:
     without_screen()
     return save_figures({path.name: found.plot().figure_}, path.parent, "compare", named=(X, y))
-
-
-def _as_dict(found: Any) -> dict[str, Any]:
-    from ...search.story import comparison_dict
-
-    leak = found.leak
-    return {
-        "model": found.model_name,
-        "output": found.output,
-        "dt_s": found.dt,
-        "domain": found.domain,
-        **comparison_dict(found),
-        "vaf_about_mean": found.vaf_about_mean,
-        "mean_share": found.mean_share,
-        "one_step_vaf": found.one_step_vaf,
-        "rmse": found.rmse,
-        "estimation_vaf": found.estimation_vaf,
-        "overfit": found.overfit,
-        "ceiling_route": found.ceiling_route,
-        "ceiling_note": found.ceiling_note,
-        "leak": None if leak is None else vars(leak),
-        "findings": [vars(finding) for finding in found.findings],
-        "notes": list(map(str, found.notes)),
-    }

@@ -376,7 +376,7 @@ def _as_dict(found: Any, source: str, columns: Any) -> dict[str, Any]:
             "seconds": found.least_delay.seconds,
         },
         "left_out": found.left_out.to_dict("records"),
-        "notes": found.notes,
+        "notes": list(map(str, found.notes)),
         "models": [model.as_dict() for model in found.models],
         "adapting": found.adapting.as_dict() if found.adapting else None,
     }

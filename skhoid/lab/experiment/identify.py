@@ -304,7 +304,7 @@ def ceiling_of(model: Any, X: pd.DataFrame, y: pd.Series) -> float:
     )
     ceiling = noise_ceiling(signals)
     top, reason = consistent_ceiling(vaf + ceiling.gap, vaf, ceiling.sd, held_out=False)
-    return np.nan if reason or ceiling.reason else top
+    return top if ceiling.known and reason is None else np.nan
 
 
 def packed(model: Any) -> bytes:

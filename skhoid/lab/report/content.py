@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 
 from ...diagnosis.comparison import Comparison
-from ...diagnosis.comparison_text import figures
 from ...effects.catalogue import BY_NAME
 from ...effects.registry import titles_of
 from ...model.parameters import parameter_text
@@ -34,13 +33,12 @@ from ...search.explanations import (
 )
 from ...search.judging import LEAST_DELTA_BIC, LEAST_GAIN
 from ...search.shape import BY_HAND, LEAD, NO_FORM
-from ...text import DASH, VAF_RULE, Estimate, as_sentence, counted, gap_text, number, p_text
+from ...text import DASH, VAF_RULE, Estimate, Facts, as_sentence, counted, gap_text, number, p_text
 from .page import provenance
 from .plots import Gallery, Plot
 
 MANY = 40  # runs in a table
 DRAWN = 8  # channels
-ABSENT = "not available"
 # Findings of a comparison that are settled by a search of the whole catalogue.
 ANSWERED = (
     "asymmetry",
@@ -98,7 +96,7 @@ def content_of(
             "title": title,
             "key": key,
             "rows": rows,
-            "figures": [(name, text) for name, text in figures(found) if ABSENT not in text],
+            "figures": _figures(found),
             "findings": list(_findings(found, None if key == "after" else after, added)),
             "remark": _two_fits(search, found) if key == "before" else "",
             "notes": [as_sentence(note.with_hint) for note in found.notes],
@@ -134,6 +132,12 @@ def content_of(
         "next_steps": list(_next_steps(results)),
         "made": provenance(search if search is not None else baseline, X, y, made_with),
     }
+
+
+def _figures(found: Comparison) -> list[tuple[str, str]]:
+    """Figures of a comparison, by what they are called."""
+    blocks = found.document().blocks
+    return [line for block in blocks if isinstance(block, Facts) for line in block.facts.items()]
 
 
 def _fixed(value: Any, form: str) -> str:

@@ -1,0 +1,128 @@
+"""A comparison told as a document, and as numbers for JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..text import (
+    VAF_RULE,
+    Document,
+    Facts,
+    Heading,
+    Item,
+    Items,
+    Notes,
+    Paragraph,
+    TextTable,
+    gap_text,
+    number,
+    vaf_name,
+)
+
+if TYPE_CHECKING:
+    from .comparison import Comparison
+
+MOST_RUNS = 12  # listed
+OF_RUNS = ["data", "run", "vaf", "one_step_vaf", "rmse", "ratio", "exceeds"]
+
+
+def tell_comparison(c: Comparison) -> Document:
+    """How good a model is, where it fails, and what to do next."""
+    findings = [
+        Item(f.title, {"Evidence": f.evidence, "Meaning": f.meaning, "Next": f.next_step})
+        for f in c.findings
+    ]
+    return Document(
+        f"{c.model_name} against measured {c.output}",
+        [
+            Facts(tell_figures(c), beside=False),
+            _table_of_runs(c),
+            Heading("Findings" if findings else "No findings"),
+            Items(findings),
+            Paragraph(f"{VAF_RULE} Intervals are 95 %."),
+            Paragraph(
+                f"With nothing missing, each test raises a false alarm in "
+                f"{100 * c.false_alarm:g} % of cases, and so do all findings together. Costs "
+                "overlap, and later findings may follow from earlier ones: correct the first, and "
+                "compare again."
+            ),
+            Notes(c.notes),
+        ],
+    )
+
+
+def tell_figures(c: Comparison) -> dict[str, str]:
+    """The figures of a comparison, by what they are called."""
+    unit = f" {c.unit}" if c.unit else ""
+    about = " (about the mean)" if c.mean_dominates else ""
+    of_mean = f" ({100 * c.mean_share:.0f} % of the power is the mean)" if about else ""
+    told = {"VAF, free run": f"{c.vaf:.1f} %{of_mean}"}
+    if about:
+        told[vaf_name(centered=True)] = f"{c.vaf_about_mean:.1f} %"
+    if np.isfinite(c.one_step_vaf):
+        told["VAF, one step ahead"] = f"{c.one_step_vaf:.1f} %"
+    told["RMSE, free run"] = f"{c.rmse:.4g}{unit}"
+    if np.isnan(c.noise_ceiling):
+        told["Noise ceiling"] = f"not known: {c.ceiling.note}"
+    else:
+        top, low, high = map(c.about_mean, (c.noise_ceiling, *c.noise_ceiling_interval))
+        told["Noise ceiling"] = f"{top:.1f} %{about} ({low:.1f} to {high:.1f} %), {c.ceiling.note}"
+        gap = gap_text(c.point_scale * c.explainable_gap)
+        told["Left to explain"] = gap + (about if gap[0].isdigit() else "")
+    if c.overfit is not None:
+        told["Overfit"] = (
+            f"{'yes' if c.overfit else 'no'}: squared error {c.overfit_ratio:.2f} times that on "
+            f"estimation runs (limit 1.1), VAF there {c.estimation_vaf:.1f} %"
+        )
+    if c.leak is not None:
+        told["Leak test"] = c.leak.reason
+    return told
+
+
+def _table_of_runs(c: Comparison) -> TextTable:
+    table, title = c.by_run[OF_RUNS], "Runs"
+    if len(table) > MOST_RUNS:
+        title = f"Runs, the {MOST_RUNS} with the lowest VAF of {len(table)}"
+        table = table.sort_values("vaf", kind="stable").head(MOST_RUNS)
+    rows = [
+        [
+            str(row.run),
+            row.data,
+            f"{row.vaf:.1f}",
+            f"{row.one_step_vaf:.1f}",
+            number(row.rmse),
+            f"{row.ratio:.2f}",
+            "yes" if row.exceeds else "",
+        ]
+        for row in table.itertuples()
+    ]
+    header = ["run", "data", "VAF, %", "one step, %", "RMSE", "ratio", "beyond chance"]
+    return TextTable(title, header, rows, left=("run", "data"), kind="runs")
+
+
+def numbers_of(c: Comparison) -> dict[str, Any]:
+    """The figures of a comparison, its leak test, findings and notes, for JSON."""
+    return {
+        "model": c.model_name,
+        "output": c.output,
+        "dt_s": c.dt,
+        "domain": c.domain,
+        "vaf": c.vaf,
+        "noise_ceiling": c.noise_ceiling,
+        "noise_ceiling_interval": list(c.noise_ceiling_interval),
+        "explainable_gap": c.explainable_gap,
+        "vaf_about_mean": c.vaf_about_mean,
+        "mean_share": c.mean_share,
+        "one_step_vaf": c.one_step_vaf,
+        "rmse": c.rmse,
+        "estimation_vaf": c.estimation_vaf,
+        "overfit": c.overfit,
+        "ceiling_route": c.ceiling_route,
+        "ceiling_status": c.ceiling.note.kind,
+        "ceiling_note": c.ceiling.note.text,
+        "leak": None if c.leak is None else c.leak.as_dict(),
+        "findings": [vars(finding) for finding in c.findings],
+        "notes": list(map(str, c.notes)),
+    }
