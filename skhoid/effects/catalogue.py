@@ -21,8 +21,6 @@ FREE_FORMS: tuple[type[FreeForm], ...] = tuple(
 )
 register(FREE_FORMS)
 EXPERIMENTS = catalogued_pairs(BY_NAME)
-# Effects that a simulated loop can have, with numbers that matter in condition C1.
-HIDDEN = {name: entry(**entry.hidden) for name, entry in BY_NAME.items() if entry.hidden}
 
 
 def catalogue() -> pd.DataFrame:

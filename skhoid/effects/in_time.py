@@ -49,6 +49,7 @@ class WrongDelay(Effect):
     reference = "Thesis, Section V: n_k fixed or estimated."
     told_apart = {"extra_lag": "use a forcing function with lines up to 30 rad/s"}
     examples = ({"extra": 0.08},)
+    hidden = examples[0]
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if core == CoreKind.OPERATOR_FREE_DELAY:
@@ -90,6 +91,7 @@ class TimeVaryingDelay(Effect):
     neutral = {"change": 0.0}
     reference = "Thesis, Eq. 2, for its sigmoid."
     examples = ({"change": 0.15, "rate": 0.5, "time": 40.0},)
+    hidden = examples[0]
 
     def apply(self, signal: Any, record: Record, change: float, rate: float, time: float) -> Any:
         return signal + change * sigmoid(record, rate, time)
@@ -144,6 +146,7 @@ class Intermittent(Effect):
         {"trigger": "event", "hold_time": 0.1, "threshold": 0.1},
         {"trigger": "error", "hold_time": 0.1, "threshold": 0.8},
     )
+    hidden = examples[0]
     parameters = (
         Parameter("hold_time", S, 0.0, 1.2, STARTS_EVENT, "refractory time", forms=ON_EVENTS),
         Parameter(
@@ -596,6 +599,7 @@ class Lapses(Effect):
         {"form": "gain", "depth": 0.9, "shift": 0.0, "intervals": [(20.0, 27.0), (50.0, 58.0)]},
         {"form": "hold", "depth": 0.9, "shift": 0.0, "intervals": [(4.6, 6.2)]},
     )
+    hidden = examples[0]
 
     @property
     def n_hidden(self) -> int:  # type: ignore[override]

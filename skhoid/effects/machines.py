@@ -118,6 +118,7 @@ class Friction(_Inside):
             "reference": 0.1,
         },
     )
+    hidden = {"of": "limb", "coulomb": 0.03}
     parameters = (
         Parameter("coulomb", U, 0.01, 2.0, (0.1, 0.3), "friction in the limb", forms=("limb",)),
         Parameter(

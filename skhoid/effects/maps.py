@@ -253,6 +253,7 @@ class Rectified(Effect):
         {"form": "sharp", "side": "positive", "leak": 0.1},
         {"form": "soft", "side": "positive", "width": 0.7},
     )
+    hidden = examples[0]
     parameters = (
         Parameter("width", E, 0.02, 1.0, (0.3,), "width of the bend", forms=("soft",)),
         Parameter(
@@ -353,6 +354,7 @@ class AbsoluteValue(Effect):
         {"form": "together", "gain": 0.05},
         {"form": "apart", "gain": 0.05, "later": 0.1},
     )
+    hidden = examples[0]
     parameters = (
         Parameter("gain", U / E, -5.0, 5.0, (-0.3, 0.3), "gain on the magnitude"),
         Parameter(
@@ -531,6 +533,7 @@ class Stiction(Effect):
         {"form": "slide", "breakaway": 0.15, "kinetic": 0.3},
         {"form": "jump", "breakaway": 0.15, "kinetic": 0.3},
     )
+    hidden = {"form": "slide", "breakaway": 0.04, "kinetic": 0.3}
 
     def scanned_beside(
         self, error_of: ErrorScan, values: dict[str, float]
@@ -713,6 +716,7 @@ class HardeningStiffness(Effect):
         {"form": "cubic", "stiffness": 15.0},
         {"form": "square", "stiffness": 4.0},
     )
+    hidden = examples[0]
     parameters = (
         Parameter(
             "stiffness",

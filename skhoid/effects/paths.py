@@ -155,6 +155,7 @@ class Integral(Effect):
         {"form": "pure", "gain": 0.1},
         {"form": "leaky", "gain": 0.1, "leak": 0.7},
     )
+    hidden = {"form": "pure", "gain": 0.05}
     parameters = (
         Parameter("gain", U / (E * S), 0.0, 20.0, (0.1, 0.5), "gain on the integral"),
         Parameter("leak", ONE / S, 0.001, 0.6, (0.1,), "rate of forgetting", forms=("leaky",)),
@@ -297,6 +298,7 @@ class Preview(_AnswerToTarget):
         {"form": "rate", "gain": 0.05, "time": 0.4},
         {"form": "gain", "gain": 0.05, "time": 0.4},
     )
+    hidden = examples[0]
     parameters = (
         *GAINS_OF_TARGET,
         Parameter("time", S, 0.0, 1.5, (0.2, 0.6), "preview time"),
@@ -594,6 +596,7 @@ class ExtraLag(Effect):
     reference = "McRuer and Krendel (1974), the precision model."
     told_apart = {"nm_mode": "use a forcing function with lines up to 30 rad/s"}
     examples = ({"time": 0.2},)
+    hidden = examples[0]
 
     def apply(self, signal: Any, record: Record, time: float) -> Any:
         return shaped(signal, record, [0.0, 0.0, 1.0], [0.0, time, 1.0])
@@ -614,6 +617,7 @@ class ExtraLead(Effect):
     within = ("higher_order",)  # whose other zero and poles are fast
     reference = "McRuer and Krendel (1974)."
     examples = ({"time": 0.2},)
+    hidden = examples[0]
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return "an ARX model has its own zeros: raise nb" if core == CoreKind.ARX else None
@@ -644,6 +648,7 @@ class NeuromuscularMode(Effect):
     within = ("higher_order",)  # whose zeros are fast
     reference = "Magdaleno and McRuer, Experimental validation of neuromuscular models (1971)."
     examples = ({"omega": 12.0, "zeta": 0.2},)
+    hidden = examples[0]
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if core == CoreKind.ARX:
@@ -678,6 +683,12 @@ class HigherOrder(Effect):
     examples = (
         {"zero_frequency": 2.0, "zero_damping": 0.4, "pole_frequency": 5.0, "pole_damping": 0.4},
     )
+    hidden = {
+        "zero_frequency": 4.0,
+        "zero_damping": 0.5,
+        "pole_frequency": 6.0,
+        "pole_damping": 0.5,
+    }
 
     def starts(self, record: Record) -> list[dict[str, float]]:
         """Zeros and poles at the same places (shifted a little, so that they can part)."""

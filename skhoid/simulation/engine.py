@@ -283,17 +283,21 @@ def check_effects(task: CompensatoryTask) -> None:
                 f"CompensatoryTask: {effect.name} is noise; add {effect.noise} of your own to y."
             )
         if effect.free:
-            missing = ", ".join(f"{p.name}=" for p in effect.free)
-            raise ValueError(
-                f"CompensatoryTask: the effect {name} needs numbers to be simulated: "
-                f"{type(effect).__name__}({missing})."
-            )
+            raise _without_numbers(name, effect)
+
+
+def _without_numbers(name: str, effect: Effect) -> ValueError:
+    missing = ", ".join(f"{p.name}=" for p in effect.free)
+    return ValueError(
+        f"CompensatoryTask: the effect {name} needs numbers to be simulated: "
+        f"{type(effect).__name__}({missing})."
+    )
 
 
 def with_first_choices(
     task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray
 ) -> Effects:
-    """The effects with open choices (form, channel) made: the first option of each."""
+    """The effects with open choices (form, channel) made: the first whose numbers are all given."""
     window = t[:, 0] > -0.5 / task.sampling_rate
     record = _record(task, {n: c[window] for n, c in channels.items()}, t[window])
     steps = []
@@ -301,7 +305,11 @@ def with_first_choices(
         reason = effect.refusal(record, OperatorCore(task.operator.tau_e).kind)
         if reason is not None:
             raise ValueError(f"CompensatoryTask: the effect {name} does not apply: {reason}.")
-        steps.append((name, effect.variants(record)[0]))
+        variants = effect.variants(record)
+        known = [variant for variant in variants if not variant.free]
+        if not known:
+            raise _without_numbers(name, variants[0])
+        steps.append((name, known[0]))
     return Effects(steps)
 
 

@@ -5,7 +5,6 @@ import pytest
 
 from skhoid import ARXRegressor, CompensatoryTask, OperatorRegressor, make_tracking_runs
 from skhoid.effects import Bias, DeadZone, Effect, GainDrift, Intermittent, Parameter, Preview
-from skhoid.effects.catalogue import HIDDEN
 
 pytestmark = pytest.mark.slow  # compiles for many effects
 
@@ -73,7 +72,7 @@ def test_own_effects_and_those_that_look_ahead_are_simulated():
     [
         ({"effects": DeadZone()}, r"needs numbers to be simulated: DeadZone\(width=\)"),
         ({"effects": "tremor"}, "tremor is noise"),
-        ({"effects": HIDDEN["bias"], "display": 0.5}, "the display must be 'compensatory'"),
+        ({"effects": Bias(level=0.05), "display": 0.5}, "the display must be 'compensatory'"),
         ({"effects": Intermittent(hold_time=0.3)}, "needs numbers"),
     ],
 )

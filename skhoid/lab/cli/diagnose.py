@@ -14,7 +14,6 @@ from typing import Any
 import skhoid
 
 from ... import __version__
-from ...exceptions import did_you_mean
 from .files import (
     check_folders,
     check_tables,
@@ -135,16 +134,11 @@ def add_demo(commands: Any) -> None:
 def demo(options: argparse.Namespace) -> int:
     """Hide effects in a simulated person, and find them."""
     from ...effects import Effects
-    from ...effects.catalogue import HIDDEN
 
     names = [] if options.effect == ["none"] else options.effect
     if "none" in names:
         raise ValueError("--effect none hides nothing, and takes no other names.")
-    for name in names:
-        if name not in HIDDEN:
-            raise ValueError(
-                f"demo hides none, {', '.join(HIDDEN)}; got {name!r}.{did_you_mean(name, HIDDEN)}"
-            )
+    hidden = Effects.of([_hidden(name) for name in names])
     if options.no_pictures and options.no_report:
         refuse(options, ["out"], "has no use: --no-pictures and --no-report leave nothing there.")
     if options.no_pictures:
@@ -152,7 +146,6 @@ def demo(options: argparse.Namespace) -> int:
     folder = Path(options.out or "skhoid-demo")
     check_folders(folder)
     check_tables(options)
-    hidden = Effects.of([HIDDEN[name] for name in names])
     X, y, truth = skhoid.make_tracking_runs(
         "C1",
         n_runs=options.runs,
@@ -181,6 +174,21 @@ def demo(options: argparse.Namespace) -> int:
     if not options.json:
         say_next(AFTER_DEMO)
     return 0
+
+
+def _hidden(name: str) -> Any:
+    """The effect of an id, as large as it matters in the simulated runs."""
+    from ...effects import effect
+
+    known = effect(name)
+    if known.hidden:
+        return known.with_choices(**known.hidden)
+    why = "it responds to a column that the demo does not simulate"
+    if "human" not in known.domains:
+        why = "it is for machines"
+    elif known.noise:
+        why = "it is noise, which no model simulates"
+    raise ValueError(f"demo cannot hide {name}: {why}.")
 
 
 def _reveal(search: Any, names: list[str], best: float) -> None:
