@@ -52,13 +52,13 @@ from .interpret.conversion import operator_parameters as operator_parameters
 from .interpret.references import reference_fits as reference_fits
 from .io import load_bicycle_rider as load_bicycle_rider
 from .io import load_human_tracking as load_human_tracking
-from .io import read_experiment as read_experiment
-from .io import read_runs as read_runs
 from .io import write_runs as write_runs
 from .lab.experiment.analyse import analyse_experiment as analyse_experiment
 from .lab.experiment.group import GroupEffectSearch as GroupEffectSearch
 from .lab.experiment.identify import identify_people as identify_people
 from .lab.experiment.simulate import simulate_experiment as simulate_experiment
+from .lab.guessing import read_experiment as read_experiment
+from .lab.guessing import read_runs as read_runs
 from .lab.report import Report as Report
 from .lab.report import report as report
 from .lab.studies.memory_horizons import recommend_forgetting as recommend_forgetting

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from skhoid._machine import check_memory, ended_by_signals
-from skhoid.io.whole import written_whole
+from skhoid.io.writing import written_whole
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows has other signals")
 

@@ -17,8 +17,8 @@ from .. import (
     RunInTrimmer,
     resample_runs,
 )
-from ..io.guess import ColumnGuess
-from ..io.readers import read_guessed
+from .guessing.columns import ColumnGuess
+from .guessing.reading import read_guessed
 
 __all__ = ["about_means", "estimator_of", "read_chosen", "read_element", "trimmed"]
 

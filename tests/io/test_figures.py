@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import pytest
 from matplotlib.figure import Figure
 
-from skhoid.io.figures import save_figure
+from skhoid.io.writing import save_figure
 
 
 @pytest.mark.parametrize(("name", "begin"), [("one.png", b"\x89PNG"), ("one.svg", b"<?xml")])

@@ -15,8 +15,9 @@ from scipy.sparse import csc_array
 from support import mat5
 from support.mat5 import array, doubles, element, integers, packed
 
-from skhoid.io import _mat5, read_runs
-from skhoid.io._mat5 import checked
+from skhoid import read_runs
+from skhoid.io import matlab as _mat5
+from skhoid.io.matlab import checked
 
 NUMBERS = np.arange(6.0).reshape(2, 3)
 VARIABLES = {

@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhoid.io import _plain, _sheet, _text, read_runs
-from skhoid.io._table import as_numbers
+from skhoid import read_runs
+from skhoid.io import delimited
+from skhoid.io.files import as_numbers
 
 NUMBERS = ["1", "-1", ".5", "5.", "-.5", "1e5", "1E+5", "1e-5", "1e400", "-1e400", "1e-400"]
 NUMBERS += ["5e-324", "2.4703282292062327e-324", "2.4703282292062328e-324", "1e23", "8.5e-17"]
@@ -26,13 +27,13 @@ def read_by(monkeypatch, path, reader):
         if reader == "pandas":
             patch.setitem(sys.modules, "pyarrow.csv", None)
         else:
-            patch.setattr(_plain, "_by_pandas", _plain._by_arrow)
-        found = _plain.plain_columns(sheet_of(path), [1], None)
+            patch.setattr(delimited, "_by_pandas", delimited._by_arrow)
+        found = delimited.plain_columns(sheet_of(path), [1], None)
     return None if found is None else found[0][0]
 
 
 def sheet_of(path):
-    return _sheet._sheet(_text.survey(path))
+    return delimited._sheet(delimited.survey(path))
 
 
 def inferred(path):
@@ -113,7 +114,7 @@ def test_labels(tmp_path, monkeypatch, cells, labels, reader):
     if reader == "pandas":
         monkeypatch.setitem(sys.modules, "pyarrow.csv", None)
     elif reader == "inference":
-        monkeypatch.setattr("skhoid.io._sheet.plain_columns", lambda *_: None)
+        monkeypatch.setattr("skhoid.io.delimited.plain_columns", lambda *_: None)
     X, _ = read_runs(path, inputs="e", output="u", time="t", run="r")
     found = X.index.get_level_values("run").to_list()
     assert found == labels
@@ -128,13 +129,13 @@ def test_blocks_join(tmp_path, monkeypatch, reader):
     )
     frame = frame.assign(e=rng.standard_normal(1200), u=rng.standard_normal(1200))
     frame.to_csv(tmp_path / "runs.csv", index=False)
-    monkeypatch.setattr(_plain, "_BYTES", 1000)
-    monkeypatch.setattr(_plain, "_ROWS", 7)
-    monkeypatch.setattr("skhoid.io._parquet._ROWS", 7)
+    monkeypatch.setattr(delimited, "_BYTES", 1000)
+    monkeypatch.setattr(delimited, "_ROWS", 7)
+    monkeypatch.setattr("skhoid.io.archives._ROWS", 7)
     if reader == "pandas":
         monkeypatch.setitem(sys.modules, "pyarrow.csv", None)
     else:
-        monkeypatch.setattr(_plain, "_by_pandas", None)
+        monkeypatch.setattr(delimited, "_by_pandas", None)
     frame.to_parquet(tmp_path / "runs.parquet")
     expected = frame.set_index(["run", "t"])
     for name in ("runs.csv", "runs.parquet"):

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhoid.io.tables import check_table_format, write_tables
+from skhoid.io.writing import check_table_format, write_tables
 
 
 @pytest.fixture

@@ -6,8 +6,7 @@ import os
 import pandas as pd
 import pytest
 
-from skhoid.io.tables import write_tables
-from skhoid.io.whole import is_left_over, written_whole
+from skhoid.io.writing import is_left_over, write_tables, written_whole
 
 LINKS = pytest.mark.skipif(os.name == "nt", reason="Windows lets not everyone make links")
 

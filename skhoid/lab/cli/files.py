@@ -29,7 +29,7 @@ def read_files(
 
     ``roles`` are the channels that are named; without ``signals`` no others are taken.
     """
-    from ...io import guess_columns
+    from ..guessing import guess_columns
     from ..opening import read_chosen
 
     if options.dt is not None and options.time is None:

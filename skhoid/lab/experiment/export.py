@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...io.whole import written_whole
+from ...io import written_whole
 from .mixed import BETWEEN, MixedModelResult, mixed_model
 from .rows import select
 

@@ -27,7 +27,7 @@ from ...diagnosis.ceiling import consistent_ceiling, noise_ceiling
 from ...diagnosis.signals import read_signals
 from ...interpret.arx_channel import is_arx
 from ...interpret.conversion import FROM_POLES, UNITS, operator_parameters
-from ...io.whole import is_left_over, written_whole
+from ...io import is_left_over, written_whole
 from ...metrics import scored_rows, scored_signals, vaf_of_rows, vaf_of_sums
 from ...pipelines import final_step, prediction_from, raw_layout, taken_apart, trimmed_rows
 from ...preprocessing.gate import as_output

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ...io._table import require
+from ...io import require
 from ...text import Summary, counted, number, p_text, wrapped
 from .reml import At, FTest, KenwardRoger, equations, reml
 from .rows import Cells, Rows, check_reference, select

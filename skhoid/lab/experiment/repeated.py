@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ...io._table import require
+from ...io import require
 from ...text import Summary, counted, number, p_text, wrapped
 from .mixed import ADJUSTED, adjusted
 from .rows import Rows, check_reference, select

@@ -17,7 +17,7 @@ from typing import Any
 from sklearn.base import BaseEstimator
 
 from ..._version import __version__
-from ...io.whole import written_whole
+from ...io.writing import written_whole
 from ...runs.fingerprint import fingerprint
 from ...text import rendered
 from ..explore import component

@@ -14,8 +14,7 @@ import numpy as np
 import pandas as pd
 
 from ...exceptions import StudyFolderError, StudyWarning
-from ...io._table import require
-from ...io.whole import is_left_over, written_whole
+from ...io import is_left_over, require, written_whole
 from .identity import differing_parts, digest
 
 MANIFEST = "study.json"

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...io.figures import save_figure
-from ...io.tables import check_table_format, write_tables
+from ...io import check_table_format, save_figure, write_tables
 from ...text import STYLE, Summary, TextTable, wrapped
 from .tournament_scores import FOLLOWED, QUESTIONS, detection_table, losses, question_of, ranked
 

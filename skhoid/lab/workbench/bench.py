@@ -15,9 +15,10 @@ from typing import Any
 from ... import report
 from ...effects import Effects
 from ...exceptions import IrregularSamplingError
-from ...io import UnclearColumnsError, shown
+from ...io import shown
 from ..explore import Exploration
 from ..explore.payloads import payload_of_exploration
+from ..guessing import UnclearColumnsError
 from ..opening import estimator_of
 from .columns import KINDS, Choices, Columns, Recorded, look, noted, read, search_settings
 from .jobs import SearchJob

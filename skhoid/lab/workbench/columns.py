@@ -15,17 +15,10 @@ from typing import Any
 import numpy as np
 
 from ... import check_channels
-from ...io import (
-    ColumnGuess,
-    FileTable,
-    Problem,
-    guess_columns,
-    numbers_of,
-    open_table,
-    split_header,
-)
+from ...io import FileTable, numbers_of, open_table, split_header
 from ...runs import OUTPUT, read_layout, role_of
 from ...text import counted
+from ..guessing import ColumnGuess, Problem, guess_columns
 from ..opening import read_chosen, read_element, trimmed
 
 __all__ = [

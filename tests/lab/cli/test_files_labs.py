@@ -8,8 +8,8 @@ import pytest
 from support.labs import BROKEN, BY_NAME, LABS, broken, record
 
 from skhoid import read_runs
-from skhoid.io.guess import guess_columns
 from skhoid.lab.cli import main
+from skhoid.lab.guessing.columns import guess_columns
 
 pytestmark = pytest.mark.slow  # starts and reads much
 

@@ -1,0 +1,287 @@
+"""The files that a user names, and what each is once it is open: a table."""
+
+from __future__ import annotations
+
+import difflib
+import glob
+import importlib
+import os
+import re
+import reprlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
+
+
+def expand_paths(paths: Paths) -> list[Path]:
+    """List the files; lists keep their order, the matches of a pattern are in natural order."""
+    items = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    if not items:
+        raise ValueError("paths is empty: name at least one file or glob pattern.")
+    return [path for item in items for path in _expand(item)]
+
+
+def shown(name: str | os.PathLike[str]) -> str:
+    r"""A file name that can be printed: bytes that are not UTF-8 become ``\xff``."""
+    return os.fsencode(name).decode("utf-8", "backslashreplace")
+
+
+def _expand(item: Any) -> list[Path]:
+    if not isinstance(item, str | os.PathLike):
+        raise TypeError(
+            f"paths must be a path, a glob pattern or a list of these; it holds {item!r} "
+            f"({type(item).__name__})."
+        )
+    path = Path(item).expanduser()
+    if path.is_dir():
+        raise ValueError(
+            f"{path} is a folder: name its files with a pattern, such as "
+            f"{os.fspath(path / '*.csv')!r}."
+        )
+    # A file whose name has brackets is taken as a file before it is taken as a pattern.
+    if path.is_file():
+        return [path]
+    pattern = os.fspath(path)
+    if glob.has_magic(pattern):
+        found = [Path(name) for name in glob.glob(pattern, recursive=True)]
+        files = sorted((match for match in found if match.is_file()), key=_natural)
+        if not files:
+            raise FileNotFoundError(
+                f"No file matches the pattern {pattern!r} (working folder: {Path.cwd()})."
+            )
+        return files
+    if path.exists():
+        raise ValueError(f"{path} is not a regular file and cannot be read.")
+    raise FileNotFoundError(f"There is no file {path} (working folder: {Path.cwd()}).")
+
+
+def _natural(path: Path) -> list[Any]:
+    """Sort run2 before run10."""
+    parts = re.split(r"(\d+)", os.fspath(path))
+    # re.split alternates text and digits, so equal positions always hold equal types.
+    return [int(part) if part.isdecimal() else part for part in parts]
+
+
+# A bracket is a unit; a parenthesis only if it holds a letter or a unit sign, not in "e (2)".
+_HEADER = re.compile(
+    r"^(?P<name>.*\S)(?:\s*\[(?P<square>[^\[\]]*)\]|\s+\((?P<round>[^()]*[^\W\d_][^()]*|[%°])\))$"
+)
+_MOST_NAMES = 30
+_CLOSE = 0.6  # likeness of names, from 0 to 1
+# Columns, and the codes and labels of one of them if it is asked for.
+Columns = tuple[list[Any], tuple[np.ndarray, list[Any]] | None]
+
+
+def split_header(header: str) -> tuple[str, str | None]:
+    """Split ``"e [deg]"`` or ``"e (deg)"`` into name and unit; the unit is None without one."""
+    match = _HEADER.match(header)
+    if match is None:
+        return header, None
+    square = match["square"]
+    return match["name"], (match["round"] if square is None else square).strip() or None
+
+
+def require(module: str, what: str, extra: str = "io") -> Any:
+    """Import an optional package, or say which extra installs it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise ImportError(
+            f'{what} needs the package {module}: pip install "skhoid[{extra}]"'
+        ) from error
+
+
+@contextmanager
+def read_as(path: Path, kind: str) -> Iterator[None]:
+    """Name the file on which a library fails: damaged ones make it fail in many ways."""
+    try:
+        yield
+    except ImportError:
+        raise
+    except MemoryError as error:  # it has no text
+        raise ValueError(
+            f"{path} cannot be read as {kind}: its declared contents need more memory than there "
+            "is. Either it is damaged, or its runs must be stored in several files."
+        ) from error
+    except Exception as error:
+        raise ValueError(f"{path} cannot be read as {kind}: {error}") from error
+
+
+class ColumnError(ValueError):
+    """A file does not have what was asked for; ``alone`` says so where the file is known."""
+
+    def __init__(self, message: str, alone: str = "") -> None:
+        super().__init__(message)
+        self.alone = alone or message
+
+
+@dataclass
+class FileTable:
+    """The columns (or MATLAB variables) of one file, read when asked for.
+
+    ``names`` may repeat; ``load`` takes positions in it, and that of a column of labels.
+    ``unreadable`` says what a name holds instead of numbers, and ``note`` is added to the error
+    about a name that is not there. ``peek`` gives the first rows of every column, quickly.
+    ``raw`` gives a column as its file has it, where ``load`` may refuse it. ``run_name`` is the
+    column that numbers runs where the format itself has them; ``remarks`` tell how the file is
+    built, and ``faults`` what is wrong with that. ``aliases`` are other names of columns.
+    """
+
+    path: Path
+    names: list[str]
+    load: Callable[[Sequence[int], int | None], Columns]
+    units: dict[str, str] = field(default_factory=dict)
+    unreadable: dict[str, str] = field(default_factory=dict)
+    note: str = ""
+    kind: str = "column"
+    peek: Callable[[int], list[Any]] = field(default=lambda n: [])
+    raw: Callable[[int], Any] | None = None
+    run_name: str | None = None
+    remarks: list[str] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
+    aliases: dict[str, str] = field(default_factory=dict)
+
+    def where(self, name: str) -> str:
+        """Name a column for an error message."""
+        return f"{self.kind} {name!r} of {self.path}"
+
+    def find(self, asked: str) -> int:
+        """Position of the column with this header, or else with this name before its unit."""
+        asked = self.aliases.get(asked, asked)
+        hits = [i for i, name in enumerate(self.names) if name == asked]
+        if not hits:
+            hits = [i for i, name in enumerate(self.names) if split_header(name)[0] == asked]
+        if len(hits) == 1:
+            return hits[0]
+        if hits:
+            headers = [self.names[i] for i in hits]
+            advice = (
+                "rename all but one in the file"
+                if len(set(headers)) < len(headers)
+                else "name one of them by its whole header"
+            )
+            text = f"as {len(hits)} {self.kind}s {asked!r}, with the headers {headers}: {advice}."
+            raise ColumnError(f"{self.path} h{text}", f"H{text}")
+        parts = asked.split(".")
+        for depth in range(len(parts), 0, -1):
+            name = ".".join(parts[:depth])
+            # If the struct is there, its field is what is missing.
+            is_open = any(other.startswith(f"{name}.") for other in self.names)
+            if name in self.unreadable and (name == asked or not is_open):
+                raise ColumnError(f"In {self.path}, {name!r} {self.unreadable[name]}")
+        raise self._missing(asked)
+
+    def unit_of(self, position: int) -> str | None:
+        """Unit from the header, or stored with the file."""
+        header = self.names[position]
+        name, unit = split_header(header)
+        return unit or self.units.get(header) or self.units.get(name)
+
+    def _missing(self, asked: str) -> ColumnError:
+        named = [name for name in self.names if name]
+        short = [split_header(name)[0] for name in named]
+        folded = {name.casefold(): name for name in [*short, *named]}
+        if self.kind == "variable":
+            folded |= {name.casefold(): name for name in self.unreadable}
+            folded = {key: name for key, name in folded.items() if _same_field(asked, key)}
+        close = difflib.get_close_matches(asked.casefold(), folded, n=3, cutoff=_CLOSE)
+        listed = ", ".join(repr(name) for name in named[:_MOST_NAMES])
+        if len(named) > _MOST_NAMES:
+            listed += f" and {len(named) - _MOST_NAMES} more"
+        near = " or ".join(repr(folded[name]) for name in close)
+        near = f" Did you mean {near}?" if near else ""
+        there = f"{self.path} has no {self.kind} {asked!r}. It has: {listed or 'none'}."
+        return ColumnError(
+            f"{there}{near} {self.note}".rstrip(), f"There is no {self.kind} {asked!r}.{near}"
+        )
+
+
+def _same_field(asked: str, name: str) -> bool:
+    """Whether fields of structs are alike by their own names; in one struct all share its name."""
+    one, other = (text.casefold().rpartition(".")[2] for text in (asked, name))
+    return difflib.SequenceMatcher(None, one, other).ratio() >= _CLOSE
+
+
+def one_by_one(load: Callable[[int], Any]) -> Callable[[Sequence[int], int | None], Columns]:
+    """Load columns of a file in which each can be read alone."""
+
+    def load_all(numbers: Sequence[int], labels: int | None) -> Columns:
+        columns = [load(position) for position in numbers]
+        return columns, None if labels is None else coded(load(labels))
+
+    return load_all
+
+
+def coded(labels: Any) -> tuple[np.ndarray, list[Any]]:
+    """Labels in order of appearance, and which of them each row has; -1 is a missing one."""
+    values = labels if isinstance(labels, pd.Series) else pd.Series(np.ravel(labels))
+    codes, found = pd.factorize(values)
+    return codes, pd.Index(found).tolist()
+
+
+def _float_of(cell: Any) -> float:
+    """A cell as a number, infinite if it is too large; NaN if it is not a number."""
+    try:
+        return float(str(cell))
+    except ValueError:
+        return np.nan
+
+
+def as_numbers(values: Any, where: str) -> np.ndarray:
+    """Float64 array of a column, or an error that names the first value that is not a number."""
+    series = values if isinstance(values, pd.Series) else None
+    dtype = np.asarray(values).dtype if series is None else series.dtype
+    if pd.api.types.is_complex_dtype(dtype):
+        raise ValueError(
+            f"{where} is complex: give real signals, such as its real part or its magnitude."
+        )
+    if pd.api.types.is_datetime64_any_dtype(dtype) or pd.api.types.is_timedelta64_dtype(dtype):
+        raise ValueError(
+            f"{where} holds dates or time differences ({dtype}): store seconds as numbers, such "
+            "as (t - t[0]).dt.total_seconds()."
+        )
+    if pd.api.types.is_numeric_dtype(dtype):
+        if series is None:
+            return np.asarray(values, dtype=np.float64)
+        return series.to_numpy(dtype=np.float64, na_value=np.nan)
+    text = pd.Series(np.asarray(values).ravel(), dtype=object) if series is None else series
+    try:
+        numbers = pd.to_numeric(text, errors="coerce")
+    except OverflowError:  # an integer of more than 308 digits
+        numbers = text.map(_float_of).astype(np.float64)
+    bad = np.flatnonzero(numbers.isna().to_numpy() & text.notna().to_numpy())
+    if bad.size:
+        advice = "Leave a cell empty, or write NaN, where nothing was measured."
+        if bad.size == text.size:
+            advice = "Name another column, or store it as numbers, time in seconds."
+        elif bad.size == 1 and bad[0] == 0:
+            advice = (
+                "If that is a unit, delete the row, and write units into the header, as in 'e "
+                "[deg]'."
+            )
+        raise ValueError(
+            f"{where} is not numeric: row {bad[0] + 1} (the first sample is row 1) is "
+            f"{reprlib.repr(text.iloc[bad[0]])} ({bad.size} of {text.size} rows are not numbers). "
+            f"{advice}"
+        )
+    return numbers.to_numpy(dtype=np.float64, na_value=np.nan)
+
+
+def numbers_of(raw: Any) -> np.ndarray:
+    """A column as float64, NaN where there is no number."""
+    series = raw if isinstance(raw, pd.Series) else pd.Series(np.ravel(raw))
+    if series.dtype.kind in "mM":
+        return np.full(len(series), np.nan)
+    if series.dtype == object or not pd.api.types.is_numeric_dtype(series.dtype):
+        texts = series.astype(str).str.replace(",", ".", regex=False)
+        series = pd.to_numeric(texts, errors="coerce")
+    if series.dtype.kind == "c":
+        return np.full(len(series), np.nan)
+    return series.to_numpy(dtype=float, na_value=np.nan)

@@ -1,0 +1,113 @@
+"""Files of every format, opened by their extension, and read as runs by the names of columns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from .archives import read_npz, read_parquet, read_xdf
+from .assembling import Channel, FileRuns, assemble, gather_units, runs_of
+from .delimited import read_csv
+from .files import FileTable, Paths, expand_paths, shown
+from .matlab import read_mat
+
+READERS: dict[str, Callable[[Path], FileTable]] = {
+    ".csv": read_csv,
+    ".tsv": read_csv,
+    ".txt": read_csv,
+    ".parquet": read_parquet,
+    ".pq": read_parquet,
+    ".mat": read_mat,
+    ".npz": read_npz,
+    ".xdf": read_xdf,
+}
+DOTTED = (".mat", ".xdf")  # whose names may be paths, of which the last part names the channel
+
+
+def open_table(path: Path) -> FileTable:
+    """One file as a table, by its extension."""
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise ValueError(
+            f"{path} has the extension {path.suffix!r}; skhoid reads {', '.join(READERS)}."
+        )
+    return reader(path)
+
+
+def read_named(
+    files: list[Path],
+    channels: list[Channel],
+    clock: str | float,
+    given: dict[str, str],
+    run: str | None,
+    levels: Mapping[str, str] | None = None,
+    opened: FileTable | None = None,
+) -> tuple[pd.DataFrame, pd.Series]:
+    """X and y of files; ``levels`` as in runs_of, with the names of their levels."""
+    pieces: list[FileRuns] = []
+    known: dict[str, tuple[str, Path]] = {}
+    for path in files:
+        table = opened if opened is not None and opened.path == path else open_table(path)
+        pieces.append(
+            runs_of(
+                table,
+                [channel.asked for channel in channels],
+                clock=clock,
+                time_unit=given.get("time"),
+                run=run,
+                levels=None if levels is None else list(levels),
+            )
+        )
+        gather_units(table, channels, given, known)
+    if levels is not None:
+        pieces = _told_apart(pieces)
+    _check_labels(pieces, run)
+    return assemble(
+        pieces, [channel.name for channel in channels], known, list((levels or {}).values())
+    )
+
+
+def _told_apart(pieces: list[FileRuns]) -> list[FileRuns]:
+    """Files that number their runs alike: the file name is put before the label."""
+    labels = [label for piece in pieces for label in piece.labels]
+    if len(set(labels)) == len(labels) or len({piece.path for piece in pieces}) < len(pieces):
+        return pieces
+
+    def named(piece: FileRuns, label: Any) -> Any:
+        own = label[-1] if isinstance(label, tuple) else label
+        text = (
+            shown(piece.path.stem) if len(piece.labels) == 1 else f"{shown(piece.path.stem)} {own}"
+        )
+        return (*label[:-1], text) if isinstance(label, tuple) else text
+
+    return [
+        replace(piece, labels=[named(piece, label) for label in piece.labels]) for piece in pieces
+    ]
+
+
+def first_table(paths: Paths) -> FileTable:
+    """The first of the files, opened."""
+    return open_table(expand_paths(paths)[0])
+
+
+def _check_labels(pieces: list[FileRuns], run: str | None) -> None:
+    first: dict[Any, Path] = {}
+    for piece in pieces:
+        for label in piece.labels:
+            other = first.setdefault(label, piece.path)
+            if other is piece.path:
+                continue
+            if other == piece.path:
+                raise ValueError(f"{piece.path} is named twice in paths.")
+            advice = (
+                "rename a file, or name a column with run labels"
+                if run is None
+                else "give every run its own label"
+            )
+            raise ValueError(
+                f"Two files have a run labelled {label!r}, {other} and {piece.path}: {advice}."
+            )

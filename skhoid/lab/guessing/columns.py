@@ -1,0 +1,550 @@
+"""Which column of a file is which: clock, labels, signals by name, signals by value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...io import first_table
+from ...io.files import FileTable, numbers_of, split_header
+from ...runs.roles import OUTPUT, role_of
+from ...runs.words import advances_evenly, labelled_stretches
+from .problems import MEANING, OPTION, ColumnGuess, Problem, quoted, said_alone
+from .words import (
+    STRONG,
+    alike,
+    axis_of,
+    coherence,
+    equal,
+    factor_of,
+    folded,
+    is_derived,
+    is_no_signal,
+    is_row_number,
+    label_of,
+    may_be_time,
+    moves,
+    roles_by_name,
+    unit_by_name,
+)
+
+PEEK = 1000  # rows
+_OUTER, _OF_A_LABEL = ("subject", "condition", "session"), 50  # rows
+LONG_PEEK = 4000  # rows, where values must decide between columns
+_OF_PLANT = 8  # score of a name that says it is the plant's
+_DECIDES, _FAR_BEHIND = 0.6, 0.25  # coherence with the error, of the winner and of all others
+_THE = {"e": "the error e", "u": "the output u", "x": "x", "f_t": "the target f_t"}
+_THE |= {"dist": "the disturbance", "motion": "the motion"}
+
+
+def guess_of(
+    table: FileTable,
+    paths: Any,
+    *,
+    roles: Mapping[str, str] | None,
+    output: str | Mapping[str, str] | None,
+    time: str | None,
+    run: str | None,
+    units: Mapping[str, str] | None,
+    dt: float | None,
+    signals: bool = True,
+) -> ColumnGuess:
+    """The guess for an open file."""
+    guess = ColumnGuess(paths, time=time, run=run, dt=dt, units=dict(units or {}))
+    guess.columns = [name for name in table.names if name]
+    guess.remarks += table.remarks
+    guess.problems += map(Problem, table.faults)
+    named = _Named(table, guess)
+    for name, role in (roles or {}).items():
+        named.take(name, role, "input" if role in ("e", "") else _option(role))
+    if output is not None:
+        asked = output if isinstance(output, str) else next(iter(output))
+        if named.has(asked, "output"):
+            own = None if isinstance(output, str) else output[asked]
+            guess.output = (asked, own or named.channel(asked))
+    for column, option in ((time, "time"), (run, "run")):
+        if column is not None:
+            named.has(column, option)
+    _Guess(table, guess, named.positions).make(
+        known_roles=set((roles or {}).values()) - {""},
+        output_known=output is not None,
+        signals=signals,
+    )
+    said = (output is not None, time is not None or dt is not None, run == guess.run)
+    guess.guessed = signals or not all(said) or bool(guess.levels)
+    return guess
+
+
+def _option(role: str) -> str:
+    return OPTION.get(role, "role")
+
+
+class _Named:
+    """Columns that the user has named."""
+
+    def __init__(self, table: FileTable, guess: ColumnGuess):
+        self.table, self.guess = table, guess
+        self.positions: dict[int, str] = {}
+
+    def has(self, asked: str, option: str) -> bool:
+        """Whether there is such a column; if not, that is a problem."""
+        try:
+            self.positions[self.table.find(asked)] = option
+        except ValueError as error:
+            self.guess.problems.append(Problem(said_alone(error)))
+            return False
+        return True
+
+    def channel(self, asked: str) -> str:
+        """The name of a channel, as in read_runs."""
+        name = split_header(asked)[0]
+        return name.rpartition(".")[2] if self.table.kind == "variable" else name
+
+    def take(self, asked: str, role: str, option: str) -> None:
+        if not self.has(asked, option):
+            return
+        channel = self.channel(asked)
+        self.guess.channels[asked] = channel
+        if role != role_of(channel):
+            self.guess.roles[channel] = role
+
+
+@dataclass
+class _Column:
+    position: int
+    header: str
+    numbers: np.ndarray  # float64, NaN where there is no number
+    raw: Any
+
+    @property
+    def is_text(self) -> bool:
+        given = pd.Series(self.raw).notna().sum()
+        return bool(given and np.isfinite(self.numbers).sum() < 0.5 * given)
+
+
+class _Guess:
+    """The steps of a guess: clock, labels, signals by name, signals by value."""
+
+    def __init__(self, table: FileTable, guess: ColumnGuess, taken: Mapping[int, str]):
+        self.table, self.guess = table, guess
+        peeked = table.peek(PEEK)
+        self.columns = {
+            position: _Column(position, name, numbers_of(raw), raw)
+            for position, (name, raw) in enumerate(zip(table.names, peeked, strict=False))
+            if name and table.names.count(name) == 1
+        }
+        self.free = {k: c for k, c in self.columns.items() if k not in taken}
+        self.taken = {k: v for k, v in self._roles_of(taken).items() if k in self.columns}
+        self.signals = {role: self.columns[k].numbers for k, role in self.taken.items()}
+        axes = (axis_of(self.columns[k].header) for k, role in self.taken.items() if role)
+        self.axis = next(filter(None, axes), "")  # that the columns found so far name
+
+    def _roles_of(self, taken: Mapping[int, str]) -> dict[int, str]:
+        of_option = {option: role for role, option in OPTION.items()}
+        return {position: of_option.get(option, "") for position, option in taken.items()}
+
+    def make(self, *, known_roles: set[str], output_known: bool, signals: bool) -> None:
+        guess = self.guess
+        self._find_clock()
+        self._find_labels()
+        open_roles = {"e", "f_t", "x", "dist", "motion"} - known_roles if signals else set()
+        if not output_known:
+            open_roles.add("u")
+        known = set(self.signals) | known_roles
+        self.found: dict[str, _Column] = {}
+        self.doubled: set[str] = set()
+        self.tied: dict[str, list[_Column]] = {}
+        self._by_name(open_roles, least=STRONG)
+        self._by_value(open_roles)
+        self._by_name(open_roles, least=1)
+        self._by_value(open_roles)
+        self._settle_output()
+        for role, column in self.found.items():
+            if role == "u":
+                guess.output = (column.header, OUTPUT)
+            else:
+                guess.channels[column.header] = role
+            unit = unit_by_name(column.header)
+            if unit and not self.table.unit_of(column.position):
+                guess.units.setdefault(role, unit)
+        if signals:
+            self._check_error(known)
+        self._say_ties()
+        self._say_doubled(open_roles)
+        self._say_missing(known, output_known, signals)
+        guess.unused = [
+            c.header
+            for c in self.free.values()
+            if c.numbers.size > 1 and not is_row_number(c.header)
+        ]
+
+    def _take(self, position: int) -> _Column:
+        return self.free.pop(position)
+
+    def _find_clock(self) -> None:
+        guess = self.guess
+        if guess.time is not None:
+            if guess.time in self.table.names or any(
+                split_header(name)[0] == guess.time for name in self.table.names
+            ):
+                self._time_unit(self.table.find(guess.time), asked=True)
+            return
+        if guess.dt is not None:
+            return
+        named = [c for c in self.free.values() if may_be_time(c.header) and c.numbers.size > 1]
+        named = [c for c in named if not c.is_text] or named
+        if not named:
+            named = [
+                c
+                for c in self.free.values()
+                if c.numbers.size > 1
+                and advances_evenly(c.numbers)
+                and not is_row_number(c.header)
+                and not roles_by_name(c.header)
+            ][:1]
+        if not named:
+            guess.dt = self._stored_dt()
+            if guess.dt is None:
+                options = (("time", "NAME"), ("dt", "SECONDS"))
+                guess.problems.append(
+                    Problem("No column is the time, by its name or values.", options)
+                )
+            return
+        best = max(named, key=self._clock_score)
+        guess.time = best.header
+        self._take(best.position)
+        for other in named:
+            if other is not best and other.position in self.free:
+                self.free.pop(other.position)
+        self._time_unit(best.position)
+
+    def _clock_score(self, column: _Column) -> tuple[bool, bool, bool]:
+        name = folded(column.header).casefold().rpartition(".")[2]
+        whole = name in ("t", "time", "zeit", "temps", "tijd")
+        return advances_evenly(column.numbers), not column.is_text, whole
+
+    def _stored_dt(self) -> float | None:
+        """Sampling time of a MATLAB file in a variable of one number."""
+        for column in list(self.free.values()):
+            name = column.header.casefold().rpartition(".")[2]
+            if column.numbers.size != 1 or not column.numbers[0] > 0:
+                continue
+            if name in ("dt", "ts", "tsample", "sampletime", "t_s", "sample_time"):
+                self._take(column.position)
+                return float(column.numbers[0])
+            if name in ("fs", "f_s", "fsample", "samplerate", "rate", "sampling_rate", "srate"):
+                self._take(column.position)
+                return 1.0 / float(column.numbers[0])
+        return None
+
+    def _time_unit(self, position: int, asked: bool = False) -> None:
+        guess, column = self.guess, self.columns.get(position)
+        if column is None or "time" in guess.units or guess.time in guess.units:
+            return
+        if self.table.unit_of(position):
+            return
+        stated = unit_by_name(column.header, time=True)
+        if stated:
+            if stated != "s":
+                guess.units["time"] = stated
+            return
+        if asked or column.is_text:
+            return
+        step = np.diff(column.numbers)
+        typical = float(np.nanmedian(step)) if step.size else 0.0
+        if typical == 1.0:
+            options = (("unit", f"{guess.time}=ms"), ("unit", f"{guess.time}=s"))
+            guess.problems.append(
+                Problem(
+                    f"The time {quoted(guess.time or '')} advances by 1 a row, which may be "
+                    "milliseconds, seconds, or the number of the row.",
+                    (*options, ("dt", "SECONDS")),
+                )
+            )
+        elif typical >= 2.0:
+            unit = "ms" if typical <= 500.0 else "us" if typical < 5e5 else "ns"
+            guess.units["time"] = unit
+            guess.time_remark = f"time is in {unit}, as it advances by {typical:g} a row"
+
+    def _find_labels(self) -> None:
+        guess = self.guess
+        found: dict[str, list[_Column]] = {}
+        for column in self.free.values():
+            level = label_of(column.header)
+            if not level or (column.numbers.size < 2 and self.table.kind == "variable"):
+                continue
+            if self._labels(column) or (level == "run" and not roles_by_name(column.header)):
+                found.setdefault(level, []).append(column)
+        own = next((c for c in self.free.values() if c.header == self.table.run_name), None)
+        if guess.run is None and own is not None:
+            guess.run = self._take(own.position).header
+            found.pop("run", None)
+        if guess.run is None and "run" in found:
+            runs = found.pop("run")
+            guess.run = self._take(runs[-1].position).header
+            for column in runs[:-1]:
+                guess.levels[self._take(column.position).header] = "block"
+        found.pop("run", None)
+        if guess.run is None:  # then the innermost label that there is
+            for level in ("block", "session"):
+                if level in found and self.table.kind == "column":
+                    guess.run = self._take(found.pop(level)[0].position).header
+                    break
+        for level in ("subject", "session", "condition", "block"):
+            for column in found.get(level, ())[:1]:
+                if level not in guess.levels.values():
+                    guess.levels[self._take(column.position).header] = level
+
+    def _labels(self, column: _Column) -> bool:
+        values = np.asarray(pd.Series(column.raw))
+        if column.is_text:
+            return len(pd.unique(values)) <= max(1, values.size // 10)
+        if values.size < 3 or labelled_stretches(values, "") > 0:
+            return True
+        there = column.numbers[np.isfinite(column.numbers)]  # rows of runs that lie interleaved
+        few = len(np.unique(there)) <= max(1, values.size // _OF_A_LABEL)
+        return bool(few and there.size and label_of(column.header) in _OUTER)
+
+    def _signals(self) -> list[_Column]:
+        return [c for c in self.free.values() if c.numbers.size > 1 and not c.is_text]
+
+    def _by_name(self, open_roles: set[str], *, least: int) -> None:
+        """Take columns role by role, those of the clearest names first."""
+        for score in range(10, least - 1, -1):
+            for role in ("e", "f_t", "u", "x", "dist", "motion"):
+                if role not in open_roles or role in self.found or role in self.tied:
+                    continue
+                if role == "e" and score < STRONG and "f_t" in self.signals:
+                    continue  # an "input" beside a target is the person's, to the plant
+                columns = [
+                    c
+                    for c in self.free.values()
+                    if c.numbers.size > 1 and roles_by_name(c.header).get(role) == score
+                ]
+                columns = [c for c in columns if not c.is_text] or columns
+                if not columns:
+                    continue
+                if len(columns) > 1 and not alike([c.numbers for c in columns]):
+                    if score < STRONG:
+                        continue
+                    columns = self._of_one_axis(columns)
+                if len(columns) > 1 and not alike([c.numbers for c in columns]):
+                    self.tied[role] = columns
+                    continue
+                self._give(role, columns[0])
+        # "input" and "output" beside an error are of the person or of the plant.
+        weak = {c.header: roles_by_name(c.header) for c in self.free.values()}
+        both = [c for c in self.free.values() if 4 <= weak[c.header].get("u", 0) < STRONG]
+        if least < STRONG and "u" in open_roles and "u" not in self.found and len(both) > 1:
+            self.tied.setdefault("u", both)
+
+    def _of_one_axis(self, columns: list[_Column]) -> list[_Column]:
+        """Of columns that may be one signal, those that move, and of the axis that is known."""
+        of_axis = [c for c in columns if axis_of(c.header) and axis_of(c.header) == self.axis]
+        columns = of_axis or columns
+        return [c for c in columns if moves(c.numbers)] or columns
+
+    def _give(self, role: str, column: _Column) -> None:
+        self.found[role] = self._take(column.position)
+        self.signals[role] = column.numbers
+        self.tied.pop(role, None)
+        self.axis = self.axis or axis_of(column.header)
+        for other, columns in list(self.tied.items()):
+            left = self._of_one_axis([c for c in columns if c is not column])
+            self.tied[other] = left
+            if len(left) == 1:
+                self._give(other, left[0])
+                return
+
+    def _settle_output(self) -> None:
+        """Of several inputs of the person, take the one that alone goes with the error."""
+        columns = self.tied.get("u", [])
+        if not columns:
+            return
+        peeked = self.table.peek(LONG_PEEK)
+        error = self._error_of(peeked)
+        if error is None:
+            return
+        shares = [coherence(numbers_of(peeked[c.position]), error) for c in columns]
+        best, *others = sorted(shares, reverse=True)
+        if best < _DECIDES or max(others) > _FAR_BEHIND:
+            return
+        column = columns[shares.index(best)]
+        names = ", ".join(quoted(c.header) for c in columns if c is not column)
+        self.guess.remarks.append(
+            f"{quoted(column.header)} is the output and not {names}, as it alone moves with the "
+            "error"
+        )
+        self._give("u", column)
+
+    def _error_of(self, peeked: list[Any]) -> np.ndarray | None:
+        """The error in rows that were looked at, or what stands for it."""
+        at = {role: column.position for role, column in self.found.items()} | {
+            role: position for position, role in self.taken.items()
+        }
+        if "e" in at:
+            return numbers_of(peeked[at["e"]])
+        if "f_t" in at and "x" in at:
+            return numbers_of(peeked[at["f_t"]]) - numbers_of(peeked[at["x"]])
+        return numbers_of(peeked[at["x"]]) if "x" in at else None
+
+    def _by_value(self, open_roles: set[str]) -> None:
+        """Find what is missing of e, f_t and x by e = f_t - x."""
+        triple = [role for role in ("e", "f_t", "x") if role in self.signals]
+        missing = [r for r in ("e", "f_t", "x") if r not in self.signals and r in open_roles]
+        if len(missing) != 1 or len(triple) != 2:
+            return
+        one, other = (self.signals[role] for role in triple)
+        signs = {"e": [one - other, other - one], "f_t": [one + other, other - one]}
+        signs["x"] = [other - one, other + one]
+        role = missing[0]
+        pool = self.tied.get(role) or [c for c in self._signals() if c.header]
+        for wanted in signs[role]:
+            close = [c for c in pool if equal(c.numbers, wanted)]
+            if len(close) == 1:
+                self._give(role, close[0])
+                return
+
+    def _check_error(self, known: set[str]) -> None:
+        """Form e of f_t and x, or turn its sign, where that is what the values say."""
+        guess, signals = self.guess, self.signals
+        if not {"f_t", "x"} <= signals.keys():
+            return
+        difference = signals["f_t"] - signals["x"]
+        if "e" not in signals and "e" not in self.tied and "e" not in known:
+            guess.error_from = "f_t - x"
+        elif "e" in self.found:
+            if equal(signals["e"], -difference) and not equal(signals["e"], difference):
+                guess.error_from = "-e"
+            elif moves(signals["e"]) and moves(difference) and not equal(signals["e"], difference):
+                factor = factor_of(signals["e"], difference)
+                if factor is None:
+                    guess.remarks.append("e is not f_t - x in this file, and is taken as it is")
+                    return
+                guess.error_from = "-e" if factor < 0 else ""
+                guess.remarks.append(
+                    f"e is {factor:.4g} times f_t - x in this file: is its unit another one than "
+                    "its header says?"
+                )
+
+    def _nameless(self) -> list[_Column]:
+        """Signals whose names do not say what they are."""
+        return [
+            c
+            for c in self._signals()
+            if not is_row_number(c.header)
+            and not is_no_signal(c.header)
+            and not is_derived(c.header)
+            and max(roles_by_name(c.header).values(), default=0) < STRONG
+            and moves(c.numbers)
+        ]
+
+    def _say_ties(self) -> None:
+        for role, columns in self.tied.items():
+            names = ", ".join(quoted(c.header) for c in columns)
+            text = f"{len(columns)} columns may be {_THE[role]}: {names}."
+            options = tuple((_option(role), c.header) for c in columns)
+            if role in ("dist", "motion"):
+                self.guess.remarks.append(f"{names} may be {MEANING[role]}, and are not used")
+                for column in columns:
+                    self.free.pop(column.position, None)
+                continue
+            self.guess.problems.append(Problem(text, options))
+
+    def _say_doubled(self, open_roles: set[str]) -> None:
+        """Headers that stand twice where a column of that name is needed."""
+        names = self.table.names
+        for name in dict.fromkeys(n for n in names if n and names.count(n) > 1):
+            roles = [r for r, score in roles_by_name(name).items() if score >= STRONG]
+            role = next((r for r in roles if r in open_roles and r not in self.found), None)
+            if role is None:
+                continue
+            self.doubled.add(role)
+            places = [k for k, other in enumerate(names) if other == name]
+            raw = self.table.peek(PEEK)
+            dead = [k for k in places if not moves(numbers_of(raw[k]))]
+            said = f"{', '.join(str(k + 1) for k in places[:-1])} and {places[-1] + 1}"
+            also = "".join(f"; column {k + 1} never changes" for k in dead)
+            self.guess.problems.append(
+                Problem(
+                    f"{len(places)} columns are called {quoted(name)}, which would be "
+                    f"{_THE[role]}: columns {said}{also}. Give each its own name in the file."
+                )
+            )
+
+    def _say_missing(self, known: set[str], output_known: bool, signals: bool) -> None:
+        guess, tied = self.guess, self.tied
+        there = set(self.signals) | known | set(tied) | self.doubled
+        if not output_known and "u" not in there:
+            left = self._nameless()
+            place = self.found.get("x")
+            # A cursor may be what the person moves; a plant is not.
+            own = place is not None and roles_by_name(place.header).get("x", 0) < _OF_PLANT
+            text = "No column is by its name the output u, what the person did."
+            options = [("output", c.header) for c in left[:4]]
+            if place is not None and own and not left:
+                text += " If the person moves x itself, that is the output."
+                options = [("output", place.header)]
+            guess.problems.append(Problem(text, tuple(options) or (("output", "NAME"),)))
+        if signals and not there & {"e", "f_t"}:
+            left = self._nameless()
+            options = [("input", c.header) for c in left[:4]] or [("input", "NAME")]
+            guess.problems.append(
+                Problem(
+                    "No column is by its name the error e, or the target f_t, which the person "
+                    "answers.",
+                    tuple(options),
+                )
+            )
+
+
+def guess_columns(
+    paths: Any,
+    *,
+    roles: Mapping[str, str] | None = None,
+    output: str | Mapping[str, str] | None = None,
+    time: str | None = None,
+    run: str | None = None,
+    units: Mapping[str, str] | None = None,
+    dt: float | None = None,
+    signals: bool = True,
+) -> ColumnGuess:
+    """Guess which column of a file is which, from the headers and the first 1,000 rows.
+
+    Parameters
+    ----------
+    paths : path, glob pattern, or list of these
+        As in :func:`skhoid.read_runs`; the first file is looked at.
+    roles : dict or None, default=None
+        Columns that are known, with their roles: ``{"err": "e"}``. They keep their names.
+    output, time, run, units, dt
+        As in :func:`skhoid.read_runs`; None is guessed.
+    signals : bool, default=True
+        False takes no other channels than those of `roles`, and the output.
+
+    Returns
+    -------
+    guess : ColumnGuess
+        Its text says in one line which column is which; ``problems`` what is not clear.
+
+    See Also
+    --------
+    skhoid.read_runs : Reads files, by a guess for what is not named.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from skhoid.lab.guessing.columns import guess_columns
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "s1.csv"
+    ...     _ = path.write_text("Time [ms],Tracking error (deg),Stick\\n0,1.5,0\\n10,1.2,.1\\n")
+    ...     print(guess_columns(path))
+    Columns: time "Time [ms]", error e "Tracking error (deg)", output u "Stick"
+    """
+    given: dict[str, Any] = {"roles": roles, "output": output, "time": time, "run": run}
+    return guess_of(first_table(paths), paths, **given, units=units, dt=dt, signals=signals)

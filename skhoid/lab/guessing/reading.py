@@ -1,0 +1,235 @@
+"""Read recorded runs, with a guess for what is not named."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ..._sklearn import DT, checked
+from ...io.assembling import (
+    Channel,
+    by_field,
+    check_names,
+    checked_clock,
+    checked_units,
+    wanted_channels,
+)
+from ...io.files import FileTable, Paths, expand_paths
+from ...io.reading import DOTTED, first_table, open_table, read_named
+from ...runs.roles import role_of
+from .columns import guess_of
+from .problems import (
+    ColumnGuess,
+    UnclearColumnsError,
+    problems_of_files,
+    problems_of_runs,
+    where_of,
+)
+
+
+@checked(
+    paths=[str, os.PathLike, Iterable],
+    time=[str, None],
+    units=[Mapping, None],
+    dt=DT,
+)
+def read_runs(
+    paths: Paths,
+    *,
+    inputs: str | Sequence[str] | Mapping[str, str] | None = None,
+    output: str | Mapping[str, str] | None = None,
+    time: str | None = None,
+    run: str | None = None,
+    units: Mapping[str, str] | None = None,
+    dt: float | None = None,
+) -> tuple[pd.DataFrame, pd.Series]:
+    """Read recorded runs from CSV, Parquet, MATLAB, NumPy or XDF files.
+
+    What you do not name is guessed from headers and values, and one printed line says which column
+    was taken for what. Name inputs, output, and time or `dt`, and nothing is guessed.
+
+    Nothing is resampled, sorted or left out: rows are as in the files, and missing values are NaN
+    (no measurement). The clock is checked when a model is fitted; :func:`skhoid.resample_runs` puts
+    irregularly sampled runs onto a grid.
+
+    Parameters
+    ----------
+    paths : path, glob pattern, or list of these
+        Such as ``"data/run*.csv"``. The matches of a pattern are in natural order (run2 before
+        run10), a list keeps its own. The extension sets the format: ``.csv``, ``.tsv``, ``.txt``
+        (separated by comma, semicolon or tab, with one header row; decimal commas are recognised
+        unless the comma is the separator), ``.parquet``, ``.pq``, ``.mat`` (version 5 and 7.3),
+        ``.npz``, ``.xdf``. Parquet and MAT 7.3 need ``pip install "skhoid[io]"``, XDF needs
+        ``pip install "skhoid[xdf]"``.
+    inputs : str, list of str, dict or None, default=None
+        Input channels, the columns of `X`. A dict renames: ``{name in the file: channel}``. A
+        column headed ``e [deg]`` or ``e (deg)`` can be named as ``"e"`` or by its whole header. In
+        a MAT file a name is a variable; a dotted one (``"data.e"``) is a field of a struct, whose
+        channel is called ``"e"`` unless another one is. None guesses, and names channels by their
+        roles, ``e``, ``x`` and ``f_t``; if there is no error, e = f_t - x is computed.
+    output : str, dict or None, default=None
+        The operator's output, as in `inputs`. None guesses, and names it ``u``.
+    time : str or None, default=None
+        Column of the time in seconds, or in the unit that `units` or its header states (s, ms,
+        us). None is guessed unless `dt` is given.
+    run : str or None, default=None
+        Column of the run labels; the rows of a run must be contiguous. None means that each file is
+        one run, labelled by its name without extension; if anything is guessed, this column is
+        guessed too, along with outer levels such as ``subject``.
+    units : dict or None, default=None
+        Units by channel (and of the time), such as ``{"e": "deg", "time": "ms"}``. They override
+        those of the headers. Only the time is ever converted.
+    dt : float or None, default=None
+        Sampling time in seconds of files without a time column; every run then starts at 0.
+
+    Returns
+    -------
+    X : DataFrame of shape (n_rows, n_inputs)
+        Float64, with the row index levels ``run`` and ``time`` (s). ``X.attrs["units"]`` is a
+        dict of the known units of its channels.
+    y : Series of shape (n_rows,)
+        The output with the same index and ``y.attrs["units"]``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a file does not exist or a pattern matches none.
+    ImportError
+        If a format needs a package that is not installed.
+    ValueError
+        If a file cannot be read as runs; the message names file, column and row.
+
+    Notes
+    -----
+    An (N, 1) or (1, N) variable of a MAT or NPZ file is one run. If every channel is an (N, M)
+    matrix, its columns are M runs, labelled ``"<file>-1"`` to ``"<file>-M"``, and the time may be
+    one vector for all. MATLAB objects such as ``iddata`` cannot be read: save their ``InputData``,
+    ``OutputData`` and ``SamplingInstants`` as plain arrays.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from skhoid.io import read_runs
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     for name in ("run1", "run2"):
+    ...         rows = "t [ms];error [deg];u\\n0;1,5;0\\n10;1,25;-0,5\\n"
+    ...         _ = (Path(folder) / f"{name}.csv").write_text(rows)
+    ...     X, y = read_runs(f"{folder}/run*.csv", inputs={"error": "e"}, output="u", time="t")
+    >>> X
+                  e
+    run  time
+    run1 0.00  1.50
+         0.01  1.25
+    run2 0.00  1.50
+         0.01  1.25
+    >>> y.to_list(), X.attrs["units"]
+    ([0.0, -0.5, 0.0, -0.5], {'e': 'deg'})
+
+    With nothing named:
+
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     rows = "".join(f"{10 * k},{k % 7},{k % 5}\\n" for k in range(60))
+    ...     path = Path(folder) / "run1.csv"
+    ...     _ = path.write_text("Time [ms],Tracking error (deg),stick\\n" + rows)
+    ...     X, y = read_runs(path)
+    Columns: time "Time [ms]", error e "Tracking error (deg)", output u "stick"
+    """
+    if run is not None and not isinstance(run, str):
+        raise TypeError(
+            f"run= must name one column; got {run!r}. Read several subjects or conditions one by "
+            'one and join them: pd.concat({"S1": X1, "S2": X2}, names=["subject"]).'
+        )
+    if inputs is None or output is None or (time is None and dt is None):
+        return _guessed(paths, inputs, output, time, run, units, dt)
+    files = expand_paths(paths)
+    channels = [*wanted_channels(inputs, "inputs"), *wanted_channels(output, "output")]
+    if all(path.suffix.lower() in DOTTED for path in files):
+        channels = by_field(channels)
+    check_names(channels)
+    clock = checked_clock(time, dt)
+    given = checked_units(units or {}, channels, time)
+    return read_named(files, channels, clock, given, run)
+
+
+def _guessed(
+    paths: Paths,
+    inputs: Any,
+    output: Any,
+    time: str | None,
+    run: str | None,
+    units: Mapping[str, str] | None,
+    dt: float | None,
+) -> tuple[pd.DataFrame, pd.Series]:
+    """Read with a guess for what is not named, and print it."""
+    named = {} if inputs is None else {c.asked: c.name for c in wanted_channels(inputs, "inputs")}
+    roles = {asked: role_of(name) for asked, name in named.items()}
+    table = first_table(paths)
+    given: dict[str, Any] = {"roles": roles, "output": output, "time": time, "run": run}
+    guess = guess_of(table, paths, **given, units=units, dt=dt, signals=inputs is None)
+    if inputs is not None:
+        guess.channels = {asked: name for asked, name in named.items() if asked in guess.channels}
+    X, y = read_guessed(guess, table)
+    print(guess)
+    return X, y
+
+
+def read_guessed(
+    guess: ColumnGuess, opened: FileTable | None = None, *, irregular: bool = False
+) -> tuple[pd.DataFrame, pd.Series]:
+    """Read the files of a guess; one error lists everything that is unclear or wrong in them.
+
+    ``irregular`` allows clocks that are to be resampled.
+    """
+    files = expand_paths(guess.paths)
+    failure: Exception | None = None
+    if not guess.problems:
+        try:
+            X, y = _read_guess(guess, files, opened)
+            problems = problems_of_runs(X, y, irregular=irregular)
+            if not problems:
+                return X, y
+        except ValueError as error:
+            failure = error
+    problems = [*guess.problems, *problems_of_files([open_table(path) for path in files], guess)]
+    if not problems:
+        assert failure is not None
+        raise failure
+    raise UnclearColumnsError(
+        where_of(files), problems, guess.columns, guess.all_remarks
+    ) from failure
+
+
+def add_error(X: pd.DataFrame, guess: ColumnGuess) -> None:
+    """Form the error e, where the files have none or its opposite."""
+    if guess.error_from == "f_t - x":
+        names = {role_of(name, guess.roles): name for name in X.columns}
+        error = (X[names["f_t"]] - X[names["x"]]).rename("e")
+        attributes = {"units": {**X.attrs["units"]}}
+        unit = attributes["units"].get(names["x"])
+        if unit and unit == attributes["units"].get(names["f_t"]):
+            attributes["units"]["e"] = unit
+        X.insert(0, "e", error)
+        X.attrs = attributes
+    elif guess.error_from == "-e":
+        X["e"] = -X["e"]
+
+
+def _read_guess(
+    guess: ColumnGuess, files: list[Path], opened: FileTable | None
+) -> tuple[pd.DataFrame, pd.Series]:
+    assert guess.output is not None
+    channels = [
+        Channel(asked, name, renamed=True)
+        for asked, name in [*guess.channels.items(), guess.output]
+    ]
+    check_names(channels)
+    clock = checked_clock(guess.time, guess.dt)
+    given = checked_units(guess.units, channels, guess.time)
+    X, y = read_named(files, channels, clock, given, guess.run, guess.levels, opened)
+    add_error(X, guess)
+    return X, y
