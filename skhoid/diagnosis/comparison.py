@@ -296,7 +296,7 @@ class Comparison:
         ImportError
             Without anywidget: ``pip install "skhoid[notebook]"``.
         """
-        from ..lab.explore.widget import of_comparison
+        from ..lab.explore.component import of_comparison
 
         return of_comparison(self)
 

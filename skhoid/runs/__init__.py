@@ -12,6 +12,7 @@ from .clock import (
     time_in_seconds,
     whole_samples,
 )
+from .fingerprint import as_frame as as_frame
 from .index import run_index
 from .layout import (
     RunLayout,

@@ -74,8 +74,8 @@ class ExploredByHand:
         skhoid.lab.report.report : A page with all combinations of the effects found.
         """
         check_is_fitted(self)
-        from ..lab.explore.exploration import Exploration
-        from ..lab.explore.widget import of_exploration
+        from ..lab.explore import Exploration
+        from ..lab.explore.component import of_exploration
 
         found: Any = self
         return of_exploration(Exploration.of_search(found, *self._data_of_fit(X, y)))

@@ -9,9 +9,10 @@ import pytest
 
 from skhoid import EffectSearchCV, OperatorRegressor, compare, make_tracking_runs, vaf_score
 from skhoid.effects import Bias, DeadZone
-from skhoid.lab.explore import component, wire
-from skhoid.lab.explore.figures import AWAY
+from skhoid.lab.explore import component
+from skhoid.lab.explore import payloads as wire
 from skhoid.lab.explore.payloads import payload_of_comparison, payload_of_search
+from skhoid.lab.explore.view import AWAY
 
 ActionChains = pytest.importorskip("selenium.webdriver").ActionChains
 By = pytest.importorskip("selenium.webdriver.common.by").By

@@ -8,7 +8,8 @@ from scipy.signal import welch
 from scipy.stats import binned_statistic
 
 from skhoid import vaf_score
-from skhoid.lab.explore import component, wire
+from skhoid.lab.explore import component
+from skhoid.lab.explore import payloads as wire
 from skhoid.metrics import vaf_of_rows
 from skhoid.runs import read_layout
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from skhoid.lab.explore.wire import unpack
+from skhoid.lab.explore.payloads import unpack
 from skhoid.lab.workbench.bench import Workbench
 from skhoid.lab.workbench.server import Keys
 

@@ -1,21 +1,247 @@
-"""Models of an exploration, fitted once for each set of effects and runs, and what they predict."""
+"""Runs, positions and models of an exploration: what is fitted, to what, and what it predicts.
+
+``Runs`` are the data, a ``Position`` says what a model is made of, ``History`` how one came there,
+and ``Models`` fits each once.
+"""
 
 from __future__ import annotations
 
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from sklearn.base import clone
 
-from ...effects.composition import Effects
-from .runs_kept import Runs
+from ...effects import Effects
+from ...effects import effect as effect_of
+from ...metrics import scored_rows, vaf_of_rows
+from ...pipelines import prediction_from, raw_layout
+from ...preprocessing import as_output
+from ...regression import units_of
+from ...runs import RunLayout, as_frame, output_name, roles_of, run_name
+from ...search import control_of, without_output
 
+TRAIN, HOLD, OUT = "train", "hold", "out"
+USES = (TRAIN, HOLD, OUT)
+UNKNOWN = np.nan
 KEPT = 96  # models
 FEW = 8  # with parameters moved by hand: of each there are many, one after the other
 KEPT_ROWS = 20_000_000  # of predictions
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Data as they were given, and as rows of runs.
+
+    ``y`` is missing where control was lost, in the stretches ``lost`` (run, from and to in s).
+    """
+
+    X: Any
+    y: Any
+    layout: RunLayout
+    frame: pd.DataFrame
+    measured: np.ndarray
+    scored: np.ndarray
+    lost: list[tuple[Any, float, float]]
+    roles: dict[str, str]
+
+    @classmethod
+    def of(cls, estimator: Any, X: Any, y: Any, domain: str | None, lost_control: str) -> Runs:
+        layout = raw_layout(estimator, X)
+        control = control_of(estimator, X, lost_control, domain)
+        kept = without_output(y, control)
+        measured = as_output(kept)
+        settling = float(getattr(estimator, "settling", 0.0)) or None
+        scored = scored_rows(layout, settling, None) & ~np.isnan(measured)
+        table = control.table
+        lost = list(zip(table["run"], table["from"], table["to"], strict=True))
+        frame = as_frame(X)
+        run = getattr(estimator, "run", None)
+        frame = frame.drop(columns=[run]) if run in list(frame.columns) else frame
+        roles = roles_of(list(frame.columns), getattr(estimator, "roles", None))
+        named = {str(name): role for name, role in roles.items()}
+        return cls(X, kept, layout, frame, measured, scored, lost, named)
+
+    @property
+    def n(self) -> int:
+        return len(self.layout.labels)
+
+    @property
+    def labels(self) -> list[str]:
+        return [run_name(label) for label in self.layout.labels]
+
+    @property
+    def output(self) -> str:
+        return output_name(self.y)
+
+    @property
+    def units(self) -> dict[str, str]:
+        found = {**units_of(self.X), **units_of(self.y)}
+        return {str(name): unit for name, unit in found.items()}
+
+    def rows(self, run: int) -> slice:
+        """Rows of a run."""
+        a, b = self.layout.run_starts[run : run + 2].tolist()
+        return slice(a, b)
+
+    def length(self, run: int) -> int:
+        """Number of rows of a run."""
+        return int(self.layout.run_starts[run + 1] - self.layout.run_starts[run])
+
+    def mask(self, runs: tuple[int, ...]) -> np.ndarray:
+        """Rows of some runs."""
+        chosen = np.zeros(self.n, dtype=bool)
+        chosen[list(runs)] = True
+        return np.repeat(chosen, np.diff(self.layout.run_starts))
+
+    def part(self, runs: tuple[int, ...]) -> tuple[Any, Any]:
+        """X and y of some runs, as they were given."""
+        if len(runs) == self.n:
+            return self.X, self.y
+        rows = self.mask(runs)
+        taken = [one[rows] if hasattr(one, "shape") else np.asarray(one)[rows] for one in self.both]
+        for new, old in zip(taken, self.both, strict=True):
+            if hasattr(old, "attrs"):
+                new.attrs = dict(old.attrs)
+        return taken[0], taken[1]
+
+    @property
+    def both(self) -> tuple[Any, Any]:
+        return self.X, self.y
+
+    def people(self) -> list[tuple[str, list[int]]]:
+        """People and the numbers of their runs, where a level of the index names them."""
+        index = getattr(self.X, "index", None)
+        if index is None or "subject" not in index.names:
+            return []
+        names = index.get_level_values("subject")[self.layout.run_starts[:-1]]
+        found: dict[str, list[int]] = {}
+        for run, name in enumerate(names):
+            found.setdefault(str(name), []).append(run)
+        return list(found.items())
+
+    def vaf(self, prediction: np.ndarray, runs: tuple[int, ...]) -> float | None:
+        """VAF of some runs, as :func:`skhoid.vaf_score` has it, unclipped; None without rows."""
+        keep = self.scored & self.mask(runs)
+        if not keep.any() or not self.measured[keep].any():
+            return None
+        value = vaf_of_rows(self.measured, prediction, keep, self.layout, "pooled", False)
+        return float(value)
+
+    def vaf_by_run(self, prediction: np.ndarray) -> list[float | None]:
+        """VAF of each run; None where nothing counts."""
+        if not self.measured[self.scored].any():
+            return [None] * self.n
+        moves = np.add.reduceat(np.where(self.scored, self.measured**2, 0.0), self.begins) > 0
+        keep = self.scored & np.repeat(moves, np.diff(self.layout.run_starts))
+        found = vaf_of_rows(self.measured, prediction, keep, self.layout, None, False)
+        return [float(v) if known else None for v, known in zip(found, moves, strict=True)]
+
+    @property
+    def begins(self) -> np.ndarray:
+        """First rows of the runs."""
+        return self.layout.run_starts[:-1]
+
+    def rmse(self, prediction: np.ndarray, runs: tuple[int, ...]) -> float | None:
+        keep = self.scored & self.mask(runs)
+        if not keep.any():
+            return None
+        error = self.measured[keep] - np.clip(prediction[keep], -1e100, 1e100)
+        return float(np.sqrt(np.mean(error**2)))
+
+
+@dataclass(frozen=True)
+class Position:
+    """What a model is made of.
+
+    ``uses`` says of each run whether it is fitted, held out or left out; ``effects`` hold numbers
+    where a parameter is given; ``moved`` are values of parameters that were moved by hand since the
+    fit. ``words`` say how this state came about.
+    """
+
+    uses: tuple[str, ...]
+    effects: Effects
+    moved: Mapping[str, float] = field(default_factory=dict)
+    words: str = ""
+
+    @property
+    def train(self) -> tuple[int, ...]:
+        return self.of_use(TRAIN)
+
+    @property
+    def hold(self) -> tuple[int, ...]:
+        return self.of_use(HOLD)
+
+    def of_use(self, use: str) -> tuple[int, ...]:
+        """Numbers of the runs of a use."""
+        return tuple(i for i, one in enumerate(self.uses) if one == use)
+
+    def with_changes(self, words: str, **changes: Any) -> Position:
+        return replace(self, words=words, **changes)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same for JSON; effects by id."""
+        effects = [[name, e.name, e.get_params()] for name, e in self.effects]
+        return {
+            "uses": list(self.uses),
+            "effects": effects,
+            "moved": dict(self.moved),
+            "words": self.words,
+        }
+
+    @classmethod
+    def of_dict(cls, given: Mapping[str, Any]) -> Position:
+        steps = [
+            (name, effect_of(kind).set_params(**params)) for name, kind, params in given["effects"]
+        ]
+        return cls(tuple(given["uses"]), Effects(steps), dict(given["moved"]), str(given["words"]))
+
+
+class History:
+    """Positions one after the other, and where among them one is."""
+
+    def __init__(self, first: Position):
+        self.positions = [first]
+        self.at = 0
+
+    @property
+    def here(self) -> Position:
+        return self.positions[self.at]
+
+    def go(self, position: Position) -> None:
+        """A new step; what was undone before it is gone."""
+        self.positions = [*self.positions[: self.at + 1], position]
+        self.at += 1
+
+    @property
+    def undo(self) -> str | None:
+        """What would be undone."""
+        return self.here.words if self.at else None
+
+    @property
+    def redo(self) -> str | None:
+        """What would be done again."""
+        after = self.positions[self.at + 1 : self.at + 2]
+        return after[0].words if after else None
+
+    def step(self, by: int) -> None:
+        if not 0 <= self.at + by < len(self.positions):
+            raise ValueError(f"There is nothing to {'undo' if by < 0 else 'redo'}.")
+        self.at += by
+
+    def as_dict(self) -> dict[str, Any]:
+        return {"positions": [one.as_dict() for one in self.positions], "at": self.at}
+
+    @classmethod
+    def of_dict(cls, given: Mapping[str, Any]) -> History:
+        positions = [Position.of_dict(one) for one in given["positions"]]
+        history = cls(positions[0])
+        history.positions, history.at = positions, int(given["at"])
+        return history
 
 
 class Kept:
@@ -53,7 +279,7 @@ class Models:
         self.given = {key_of(Effects.of(one.effects), everything): one for one in given}
         self._models = Kept(KEPT)
         self._predictions = Kept(max(4, KEPT_ROWS // max(runs.layout.n_rows, 1)))
-        self._moved, self._predicted, self._read = Kept(FEW), Kept(FEW), Kept(FEW)
+        self._moved, self._predicted = Kept(FEW), Kept(FEW)
 
     def fitted(self, effects: Effects, train: tuple[int, ...]) -> Any:
         """The estimator with these effects, fitted to these runs."""
@@ -78,8 +304,7 @@ class Models:
         key = key_of(effects, train), tuple(own.items())
         kept = self._predicted if own else self._predictions
         model = self.moved(effects, train, own)
-        read = self._read.of(key[0], lambda: model._read_to_compare(self.runs.X, self.runs.y))
-        return kept.of(key, lambda: model._prediction_of(*read))
+        return kept.of(key, lambda: prediction_from(model, self.runs.X, self.runs.y)[0])
 
     def _fit(self, effects: Effects, train: tuple[int, ...]) -> Any:
         if not train:

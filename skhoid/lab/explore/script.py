@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ...effects.composition import Effects
-from .models import own_values
-from .position import Position
-from .runs_kept import Runs
+from ...effects import Effects
+from .models import Position, Runs, own_values
 
 READERS = ("read_runs", "resample_runs", "select_runs")
 GIVEN = ["# X and y: the runs of this exploration, as they were given to it."]

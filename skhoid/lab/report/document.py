@@ -17,8 +17,7 @@ from ...search.explores import check_data_of_fit
 from ...search.left_out import without_output
 from ..experiment.group import GroupEffectSearch
 from ..experiment.people import PeopleResult
-from ..explore.payloads import payload_of
-from ..explore.wire import pack_text
+from ..explore.payloads import pack_text, payload_of
 from .content import Results, content_of
 from .experiment import ExperimentReport, report_experiment
 from .page import Page

@@ -25,7 +25,7 @@ from ... import __version__
 from ...io import require, written_whole
 from ...text import rendered
 from ..explore import component
-from ..explore.wire import pack
+from ..explore.payloads import pack
 from .bench import Workbench, words_of
 from .columns import Choices
 from .session import NotSaved, SessionFolder, safe_name

@@ -14,7 +14,7 @@ def runs():
         effects=DeadZone(width=0.3) + Bias(level=0.05),
         channels=["e", "x", "f_t"],
         sampling_rate=50,
-        duration=40.96,
+        duration=20.48,
         remnant_intensity=0.05,
         random_state=3,
     )

@@ -8,7 +8,7 @@ import pytest
 
 from skhoid import ARXRegressor, OperatorRegressor, RecursiveARX, VAFScorer, compare, select_runs
 from skhoid.effects import Bias, DeadZone
-from skhoid.lab.explore.exploration import Exploration
+from skhoid.lab.explore import Exploration
 
 
 @pytest.fixture
@@ -298,7 +298,7 @@ def test_people_have_their_runs(runs):
         {"name": "S1", "runs": [0, 1, 2]},
         {"name": "S2", "runs": [3, 4, 5]},
     ]
-    assert view["runs"][4] == {"label": "S2/1", "n": 2048, "person": "S2"}
+    assert view["runs"][4] == {"label": "S2/1", "n": 1024, "person": "S2"}
     assert view["state"]["uses"] == ["train"] * 3 + ["out"] * 3
     assert view["note"].startswith("Only the runs of S1 are fitted at first")
 

@@ -5,8 +5,8 @@ import pytest
 
 from skhoid import ARXRegressor, OperatorRegressor, VAFScorer, compare
 from skhoid.effects import Bias
-from skhoid.lab.explore import payloads, wire
-from skhoid.lab.explore.exploration import Exploration
+from skhoid.lab.explore import Exploration, payloads
+from skhoid.lab.explore import payloads as wire
 from skhoid.lab.explore.payloads import (
     payload_of,
     payload_of_comparison,
@@ -61,9 +61,9 @@ def test_survives_the_page(payload):
 @pytest.mark.parametrize(
     ("most", "note"),
     [
-        (60_000, None),
-        (30_000, "One row in 2 of all runs is in this page; "),
-        (10_000, "One row in 2 of 1 of 3 runs is in this page; "),
+        (30_000, None),
+        (15_000, "One row in 2 of all runs is in this page; "),
+        (5_000, "One row in 2 of 1 of 3 runs is in this page; "),
     ],
 )
 def test_large_data_are_thinned_and_left_out(search, runs, monkeypatch, most, note):

@@ -9,7 +9,7 @@ import pytest
 
 from skhoid import ARXRegressor, OperatorRegressor, SimulatedARX
 from skhoid.effects import Bias, DeadZone
-from skhoid.lab.explore.exploration import Exploration
+from skhoid.lab.explore import Exploration
 
 pytestmark = pytest.mark.slow  # fits again what the script fits
 
@@ -108,10 +108,10 @@ def test_people_and_arrays_are_taken_by_rows(runs, capsys):
     X, y = runs
     people = [pd.concat({"S1": part, "S2": part}, names=["subject"]) for part in (X, y)]
     exploration = Exploration(OperatorRegressor(), *people)
-    assert "rows = np.r_[0:6144]" in exploration.script()
+    assert "rows = np.r_[0:3072]" in exploration.script()
     found = printed(exploration.script(), *people, capsys)
     assert found == {"fitted": exploration.state()["vaf"]["train"]}
-    label = np.repeat([0.0, 1.0, 2.0], 2048)
+    label = np.repeat([0.0, 1.0, 2.0], 1024)
     table = np.column_stack([X["e"], label])
     exploration = Exploration(OperatorRegressor(dt=0.02, inputs=[0], run=1), table, y.to_numpy())
     exploration.act("use", {"runs": [1], "use": "hold", "run": 0})
@@ -122,7 +122,7 @@ def test_people_and_arrays_are_taken_by_rows(runs, capsys):
 
 def test_rows_in_which_control_was_lost_are_left_out(runs, capsys):
     X, y = (part.copy() for part in runs)
-    X.iloc[1000:1150, X.columns.get_loc("e")] *= 40  # s of an error far beyond any other
+    X.iloc[1100:1250, X.columns.get_loc("e")] *= 40  # s of an error far beyond any other
     exploration = Exploration(OperatorRegressor(), X, y)
     assert exploration.runs.lost
     assert "in which control was lost" in exploration.view()["note"]

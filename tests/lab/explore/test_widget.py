@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from skhoid import EffectSearchCV, OperatorRegressor, compare
-from skhoid.lab.explore import wire
+from skhoid.lab.explore import payloads as wire
 
 pytestmark = pytest.mark.slow  # a search first
 
@@ -42,7 +42,7 @@ def test_an_effect_is_added_by_the_kernel(widget):
     reply = ask(widget, 1, "add", effect="bias", run=1)["reply"]
     model = widget.exploration.model
     assert [name for name, _ in model.effects_] == ["bias"]
-    assert reply["simulated"].shape == (2048,)
+    assert reply["simulated"].shape == (1024,)
     assert reply["state"]["vaf"]["train"] == widget.exploration.state()["vaf"]["train"]
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from skhoid.lab.explore import wire
+from skhoid.lab.explore import payloads as wire
 
 FLOATS = st.floats(allow_nan=True, allow_infinity=False, width=64)
 BOUNDED = st.floats(-1e6, 1e6, allow_nan=False)

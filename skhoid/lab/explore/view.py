@@ -1,0 +1,404 @@
+"""What the component is told: a model's effects and numbers, how good it is, and what to try next.
+
+The cards are ``Found``, what a search said of each effect; ``Figures`` are VAF, the stair of the
+error, the noise ceiling and what is left.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ... import EffectSearchCV, compare
+from ...effects import Effect, Effects, title_of
+from ...effects import effect as effect_of
+from ...model import ModelParameter, effect_curves
+from ...search import Reason, Status, with_effects
+from ...text import as_sentence
+from .models import Models, Position
+
+SPAN = 3.0  # times a value, and
+SPAN_SD = 10.0  # standard errors of it, that a slider reaches on either side
+STEPS = 200  # of a slider
+MOST_POINTS = 200  # of a curve
+DIGITS = 12  # of what a slider is set to
+FOUND, HELPS, NO, REFUSED, UNTRIED = "found", "helps", "no", "refused", "untried"
+ORDER = (FOUND, HELPS, UNTRIED, NO, REFUSED)
+NOT_SEARCHED = "Not searched yet: what each effect would gain is not known."
+RUNS_AWAY = -999.0  # VAF in percent, below which a free run has left the data
+BESIDE = 5.0  # times the largest measured value, at which a run has left them too
+CLOSE = 0.5  # points of VAF, by which the best model known may be worse than that of a search
+LEAST = -1e9  # points, of a model that could not be compared
+REMEMBERED = 20  # comparisons
+OF_SEARCH = "Of the best model of the search."
+AWAY = "With these values the simulation runs away from what was measured."
+
+
+# A model: its effects with parameters and curves, its numbers.
+
+
+def effects_of(
+    model: Any, moved: Mapping[str, float], fitted: Any, domain: str
+) -> list[dict[str, Any]]:
+    """The effects of a model as cards; ``fitted`` is the same before anything was moved."""
+    return [
+        {
+            "name": name,
+            "title": title_of(name),
+            "words": effect.physics_in(domain),
+            "form": _form(effect),
+            "parameters": _parameters(name, effect, model, moved, fitted),
+            "curve": curve_of(model, name),
+        }
+        for name, effect in dict(model.effects_.steps).items()
+    ]
+
+
+def others_of(model: Any) -> list[dict[str, Any]]:
+    """The parameters that are not of an effect, as numbers."""
+    return [
+        {
+            "name": name,
+            **_numbers(one),
+            "unit": one.unit,
+            "meaning": one.meaning + _bound_in_words(one),
+        }
+        for name, one in model.parameter_table_.items()
+        if "__" not in name
+    ]
+
+
+def curve_of(model: Any, name: str) -> dict[str, Any] | None:
+    """What an effect does, as lines; None where it cannot be drawn."""
+    try:
+        with np.errstate(all="ignore"):
+            found = effect_curves(model, name)
+    except (ValueError, FloatingPointError):
+        return None
+    lines = [
+        {"label": label, "x": _thinned(curve.x), "y": _thinned(curve.y)}
+        for label, curve in found.curves.items()
+    ]
+    without = {"x": _thinned(found.without.x), "y": _thinned(found.without.y)}
+    return {"xlabel": found.xlabel, "ylabel": found.ylabel, "lines": lines, "without": without}
+
+
+def _bound_in_words(one: ModelParameter) -> str:
+    """Words for a parameter that ended at a bound: it is not estimated there."""
+    return f"; at its {one.at_bound} bound" if one.at_bound else ""
+
+
+def _thinned(values: Any) -> np.ndarray:
+    values = np.asarray(values, dtype=float)
+    rows = np.unique(np.linspace(0, values.size - 1, min(values.size, MOST_POINTS)).astype(int))
+    return values[rows]
+
+
+def _form(effect: Effect) -> str:
+    return ", ".join(str(v) for key in effect.choices if (v := getattr(effect, key)) is not None)
+
+
+def _parameters(
+    name: str, effect: Effect, model: Any, moved: Mapping[str, float], fitted: Any
+) -> list[dict[str, Any]]:
+    if effect.free_form:
+        return []  # coefficients of a curve
+    rows = []
+    for p in effect.parameters:
+        one = model.parameter_table_[f"{name}__{p.name}"]
+        rows.append(
+            {
+                "name": one.name,
+                "label": p.name.replace("_", " "),
+                "meaning": p.meaning + _bound_in_words(one),
+                "unit": one.unit,
+                **_numbers(one),
+                "low": one.min if np.isfinite(one.min) else None,
+                "high": one.max if np.isfinite(one.max) else None,
+                **_slider(fitted.parameter_table_[one.name]),
+                "fixed": not one.free,
+                "moved": one.name in moved,
+            }
+        )
+    return rows
+
+
+def _numbers(one: ModelParameter) -> dict[str, float | None]:
+    return {"value": one.value, "sd": one.sd if np.isfinite(one.sd) and one.sd > 0 else None}
+
+
+def _slider(one: ModelParameter) -> dict[str, float]:
+    """From where to where a slider goes: round numbers about the estimate, within the bounds."""
+    span = max(SPAN * abs(one.value), SPAN_SD * one.sd if np.isfinite(one.sd) else 0.0)
+    if span == 0.0:
+        span = (one.max - one.min) / 2 if np.isfinite(one.max - one.min) else 1.0
+    begin, end = max(one.min, one.value - span), min(one.max, one.value + span)
+    step = 10.0 ** np.floor(np.log10(max(end - begin, 1e-300) / STEPS))
+    step *= next(k for k in (1.0, 2.0, 5.0, 10.0) if (end - begin) / (k * step) <= STEPS)
+    first, last = np.ceil(begin / step) * step, np.floor(end / step) * step
+    return {"from": _round(first), "to": _round(last), "step": _round(step)}
+
+
+def _round(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
+# Effects to try, as cards.
+
+
+@dataclass(frozen=True)
+class SearchStepKept:
+    """The candidates of one step: what they were added to (ids), and their cards."""
+
+    parent: list[str]
+    cards: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search found, as far as an exploration needs it; all of it may go to JSON.
+
+    ``effects`` are those of the best model (name, id and choices), ``named`` the ids that the
+    verdict names; ``vaf`` is its VAF on the rows fitted, those of ``runs``.
+    """
+
+    verdict: str = ""
+    kind: str = ""
+    named: list[str] = field(default_factory=list)
+    effects: list[list[Any]] = field(default_factory=list)
+    steps: list[SearchStepKept] = field(default_factory=list)
+    ceiling: float | None = None
+    vaf: float = -np.inf
+    runs: list[int] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, search: EffectSearchCV, runs: Sequence[int]) -> Found:
+        """What a fitted search says."""
+        begun = [e.name for _, e in Effects.of(search.baseline_.effects)]
+        added = list(search.error_path_["effect"].iloc[1:])
+        steps = []
+        for number, table in search.ranking_.groupby("step"):
+            before = [name.split("-")[0] for name in added[: int(number) - 1]]
+            cards = [_card(row, search) for _, row in table.iterrows()]
+            steps.append(SearchStepKept([*begun, *before], cards))
+        ceiling = float(search.error_path_["ceiling"].iloc[-1])
+        best = Effects.of(search.best_estimator_.effects)
+        return cls(
+            verdict=search._headline(),
+            kind=search.verdict_.kind,
+            named=list(search.best_effects_),
+            effects=[[name, e.name, e.get_params()] for name, e in best],
+            steps=steps,
+            ceiling=ceiling if np.isfinite(ceiling) else None,
+            vaf=float(search.error_path_["vaf_train"].iloc[-1]),
+            runs=list(runs),
+            notes=list(search.notes_),
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        steps = [vars(step) for step in self.steps]
+        return {**vars(self), "steps": steps}
+
+    @classmethod
+    def of_dict(cls, given: Mapping[str, Any]) -> Found:
+        steps = [SearchStepKept(**step) for step in given["steps"]]
+        return cls(**{**given, "steps": steps})
+
+    def effect(self, kind: str, own: Mapping[str, Effect]) -> Effect:
+        """The effect of an id: with the choices of the search, the user's own, or a new one."""
+        for _, known, params in self.effects:
+            if known == kind:
+                template = own.get(kind) or effect_of(kind)
+                return template.with_choices(**params)
+        return own[kind].with_choices() if kind in own else effect_of(kind)
+
+    def is_of(self, runs: Sequence[int]) -> bool:
+        """Whether the search was made on these runs; true before any."""
+        return not self.steps or list(self.runs) == list(runs)
+
+    def cards(
+        self, here: Position, catalogue: Sequence[Effect], domain: str | None
+    ) -> tuple[list[dict[str, Any]], str]:
+        """Cards for a position, best first, and what their gains refer to."""
+        present = here.effects
+        ids = Counter(e.name for _, e in present)
+        step = self._step_for(ids)
+        if step is None:
+            cards = [_untried(e, domain) for e in catalogue if e.name not in ids and not e.noise]
+            return cards, NOT_SEARCHED
+        own = self.is_of(here.train)
+        cards = [card if own else _elsewhere(card) for card in step.cards if card["id"] not in ids]
+        cards.sort(key=lambda card: (ORDER.index(card["status"]), -(card["gain"] or 0.0)))
+        exact = Counter(step.parent) == ids
+        to = f"the model {with_effects(step.parent)}" if step.parent else "the baseline"
+        words = f"Gains in the search, on held-out rows, added to {to}"
+        if not own:
+            words += ", of other runs than are fitted now"
+        again = "" if exact and own else ". Search again for the present model and runs"
+        return cards, f"{words}{again}."
+
+    def _step_for(self, ids: Counter[str]) -> SearchStepKept | None:
+        """The step that began from these effects, or else from the most of them."""
+        begun = [step for step in self.steps if not Counter(step.parent) - ids]
+        return max(begun, key=lambda step: len(step.parent), default=None)
+
+
+def _elsewhere(card: dict[str, Any]) -> dict[str, Any]:
+    """A card of a search on other runs, which names nothing here."""
+    if card["status"] != FOUND:
+        return card
+    return {**card, "status": HELPS, "reason": "Named for other runs than are fitted now."}
+
+
+def _card(row: Any, search: EffectSearchCV) -> dict[str, Any]:
+    if row["status"] == Status.REFUSED:
+        status = REFUSED
+    elif row["effect"] in search.best_effects_:
+        status = FOUND
+    elif row["status"] == Status.ADDED or Reason(row["reason_code"]).counts:
+        status = HELPS
+    else:
+        status = NO
+    reason = "" if status == FOUND else as_sentence(row["reason"])
+    if row["effect"] in search.stand_ins_:
+        status = HELPS
+        reason = "It explains part of what is missing, too little to be named."
+    return {
+        "id": row["effect"],
+        "title": row["title"],
+        "form": row["form"],
+        "words": as_sentence(row["words"]),
+        "gain": _number(row["vaf_gain"]),
+        "delta_bic": _number(row["delta_bic"]),
+        "status": status,
+        "reason": reason,
+        "parameters": row["parameters"],
+    }
+
+
+def _untried(effect: Effect, domain: str | None) -> dict[str, Any]:
+    return {
+        "id": effect.name,
+        "title": title_of(effect.name),
+        "form": "",
+        "words": effect.physics_in(domain or "human"),
+        "gain": None,
+        "delta_bic": None,
+        "status": UNTRIED,
+        "reason": "",
+        "parameters": "",
+    }
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+# How good a position is.
+
+
+class Figures:
+    """Figures of positions; what a comparison found of a position is kept."""
+
+    def __init__(self, models: Models, domain: str):
+        self.models, self.runs, self.domain = models, models.runs, domain
+        self._judged: dict[Any, dict[str, Any]] = {}
+
+    def prediction(self, here: Position, n: int | None = None) -> np.ndarray:
+        """Free run on all runs with the first n effects, or all."""
+        effects = here.effects if n is None else Effects(here.effects.steps[:n])
+        return self.models.prediction(effects, here.train, here.moved)
+
+    def vaf(self, prediction: np.ndarray, here: Position) -> dict[str, float | None]:
+        """VAF of the runs that are fitted, and of those held out."""
+        return {
+            "train": self.runs.vaf(prediction, here.train),
+            "hold": self.runs.vaf(prediction, here.hold),
+        }
+
+    def stair(self, here: Position) -> list[dict[str, Any]]:
+        """The error without effects, with the first, the first two ..."""
+        stair = []
+        for n in range(len(here.effects) + 1):
+            prediction = self.prediction(here, n)
+            title = title_of(here.effects.names[n - 1]) if n else "baseline"
+            vaf = self.vaf(prediction, here)
+            rmse = self.runs.rmse(prediction, here.train)
+            stair.append({"title": title, "vaf": vaf["train"], "rmse": rmse, "held": vaf["hold"]})
+        return stair
+
+    def runs_away(self, prediction: np.ndarray, here: Position) -> str | None:
+        """What to say where the free run leaves the data behind."""
+        scored = self.runs.scored
+        largest = float(np.abs(self.runs.measured[scored]).max(initial=0.0))
+        reached = np.abs(np.nan_to_num(prediction[scored], nan=np.inf)).max(initial=0.0)
+        vaf = self.vaf(prediction, here)["train"]
+        if vaf is None or (vaf > RUNS_AWAY and reached < BESIDE * max(largest, 1e-300)):
+            return None
+        return AWAY
+
+    def judge(self, here: Position) -> bool:
+        """Compare the model of a position with the data; whether something new was found."""
+        if judged_key(here) in self._judged:
+            return False
+        settling = float(getattr(self.models.estimator, "settling", 0.0)) or None
+        model = self.models.moved(here.effects, here.train, here.moved)
+        judged: dict[str, Any] = {"ceiling": None, "note": "", "findings": [], "vaf": LEAST}
+        try:
+            found = compare(model, *self.runs.part(here.train), run_in=settling, domain=self.domain)
+        except ValueError as error:
+            judged["note"] = str(error)
+        else:
+            judged |= {"note": found.ceiling_note, "vaf": found.vaf}
+            if np.isfinite(found.noise_ceiling):
+                low, high = found.noise_ceiling_interval
+                judged["ceiling"] = {"vaf": found.noise_ceiling, "low": low, "high": high}
+            judged["findings"] = [{"what": f.title, "why": f.meaning} for f in found.findings]
+        self._judged[judged_key(here)] = judged
+        return True
+
+    def memory(self) -> list[list[Any]]:
+        """What comparisons found last, for JSON."""
+        last = list(self._judged.items())[-REMEMBERED:]
+        return [
+            [list(uses), text, [list(one) for one in moved], judged]
+            for (uses, text, moved), judged in last
+        ]
+
+    def remember(self, given: Iterable[list[Any]]) -> None:
+        """Take what :meth:`memory` returned."""
+        for uses, text, moved, judged in given:
+            key = tuple(uses), text, tuple((name, value) for name, value in moved)
+            self._judged[key] = judged
+
+    def findings(self, here: Position, found: Found) -> list[dict[str, str]]:
+        """What the comparison of a position says, if it was made, and the notes of its search."""
+        judged = self._judged.get(judged_key(here))
+        notes = found.notes if found.is_of(here.train) else []
+        said = [{"what": as_sentence(note), "why": "A note of the search."} for note in notes]
+        return said + ([] if judged is None else judged["findings"])
+
+    def ceiling(self, here: Position, found: Found) -> dict[str, Any]:
+        """The noise ceiling as the best model on these runs has it: a worse one shows less."""
+        pending = judged_key(here) not in self._judged
+        same = [one for key, one in list(self._judged.items()) if key[0] == here.uses]
+        known = [one for one in same if one["ceiling"] is not None]
+        best = max(known, key=lambda one: one["vaf"], default=None)
+        of_search = found.ceiling is not None and tuple(found.runs) == here.train
+        if of_search and (best is None or best["vaf"] < found.vaf - CLOSE):
+            ceiling = {"vaf": found.ceiling, "low": None, "high": None, "note": OF_SEARCH}
+        elif best is not None:
+            ceiling = {**best["ceiling"], "note": as_sentence(best["note"])}
+        else:
+            ceiling = None
+        return {"ceiling": ceiling, "ceiling_pending": pending}
+
+
+def judged_key(here: Position) -> tuple[Any, ...]:
+    """By which what was found of a position is known again."""
+    return here.uses, repr(here.effects.get_params()), tuple(here.moved.items())
