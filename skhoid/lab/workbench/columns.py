@@ -450,8 +450,7 @@ def _source(paths: list[Path], columns: Columns, choices: Choices) -> list[str]:
         lines = [f"X, y = read_runs({listed})"]
     else:
         lines = [
-            "from skhoid.lab.guessing import ColumnGuess",
-            "from skhoid.io.readers import read_guessed",
+            "from skhoid.lab.guessing import ColumnGuess, read_guessed",
             "",
             f"columns = ColumnGuess({listed})",
             *_set(columns.guess),
