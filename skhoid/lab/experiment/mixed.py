@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -11,9 +10,8 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ...io import require
 from ...text import Summary, counted, number, p_text, wrapped
-from .reml import At, FTest, KenwardRoger, equations, reml
+from .reml import FTest, MixedFit, fit_reml
 from .rows import Cells, Rows, check_reference, select
 
 ADJUSTED = ("holm", "bonferroni", "fdr", "none")
@@ -37,33 +35,33 @@ class Contrasts:
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fitted model, and its tests. ``groups`` names its random effects."""
+    """A fitted model, and its tests; people are a random effect where ``has_people``."""
 
     rows: Rows
-    groups: tuple[str, ...]
-    at: At
-    kr: KenwardRoger
+    has_people: bool
+    at: MixedFit
 
     @property
     def design(self) -> np.ndarray:
         return np.eye(len(self.rows.conditions))[self.rows.condition]
 
-    def variance(self, group: str) -> float:
-        """Variance of a random effect; 0 where the model has none."""
-        return float(self.at.variances[self.groups.index(group)]) if group in self.groups else 0.0
+    @property
+    def between(self) -> float:
+        """Variance between people; 0 where the model has none."""
+        return float(self.at.variances[0]) if self.has_people else 0.0
 
     def residuals(self) -> np.ndarray:
         """What the fixed and the random effects leave, in standard deviations of the cell."""
         rows = self.rows
         rest = rows.y - self.design @ self.at.beta
-        if self.groups:
-            rest = rest - self.at.predicted()[rows.subject]
+        if self.has_people:
+            rest = rest - self.at.effects[rows.subject]
         return rest * np.sqrt(rows.weights / self.at.variances[-1])
 
     def omnibus(self) -> FTest | None:
         """All conditions are the same."""
         n = len(self.rows.conditions)
-        return self.kr.test(np.eye(n)[1:] - np.eye(n)[:1]) if n > 1 else None
+        return self.at.test(np.eye(n)[1:] - np.eye(n)[:1]) if n > 1 else None
 
     def contrasts(self, reference: int | None) -> Contrasts:
         """All pairs, or all against the reference."""
@@ -72,7 +70,7 @@ class Fitted:
         if reference is not None:
             pairs = [(i, reference) for i in range(n) if i != reference]
         L = np.array([np.eye(n)[i] - np.eye(n)[j] for i, j in pairs]).reshape(-1, n)
-        difference, se, df = self.kr.rows(L)
+        difference, se, df = self.at.estimate(L)
         return Contrasts(pairs, difference, se, df, 2.0 * stats.t.sf(abs(difference / se), df))
 
 
@@ -96,13 +94,13 @@ def adjusted(p: np.ndarray, adjust: str) -> np.ndarray:
 
 def fit(rows: Rows) -> Fitted:
     """Fit it by REML; people are a random effect where some have several conditions."""
-    groups = (BETWEEN,) if rows.y.size > len(rows.subjects) else ()
+    has_people = rows.y.size > len(rows.subjects)
     design = np.eye(len(rows.conditions))[rows.condition]
     try:
-        at = reml(equations(rows.y, design, [rows.subject for _ in groups], rows.weights))
+        at = fit_reml(rows.y, design, rows.subject if has_people else None, rows.weights)
     except ValueError as error:
         raise ValueError(f"The mixed model of {rows.parameter} cannot be fitted: {error}") from None
-    return Fitted(rows, groups, at, KenwardRoger(at))
+    return Fitted(rows, has_people, at)
 
 
 def without(rows: Rows, subject: Any) -> Rows | None:
@@ -118,7 +116,6 @@ def without(rows: Rows, subject: Any) -> Rows | None:
 
 ALARM = 0.05  # p below which an assumption is doubted
 MOST = 5000  # rows for which the p-value of Shapiro and Wilk is right
-SAME = 1e-5  # difference of likelihoods that counts as none
 
 
 class Check(NamedTuple):
@@ -137,14 +134,9 @@ def check_model(
     """All checks, and the contrasts without each person."""
     influence = influence_of_people(model, reference, confidence, adjust)
     checks = [_normal("normal residuals", model.residuals(), "residuals")]
-    if model.groups:
-        checks.append(_normal(f"normal {BETWEEN}", model.at.predicted(), "effects of people"))
-    checks += [
-        _equal_variances(model),
-        _errors_and_scatter(model),
-        _who_decides(influence),
-        _likelihood(model),
-    ]
+    if model.has_people:
+        checks.append(_normal(f"normal {BETWEEN}", model.at.effects, "effects of people"))
+    checks += [_equal_variances(model), _errors_and_scatter(model), _who_decides(influence)]
     return pd.DataFrame(checks), influence
 
 
@@ -247,31 +239,6 @@ def _who_decides(influence: pd.DataFrame) -> Check:
     return Check(name, shift, np.nan, False, said)
 
 
-def _likelihood(model: Fitted) -> Check:
-    """The restricted likelihood at the optimum by other code, that of statsmodels."""
-    name, rows, v = "likelihood", model.rows, model.at.variances
-    if BETWEEN not in model.groups:
-        return Check(name, np.nan, np.nan, None, "no random effect to compare with statsmodels")
-    module = require("statsmodels.regression.mixed_linear_model", "mixed_model", "statistics")
-    root = np.sqrt(rows.weights)
-    relative = np.maximum(v[:-1] / v[-1], 1e-9)  # at 0 statsmodels has no likelihood
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        weighted = root * rows.y, root[:, None] * model.design
-        other = module.MixedLM(*weighted, groups=rows.subject, exog_re=root[:, None])
-        other.cov_pen = other.fe_pen = None  # set by its fit otherwise
-        other.reml = True
-        parameters = module.MixedLMParams.from_components(
-            fe_params=model.at.beta, cov_re=relative.reshape(1, 1)
-        )
-        theirs = -2.0 * other.loglike(parameters, profile_fe=True)
-    ours = model.at.criterion + model.at.equations.log_weights
-    apart = float(abs(theirs - ours))
-    ok = bool(apart < SAME * max(1.0, abs(ours)))
-    said = "is that of statsmodels" if ok else f"differs from that of statsmodels by {apart:.2g}"
-    return Check(name, apart, np.nan, ok, f"the restricted likelihood {said}")
-
-
 def mixed_model(
     table: pd.DataFrame,
     parameter: str,
@@ -318,8 +285,6 @@ def mixed_model(
     ValueError
         If there is no such parameter, condition or option; if there is one person only; if no row
         can be used, or none has a standard error; if "log" meets an estimate that is not above 0.
-    ImportError
-        If statsmodels is missing: ``pip install "skhoid[statistics]"``.
 
     See Also
     --------
@@ -379,7 +344,6 @@ def mixed_model(
         raise ValueError(f"adjust is {' or '.join(map(repr, ADJUSTED))}; got {adjust!r}.")
     if not 0.5 <= confidence < 1.0:
         raise ValueError(f"confidence is from 0.5 to below 1; got {confidence!r}.")
-    require("statsmodels", "mixed_model", "statistics")
     rows = select(table, parameter, weighted=weighted, transform=transform, outlying=outlying)
     if len(rows.subjects) < 2:
         raise ValueError(
@@ -422,7 +386,7 @@ def _result(
 
 
 def _effects(model: Fitted, transform: str | None, confidence: float) -> pd.DataFrame:
-    mean, se, df = model.kr.rows(np.eye(len(model.rows.conditions)))
+    mean, se, df = model.at.estimate(np.eye(len(model.rows.conditions)))
     reach = stats.t.isf((1.0 - confidence) / 2.0, df) * se
     low, high = mean - reach, mean + reach
     if transform == "log":
@@ -474,17 +438,17 @@ def _effect_size(
     model: Fitted, difference: np.ndarray, se: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Differences relative to the standard deviation of people, by the delta method."""
-    variance = model.variance(BETWEEN)
+    variance = model.between
     if not variance > 0.0:
         return np.full(difference.size, np.nan), np.full(difference.size, np.nan)
-    of_variance = float(model.kr.variance_covariance[0, 0])
+    of_variance = float(model.at.variance_covariance[0, 0])
     d = difference / np.sqrt(variance)
     return d, np.sqrt(se**2 / variance + d**2 * of_variance / (4.0 * variance**2))
 
 
 def _variances(model: Fitted) -> pd.DataFrame:
-    errors = np.sqrt(np.maximum(np.diag(model.kr.variance_covariance), 0.0))
-    names = [*model.groups, "within"]
+    errors = np.sqrt(np.maximum(np.diag(model.at.variance_covariance), 0.0))
+    names = [*[BETWEEN] * model.has_people, "within"]
     variance = model.at.variances
     return pd.DataFrame(
         {
@@ -499,19 +463,17 @@ def _variances(model: Fitted) -> pd.DataFrame:
 
 def _people(model: Fitted, transform: str | None, confidence: float) -> pd.DataFrame:
     """Each person in each condition (BLUP), also where there are no runs."""
-    rows, at, spread = model.rows, model.at, model.at.spread()
-    effects = at.predicted()
-    inner = np.diag(spread) - spread[:, None] * at.zpz * spread
-    across = -at.covariance @ (spread[:, None] * at.zvx).T
-    df = model.kr.rows(np.eye(len(rows.conditions)))[2]
+    rows, at = model.rows, model.at
+    df = model.at.estimate(np.eye(len(rows.conditions)))[2]
     n_runs = np.bincount(rows.cell)
     records = []
     for p, subject in enumerate(rows.subjects):
         for c, condition in enumerate(rows.conditions):
             here = (rows.subject == p) & (rows.condition == c)
-            chosen = (np.arange(effects.size) == p).astype(float)
-            variance = at.covariance[c, c] + 2.0 * across[c] @ chosen + chosen @ inner @ chosen
-            value = at.beta[c] + chosen @ effects
+            variance, value = at.plain[c, c], at.beta[c]
+            if model.has_people:
+                variance += 2.0 * at.cross_covariance[c, p] + at.effect_covariance[p, p]
+                value += at.effects[p]
             reach = stats.t.isf((1.0 - confidence) / 2.0, df[c]) * np.sqrt(variance)
             ends = np.array([value, value - reach, value + reach])
             value, low, high = np.exp(ends) if transform == "log" else ends
@@ -531,13 +493,12 @@ def _notes(model: Fitted, contrasts: pd.DataFrame) -> list[str]:
     ]
     if empty:
         notes.append(f"no rows of {', '.join(empty)}: the others of the person still count")
-    for name in model.groups:
-        if model.variance(name) <= 0.0:
-            notes.append(f"the variance {name} is estimated as 0, its lower bound")
+    if model.has_people and model.between <= 0.0:
+        notes.append(f"the variance {BETWEEN} is estimated as 0, its lower bound")
     if len(rows.subjects) < 6:
         notes.append(f"{len(rows.subjects)} people tell little about people in general")
-    if len(contrasts) and model.groups:
-        sd = float(np.sqrt(model.variance(BETWEEN)))
+    if len(contrasts) and model.has_people:
+        sd = float(np.sqrt(model.between))
         notes.append(f"d is the difference divided by the sd of people, {sd:.4g} ({BETWEEN})")
     return notes
 

@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ...io import require
 from ...text import Summary, counted, number, p_text, wrapped
 from .mixed import ADJUSTED, adjusted
 from .rows import Rows, check_reference, select
@@ -173,8 +172,6 @@ def repeated_measures(
     ValueError
         If there is no such parameter or option, or there are fewer than two conditions or two
         people with all of them.
-    ImportError
-        If statsmodels is missing: ``pip install "skhoid[statistics]"``.
 
     See Also
     --------
@@ -281,27 +278,21 @@ def sphericity(values: np.ndarray) -> tuple[float, float, float, float]:
 
 
 def _anova(means: pd.DataFrame) -> pd.DataFrame:
-    module = require("statsmodels.stats.anova", "repeated_measures", "statistics")
     values = means.to_numpy(dtype=float)
     n, k = values.shape
-    long = pd.DataFrame(
-        {
-            "value": values.ravel(),
-            "subject": np.repeat(np.arange(n), k),
-            "condition": np.tile(np.arange(k), n),
-        }
-    )
-    found = module.AnovaRM(long, "value", "subject", within=["condition"]).fit().anova_table.iloc[0]
-    F, df1, df2 = float(found["F Value"]), float(k - 1), float((n - 1) * (k - 1))
-    gg, hf, w, p_w = sphericity(values)
     of_conditions = n * np.sum((values.mean(axis=0) - values.mean()) ** 2)
+    rest = values - values.mean(axis=1, keepdims=True)
+    left = np.sum((rest - rest.mean(axis=0)) ** 2)
+    df1, df2 = k - 1.0, (n - 1.0) * (k - 1.0)
+    F = float(of_conditions / df1 / (left / df2))
+    gg, hf, w, p_w = sphericity(values)
     total = np.sum((values - values.mean()) ** 2)
     return pd.DataFrame(
         {
             "F": [F],
             "df1": df1,
             "df2": df2,
-            "p": float(found["Pr > F"]),
+            "p": float(stats.f.sf(F, df1, df2)),
             "epsilon_gg": gg,
             "p_gg": float(stats.f.sf(F, gg * df1, gg * df2)),
             "epsilon_hf": hf,

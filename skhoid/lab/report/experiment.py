@@ -539,8 +539,7 @@ def report_experiment(
 
     Notes
     -----
-    Without statsmodels the page says so, and has means and spreads. All text from the data is
-    escaped, and the page's policy lets no script run but its own.
+    All text from the data is escaped, and the page's policy lets no script run but its own.
 
     Examples
     --------

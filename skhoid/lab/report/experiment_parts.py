@@ -29,7 +29,6 @@ def parameters_section(
 ) -> tuple[dict[str, Any], dict[str, MixedModelResult]]:
     """What the page says of each parameter, and the mixed models."""
     parts, statistics, reasons = [], {}, []
-    missing = ""
     tables = _tables(given)
     for name, table in list(tables.items())[:MOST]:
         result, why = None, ""
@@ -38,8 +37,6 @@ def parameters_section(
             if known < FEWEST:
                 raise ValueError(f"known of {people_text(known)} only.")
             result = mixed_model(table, name, reference=_label(table, reference))
-        except ImportError as error:
-            missing = str(error)
         except ValueError as error:
             why = str(error)
         if result is not None:
@@ -48,7 +45,6 @@ def parameters_section(
         reasons.append(why)
     section = {
         "by": _by(given),
-        "missing": missing,
         "parts": parts,
         "left": list(map(named, list(tables)[MOST:])),
         "contrasts": list(_contrasts(statistics)),

@@ -122,20 +122,6 @@ def test_people_alone_are_reported(undrawn: None) -> None:
     assert list(made.statistics) == ["K_e", "tau_e"]
 
 
-def test_without_statsmodels_there_are_means(
-    undrawn: None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def missing(*_: Any, **__: Any) -> None:
-        raise ImportError('mixed_model needs statsmodels: pip install "skhoid[statistics]".')
-
-    monkeypatch.setattr("skhoid.lab.report.experiment_parts.mixed_model", missing)
-    made = report_experiment(made_up_people())
-    text = section(parse(made.html), "parameters").text
-    assert 'pip install "skhoid[statistics]"' in text
-    assert "Means over people, each counted once" in text
-    assert made.statistics == {}
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [
