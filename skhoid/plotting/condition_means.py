@@ -12,7 +12,7 @@ from ..text import p_text
 from ._axes import corner_note
 from ._display import Display
 from ._layout import page_width
-from ._people import axis_label, own_means, taken_result
+from ._people import axis_label
 from ._roles import BLUE, GREY, foreground, scaled, sized
 
 STEP = 0.085  # of the range of what is drawn, from bracket to bracket
@@ -67,6 +67,7 @@ class ConditionMeansDisplay(Display):
     Examples
     --------
     >>> import pandas as pd
+    >>> from skhoid.lab.experiment import mixed_model
     >>> from skhoid.plotting.condition_means import ConditionMeansDisplay
     >>> table = pd.DataFrame(
     ...     {
@@ -81,7 +82,7 @@ class ConditionMeansDisplay(Display):
     ...         "failure": "",
     ...     }
     ... )
-    >>> display = ConditionMeansDisplay.from_result(table, "tau_e")
+    >>> display = ConditionMeansDisplay.from_result(mixed_model(table, "tau_e"))
     >>> display.conditions_, list(display.brackets_)
     (['C1', 'C2'], [('C2', 'C1')])
     """
@@ -96,35 +97,29 @@ class ConditionMeansDisplay(Display):
     def from_result(
         cls,
         result: Any,
-        parameter: str | None = None,
         *,
         ax: Any = None,
         people_kw: dict[str, Any] | None = None,
         mean_kw: dict[str, Any] | None = None,
-        **options: Any,
     ) -> Self:
-        """Draw a tidy table of parameters, or the result of a mixed model.
+        """Draw the result of a mixed model.
 
         Parameters
         ----------
-        result : DataFrame or MixedModelResult
-            Tidy table, of which a mixed model is fitted, or the result of one.
-        parameter : str or None, default=None
-            Which parameter of a table; None is the only one.
+        result : MixedModelResult
+            Of :func:`skhoid.lab.experiment.mixed_model`.
         ax : Axes or None, default=None
             Where to draw. None makes a figure.
         people_kw : dict or None, default=None
             Keywords of matplotlib for the people.
         mean_kw : dict or None, default=None
             Keywords of matplotlib for the mean and its intervals.
-        **options : dict
-            Of :func:`skhoid.lab.experiment.mixed_model`, for a table.
 
         Returns
         -------
         display : ConditionMeansDisplay
         """
-        found = taken_result(result, parameter, options)
+        found = result
         level = 1.0 - found.confidence
         significant = found.contrasts[found.contrasts["p_adjusted"] < level]
         note = ""
@@ -134,7 +129,7 @@ class ConditionMeansDisplay(Display):
             note = f"{len(significant) - MOST} more contrasts are significant"
             significant = significant.sort_values("p_adjusted").iloc[:MOST]
         display = cls(
-            people=own_means(found),
+            people=found.own_means,
             means=found.effects,
             significant=significant[["condition", "against", "p_adjusted"]],
             label=axis_label(found.parameter, found.unit),

@@ -11,7 +11,7 @@ from matplotlib.patches import Polygon
 
 from ._display import Display
 from ._layout import page_width
-from ._people import axis_label, own_means, taken_result
+from ._people import axis_label
 from ._roles import foreground, scaled, series_colour, sized
 
 DIAMOND = 0.32  # rows, half its height
@@ -57,6 +57,7 @@ class ParameterForestDisplay(Display):
     Examples
     --------
     >>> import pandas as pd
+    >>> from skhoid.lab.experiment import mixed_model
     >>> from skhoid.plotting.parameter_forest import ParameterForestDisplay
     >>> table = pd.DataFrame(
     ...     {
@@ -71,7 +72,7 @@ class ParameterForestDisplay(Display):
     ...         "failure": "",
     ...     }
     ... )
-    >>> display = ParameterForestDisplay.from_result(table, "tau_e")
+    >>> display = ParameterForestDisplay.from_result(mixed_model(table, "tau_e"))
     >>> display.subjects_, display.conditions_
     (['a', 'b', 'c', 'd'], ['C1', 'C2'])
     """
@@ -85,22 +86,18 @@ class ParameterForestDisplay(Display):
     def from_result(
         cls,
         result: Any,
-        parameter: str | None = None,
         *,
         ax: Any = None,
         point_kw: dict[str, Any] | None = None,
         interval_kw: dict[str, Any] | None = None,
         diamond_kw: dict[str, Any] | None = None,
-        **options: Any,
     ) -> Self:
-        """Draw a tidy table of parameters, or the result of a mixed model.
+        """Draw the result of a mixed model.
 
         Parameters
         ----------
-        result : DataFrame or MixedModelResult
-            Tidy table, of which a mixed model is fitted, or the result of one.
-        parameter : str or None, default=None
-            Which parameter of a table; None is the only one.
+        result : MixedModelResult
+            Of :func:`skhoid.lab.experiment.mixed_model`.
         ax : sequence of Axes or None, default=None
             One for each condition. None makes a figure.
         point_kw : dict or None, default=None
@@ -109,16 +106,14 @@ class ParameterForestDisplay(Display):
             Keywords of matplotlib for the intervals.
         diamond_kw : dict or None, default=None
             Keywords of matplotlib for the diamonds.
-        **options : dict
-            Of :func:`skhoid.lab.experiment.mixed_model`, for a table.
 
         Returns
         -------
         display : ParameterForestDisplay
         """
-        found = taken_result(result, parameter, options)
+        found = result
         display = cls(
-            people=own_means(found),
+            people=found.own_means,
             means=found.effects,
             label=axis_label(found.parameter, found.unit),
             group="geometric mean" if found.transform == "log" else "mean",

@@ -114,8 +114,6 @@ class TournamentWinnersDisplay(Display):
         -------
         display : TournamentWinnersDisplay
         """
-        from ..lab.studies.tournament_scores import question_of
-
         there = set(result.methods.loc[~result.methods["oracle"].astype(bool), "causal"])
         kinds = [kind for kind in ((True, False) if causal is None else (causal,)) if kind in there]
         parts = []
@@ -124,9 +122,8 @@ class TournamentWinnersDisplay(Display):
             parts.append(found.reset_index().assign(panel=TITLES[kind]))
         winners = pd.concat(parts, ignore_index=True)
         winners["row"], winners["column"] = _row_names(winners), _column_names(winners)
-        asked = question_of(question)
-        symbol = f" of {parameter}" if question in ("follow", "final") else ""
-        return cls(winners=winners, loss=f"{asked.loss}{symbol}, {asked.unit}").plot(ax, **styles)
+        loss = result.describe_loss(question, parameter=parameter)
+        return cls(winners=winners, loss=loss).plot(ax, **styles)
 
     def plot(self, ax: Any = None, *, cell_kw: dict[str, Any] | None = None) -> Self:
         """Draw.

@@ -5,7 +5,6 @@ from support.parameter_tables import simulated
 from support.plot_checks import covers_nothing
 
 from skhoid.lab.experiment import mixed_model
-from skhoid.plotting._people import own_means
 from skhoid.plotting.condition_means import ConditionMeansDisplay
 from skhoid.plotting.parameter_forest import ParameterForestDisplay
 
@@ -52,7 +51,9 @@ def test_lines_of_people_and_brackets_of_what_is_significant(result):
 
 @pytest.mark.slow
 def test_none_significant_is_said():
-    display = ConditionMeansDisplay.from_result(simulated(2, effect=0.0), "K_e", transform="log")
+    display = ConditionMeansDisplay.from_result(
+        mixed_model(simulated(2, effect=0.0), "K_e", transform="log")
+    )
     assert not display.brackets_
     assert display.note_.get_text() == "no contrast with p < 0.05 (holm)"
 
@@ -67,15 +68,10 @@ def test_given_axes_and_styles_are_used(result):
     assert ConditionMeansDisplay.from_result(result, ax=ax, mean_kw={"lw": 3}).ax_ is ax
 
 
-def test_a_result_takes_no_options(result):
-    with pytest.raises(ValueError, match="give the table"):
-        ConditionMeansDisplay.from_result(result, transform="log")
-
-
 def test_own_intervals_are_wider_where_a_person_is_less_certain():
     """Half-widths are those of the cell's weight: the shares of its runs add up to 1 in all."""
     found = mixed_model(simulated(), "K_e")
-    own = own_means(found).set_index(["subject", "condition"])
+    own = found.own_means.set_index(["subject", "condition"])
     weight = found.data.dropna(subset="weight").groupby(["subject", "condition"])["cell_weight"]
     half = (own["high"] - own["low"]) / 2 * np.sqrt(weight.first())
     np.testing.assert_allclose(half, half.iloc[0])

@@ -614,6 +614,22 @@ class MixedModelResult:
     def _repr_html_(self) -> str:
         return self.summary()._repr_html_()
 
+    @property
+    def own_means(self) -> pd.DataFrame:
+        """Weighted means of the runs of each person, with intervals; not drawn to the group."""
+        used = self.data[self.data["left_out"] == ""]
+        within = float(self.variances.set_index("source").loc["within", "variance"])
+        quantile = stats.norm.isf((1.0 - self.confidence) / 2.0)
+        records = []
+        for key, rows in used.groupby(["subject", "condition"], sort=False):
+            mean = float(rows["weight"] @ rows["value"])
+            reach = quantile * np.sqrt(within / float(rows["cell_weight"].iloc[0]))
+            ends = np.array([mean, mean - reach, mean + reach])
+            mean, low, high = np.exp(ends) if self.transform == "log" else ends
+            records.append((*key, mean, low, high, len(rows)))
+        names = ["subject", "condition", "estimate", "low", "high", "n_rows"]
+        return pd.DataFrame(records, columns=names)
+
     def summary(self) -> Summary:
         """The result in plain words.
 

@@ -133,6 +133,22 @@ class TournamentResult:
             )
         return pd.DataFrame(rows).set_index("cell").join(self.cells)
 
+    def describe_loss(self, question: str = "follow", *, parameter: str = FOLLOWED) -> str:
+        """What the loss of a question is, with its unit.
+
+        Parameters
+        ----------
+        question, parameter : str
+            As for :meth:`ranking`.
+
+        Returns
+        -------
+        text : str
+        """
+        asked = question_of(question)
+        of = f" of {parameter}" if question in ("follow", "final") else ""
+        return f"{asked.loss}{of}, {asked.unit}"
+
     @property
     def cells(self) -> pd.DataFrame:
         """What describes each cell, by its name."""
