@@ -328,7 +328,7 @@ class ModelSummary:
     def text(self) -> Summary:
         notes = Notes([Note("", note) for note in self.notes], numbered=True)
         estimates = replace(self.estimates, caption="")
-        blocks = [Facts(self.facts), estimates, *self.more, notes]
+        blocks: list[Block] = [Facts(self.facts), estimates, *self.more, notes]
         return Document(self.title, blocks, ruled=True).text()
 
     def html(self, above: str = "") -> str:
@@ -340,6 +340,32 @@ class ModelSummary:
             f'aria-label="{escape(self.title)}">{before}{self.estimates.html(self.title)}'
             f"<p>{escape(facts)}</p></div>"
         )
+
+
+class Told:
+    """A result that its ``document`` tells: as text, and in notebooks."""
+
+    def document(self) -> Document:
+        """What it says, as blocks.
+
+        Returns
+        -------
+        document : Document
+        """
+        raise NotImplementedError
+
+    def summary(self) -> Summary:
+        """What it says, as text.
+
+        Returns
+        -------
+        summary : Summary
+            A string that notebooks show line by line.
+        """
+        return self.document().text()
+
+    def _repr_html_(self) -> str:
+        return self.document().html()
 
 
 def as_sentence(text: str) -> str:
@@ -567,13 +593,13 @@ def _html(block: Block) -> str:
             )
             return f"<table><tbody>{rows}</tbody></table>"
         case Items(items):
-            parts = "".join(
+            listed = "".join(
                 f"<li><strong>{escape(item.title)}</strong>"
                 + "".join(f"<br>{escape(text)}" for text in item.parts.values())
                 + "</li>"
                 for item in items
             )
-            return f"<ol>{parts}</ol>"
+            return f"<ol>{listed}</ol>"
         case TextTable():
             return block.html()
         case Notes(notes):

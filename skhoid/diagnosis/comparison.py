@@ -20,7 +20,7 @@ from ..pipelines import taken_apart
 from ..preprocessing.base import as_fitted
 from ..recordings.channels import check_channels
 from ..recordings.recording import Finding
-from ..text import Document, Note, Summary
+from ..text import Document, Note, Told
 from .ceiling import Ceiling, Route, consistent_ceiling, noise_ceiling
 from .findings import WORDS, NextSteps, advise, is_operator
 from .leaks import LEAST_DELAY, LeakTest, leak_of_channels
@@ -140,7 +140,7 @@ class Views:
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison:
+class Comparison(Told):
     """What :func:`compare` found.
 
     The members of its parts are its own too: ``comparison.vaf`` is ``comparison.figures.vaf``,
@@ -252,18 +252,8 @@ class Comparison:
         """
         return 100 - self.point_scale * (100 - vaf)
 
-    def summary(self) -> Summary:
-        """Say how good the model is, where it fails, and what to do next.
-
-        Returns
-        -------
-        text : Summary
-            A string that notebooks show line by line.
-        """
-        return self.document().text()
-
     def document(self) -> Document:
-        """The same as blocks, for who shows it in another way.
+        """How good the model is, where it fails, and what to do next.
 
         Returns
         -------
@@ -279,9 +269,6 @@ class Comparison:
         found : dict
         """
         return numbers_of(self)
-
-    def _repr_html_(self) -> str:
-        return self.document().html()
 
     def explore(self) -> Any:
         """Look by hand, in a notebook: brush time, frequency or amplitude, and see the others.

@@ -15,7 +15,7 @@ from scipy.signal.windows import tukey
 from scipy.stats import chi2, norm
 
 from .._sklearn import DT, ROLES, RUN_IN, HasMethods, checked
-from ..text import Summary, counted, p_text
+from ..text import Block, Document, Facts, Paragraph, Told, counted, p_text
 from .ceiling import Ceiling, Route, noise_ceiling
 from .repeats import Group
 from .signals import Signals, read_signals
@@ -50,7 +50,7 @@ ROUTES = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RemnantEstimate:
+class RemnantEstimate(Told):
     """Remnant of an operator, as found by :func:`remnant_estimate`.
 
     Intervals are 95 %. K_n and T_n, and their intervals, are those of the order chosen; ``orders``
@@ -130,43 +130,38 @@ class RemnantEstimate:
             f"({_span(self.interval, '.3f')}){order}>"
         )
 
-    def _repr_html_(self) -> str:
-        return self.summary()._repr_html_()
-
-    def summary(self) -> Summary:
-        """The estimate as text, with intervals and warnings.
+    def document(self) -> Document:
+        """The estimate, with intervals and warnings.
 
         Returns
         -------
-        text : Summary
-            A string that notebooks show line by line.
+        document : Document
         """
-        runs = counted(self.n_runs, "run")
         unit = "" if self.unit is None else f" {self.unit}"
-        lines = [
-            f"Remnant in {self.output}, from {ROUTES[self.route]} ({runs}).",
-            "Intervals are 95 %.",
-            f"  intensity P_n       {self.intensity:.3f}  ({_span(self.interval, '.3f')})",
-        ]
+        facts = {"intensity P_n": f"{self.intensity:.3f} ({_span(self.interval, '.3f')})"}
         if self.order is None:
-            lines.append("  order and time constant: none, there is too little to fit")
+            facts["order, time constant"] = "none, there is too little to fit"
         else:
             odds = ", ".join(f"{m}: {p:.2f}" for m, p in self.orders["probability"].items())
-            lines += [
-                f"  order m             {self.order}  (probability of {odds})",
-                f"  time constant T_n   {self.time_constant:.4f} s  "
-                f"({_span(self.time_constant_interval, '.4f')})",
-                f"  gain K_n            {self.gain:.3g}{unit} s^0.5  "
-                f"({_span(self.gain_interval, '.3g')})",
-            ]
+            facts["order m"] = f"{self.order} (probability of {odds})"
+            of_time = _span(self.time_constant_interval, ".4f")
+            facts["time constant T_n"] = f"{self.time_constant:.4f} s ({of_time})"
+            of_gain = _span(self.gain_interval, ".3g")
+            facts["gain K_n"] = f"{self.gain:.3g}{unit} s^0.5 ({of_gain})"
+        blocks: list[Block] = [Facts(facts, beside=False)]
         if self.p_value < UNLIKELY:
-            lines.append(
-                f"  No order describes the spectrum ({p_text(self.p_value)}): order, time "
-                "constant and gain are only a rough description."
+            text = (
+                f"No order describes the spectrum ({p_text(self.p_value)}): order, time constant "
+                "and gain are only a rough description."
             )
+            blocks.append(Paragraph(text))
         if self.warning:
-            lines.append(f"Warning: {self.warning}")
-        return Summary("\n".join(lines))
+            blocks.append(Paragraph(f"Warning: {self.warning}", role="warning"))
+        return Document(
+            f"Remnant in {self.output}, from {ROUTES[self.route]} "
+            f"({counted(self.n_runs, 'run')}). Intervals are 95 %.",
+            blocks,
+        )
 
 
 @checked(

@@ -227,10 +227,10 @@ BETTER = 0.25  # of it, that is left when the channels are exchanged
 
 @dataclass(frozen=True)
 class BetweenFinding:
-    """A fault and whose it is; ``runs`` is empty where it has all of them."""
+    """A fault and whose it is; an empty list of people, conditions or runs stands for all."""
 
-    subject: Any
-    condition: Any
+    subjects: list[Any]
+    conditions: list[Any]
     runs: list[Any]
     name: str
     title: str
@@ -244,10 +244,10 @@ def compare_people(recordings: Recordings) -> list[BetweenFinding]:
     found += _missing(recordings)
     if len(recordings.subjects) >= LEAST_PEOPLE:
         swapped = list(_swapped(recordings))
-        explained = {finding.subject for finding in swapped}
+        explained = {who for finding in swapped for who in finding.subjects}
         found += swapped
-        found += [f for f in _inverted(recordings) if f.subject not in explained]
-        found += [f for f in _gains(recordings) if f.subject not in explained]
+        found += [f for f in _inverted(recordings) if explained.isdisjoint(f.subjects)]
+        found += [f for f in _gains(recordings) if explained.isdisjoint(f.subjects)]
     return found
 
 
@@ -264,11 +264,14 @@ def _findings(
     subject = runs[0].subject
     conditions = list(dict.fromkeys(run.condition for run in runs))
     every = len(runs) == len(recordings.of(subject))
-    for condition in ["all"] if every else conditions:
-        own = [run for run in runs if condition in ("all", run.condition)]
-        whole = every or len(own) == len(recordings.of(subject, condition))
-        labels = [] if whole else [run.run for run in own]
-        yield BetweenFinding(subject, condition, labels, name, title, evidence, next_step)
+    if every:
+        yield BetweenFinding([subject], [], [], name, title, evidence, next_step)
+        return
+    for condition in conditions:
+        own = [run.run for run in runs if run.condition == condition]
+        whole = len(own) == len(recordings.of(subject, condition))
+        labels = [] if whole else own
+        yield BetweenFinding([subject], [condition], labels, name, title, evidence, next_step)
 
 
 def _same_data(recordings: Recordings) -> Iterator[BetweenFinding]:
@@ -284,8 +287,8 @@ def _same_data(recordings: Recordings) -> Iterator[BetweenFinding]:
         subjects = list(dict.fromkeys(run.subject for run in same))
         conditions = list(dict.fromkeys(run.condition for run in same))
         yield BetweenFinding(
-            subjects[0] if len(subjects) == 1 else of_list(subjects),
-            conditions[0] if len(conditions) == 1 else of_list(conditions),
+            subjects,
+            conditions,
             list(dict.fromkeys(run.run for run in same)),
             "same data",
             f"{of_list(names)} are the same recording",
@@ -330,8 +333,8 @@ def _durations(recordings: Recordings) -> Iterator[BetweenFinding]:
         for subject, short in of_person.items():
             shortest = min(seconds for _, seconds in short)
             yield BetweenFinding(
-                subject,
-                condition,
+                [subject],
+                [condition],
                 [run.run for run, _ in short],
                 "short run",
                 f"{subject} has {counted(len(short), 'run')} much shorter than usual",
@@ -367,8 +370,8 @@ def _missing(recordings: Recordings) -> Iterator[BetweenFinding]:
                     continue
                 title = f"{subject} lacks {counted(usual - len(runs), 'run')}"
             yield BetweenFinding(
-                subject,
-                condition,
+                [subject],
+                [condition],
                 lacking,
                 "missing runs",
                 title,

@@ -236,6 +236,7 @@ def _copy(recording: RawRecording, source: Any, copy: Any, shift: int, gain: flo
         f"Leave {channel} out of the inputs."
         if of_output
         else f"Leave {copy} or {source} out, unless one is only for display in another unit.",
+        about=f"{copy}, {source}",
     )
 
 
@@ -268,6 +269,7 @@ def _first_samples(recording: RawRecording) -> Iterator[Finding]:
                 "The channel held an old value until then: a cursor at (0, 0), or a display that "
                 "stalled.",
                 _leave_out(max(number for number, _, _ in jumps.values()), recording.dt),
+                about=str(name),
             )
         if still:
             label = max(still, key=lambda run: still[run])
@@ -279,6 +281,7 @@ def _first_samples(recording: RawRecording) -> Iterator[Finding]:
                 f"equal, more than {LONGER:g} times as many as anywhere later.",
                 "Recording began before the signal, or the operator, was ready.",
                 _leave_out(number, recording.dt),
+                about=str(name),
             )
 
 
@@ -404,6 +407,7 @@ def _slower(recording: RawRecording) -> Iterator[Finding]:
                 ),
                 f"Decimate the recording by {shown} (Decimator), or use the original samples with "
                 "resample_runs. If the target was generated that way, nothing is wrong.",
+                about=str(name),
             )
             break
 
@@ -465,6 +469,7 @@ def _missing(recording: RawRecording) -> Iterator[Finding]:
             "Leave the channel out."
             if all_of_it
             else "Cut out long stretches, or fill short ones by interpolation (X.interpolate()).",
+            about=str(name),
         )
 
 
@@ -485,6 +490,7 @@ def _constant(recording: RawRecording) -> Iterator[Finding]:
             + ("." if everywhere else f" of run {next(iter(still))}."),
             "It carries no information: it was not connected, or not used in this experiment.",
             "Leave the channel out." if everywhere else "Leave out these runs, or the channel.",
+            about=str(name),
         )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from collections import defaultdict
 from collections.abc import Iterator
@@ -13,9 +12,10 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import RunIndexError, SlowClockWarning
-from ..text import Summary, TextTable, counted, wrapped
+from ..text import Block, Document, Item, Items, Paragraph, TextTable, Told, counted
 from .between_people import BetweenFinding, Recordings, compare_people, facts_of
 from .channels import check_channels
+from .recording import of_list
 
 __all__ = ["ExperimentCheck", "check_experiment"]
 
@@ -26,7 +26,7 @@ _SAID_BETTER = {"clock": ("clock unit", "sampling time")}
 
 
 @dataclass(frozen=True, repr=False)
-class ExperimentCheck:
+class ExperimentCheck(Told):
     """What was found in the recordings of an experiment.
 
     Parameters
@@ -62,24 +62,22 @@ class ExperimentCheck:
         """Whether nothing was found."""
         return self.findings.empty
 
-    def summary(self) -> Summary:
+    def document(self) -> Document:
         """Counts, a row per subject and condition, and who has what.
 
         Returns
         -------
-        summary : Summary
+        document : Document
         """
-        table = self.table
+        table, shown = self.table, self.table
         people, conditions = table["subject"].nunique(), table["condition"].nunique()
-        lines = [
+        title = (
             f"Experiment: {people} {'person' if people == 1 else 'people'}, "
             f"{counted(conditions, 'condition')}, {counted(int(table['runs'].sum()), 'run')}, "
             f"{int(table['rows'].sum())} rows"
-        ]
-        shown, left = table, 0
+        )
         if len(table) > MOST_ROWS:
             shown = table[table["wrong"] != ""][:MOST_ROWS]
-            left = len(table) - len(shown)
         rows = [
             [
                 f"{row.subject} {row.condition}",
@@ -94,20 +92,16 @@ class ExperimentCheck:
             for row in shown.itertuples()
         ]
         header = ["", "runs", "rows", "shortest", "longest", "dt", "missing", "wrong"]
-        if rows:
-            lines += ["", *TextTable("Recordings", header, rows).lines()]
-        if left:
-            lines.append(f"and {left} more rows, in .table")
+        blocks: list[Block] = [TextTable("", header, rows)] if rows else []
+        if len(shown) < len(table):
+            blocks.append(Paragraph(f"and {len(table) - len(shown)} more rows, in .table"))
         if self.findings.empty:
-            return Summary("\n".join([*lines, "", "Nothing looks wrong."]))
-        lines.append("")
-        for row in self.findings.itertuples():
-            where = [str(row.subject)]
-            where += [str(row.condition)] if row.condition != "all" else []
-            where += [f"runs {row.runs}"] if row.runs != "all" else []
-            lines += wrapped(f"{', '.join(where)}: {row.title}. {row.evidence}", "    ")
-            lines += wrapped(f"    Next: {row.next_step}", "    ")
-        return Summary("\n".join(lines))
+            return Document(title, [*blocks, Paragraph("Nothing looks wrong.")])
+        found = [
+            Item(f"{_where(row)}: {row.title}. {row.evidence}", {"Next": row.next_step})
+            for row in self.findings.itertuples()
+        ]
+        return Document(title, [*blocks, Items(found, numbered=False)])
 
     def __repr__(self) -> str:
         people = self.table["subject"].nunique()
@@ -116,8 +110,12 @@ class ExperimentCheck:
     def __str__(self) -> str:
         return str(self.summary())
 
-    def _repr_html_(self) -> str:
-        return self.summary()._repr_html_()
+
+def _where(row: Any) -> str:
+    """Whose a finding is, in which condition and runs."""
+    where = [str(row.subject)]
+    where += [str(row.condition)] if row.condition != "all" else []
+    return ", ".join(where + ([f"runs {row.runs}"] if row.runs != "all" else []))
 
 
 def check_experiment(X: pd.DataFrame, y: Any = None) -> ExperimentCheck:
@@ -189,7 +187,9 @@ def _of_each(
 ) -> Iterator[BetweenFinding]:
     """Findings of each person alone; those of all people once."""
     groups: dict[tuple[str, str], list[BetweenFinding]] = defaultdict(list)
-    said = {(f.subject, name) for f in between for name in _SAID_BETTER.get(f.name, ())}
+    said = {
+        (who, name) for f in between for name in _SAID_BETTER.get(f.name, ()) for who in f.subjects
+    }
     for subject in recordings.subjects:
         own_X, own_y = _of_person(X, y, subject)
         try:
@@ -199,8 +199,8 @@ def _of_each(
         except RunIndexError as error:
             groups["run index", subject].append(
                 BetweenFinding(
-                    subject,
-                    "all",
+                    [subject],
+                    [],
                     [],
                     "run index",
                     f"Runs or time of {subject} make no sense",
@@ -212,20 +212,20 @@ def _of_each(
         for finding in found:
             if (subject, finding.name) in said:
                 continue
-            kind = re.sub(r"\d[\d.e+-]*", "#", finding.title)
             evidence = f"{finding.evidence} {finding.meaning}"
-            groups[finding.name, kind].append(
+            groups[finding.name, finding.about].append(
                 BetweenFinding(
-                    subject, "all", [], finding.name, finding.title, evidence, finding.next_step
+                    [subject], [], [], finding.name, finding.title, evidence, finding.next_step
                 )
             )
     for same in groups.values():
-        if len(same) < len(recordings.subjects) or len(same) == 1:
+        having = {who for finding in same for who in finding.subjects}
+        if len(having) < len(recordings.subjects) or len(having) == 1:
             yield from same
             continue
         first = same[0]
-        evidence = f"Of {first.subject}: {first.evidence}"
-        yield BetweenFinding("all", "all", [], first.name, first.title, evidence, first.next_step)
+        evidence = f"Of {first.subjects[0]}: {first.evidence}"
+        yield BetweenFinding([], [], [], first.name, first.title, evidence, first.next_step)
 
 
 def _of_person(X: pd.DataFrame, y: Any, subject: Any) -> tuple[pd.DataFrame, Any]:
@@ -244,14 +244,19 @@ def _of_person(X: pd.DataFrame, y: Any, subject: Any) -> tuple[pd.DataFrame, Any
 def _as_row(finding: BetweenFinding) -> list[Any]:
     runs = ", ".join(map(str, finding.runs)) or "all"
     return [
-        finding.subject,
-        finding.condition,
+        _named(finding.subjects),
+        _named(finding.conditions),
         runs,
         finding.name,
         finding.title,
         finding.evidence,
         finding.next_step,
     ]
+
+
+def _named(labels: list[Any]) -> Any:
+    """The one label, several in a sentence, or "all"."""
+    return labels[0] if len(labels) == 1 else of_list(labels) if labels else "all"
 
 
 def _table(recordings: Recordings, findings: list[BetweenFinding]) -> pd.DataFrame:
@@ -265,7 +270,8 @@ def _table(recordings: Recordings, findings: list[BetweenFinding]) -> pd.DataFra
             wrong = [
                 finding.name
                 for finding in findings
-                if _concerns(finding.subject, subject) and _concerns(finding.condition, condition)
+                if subject in (finding.subjects or [subject])
+                and condition in (finding.conditions or [condition])
             ]
             rows.append(
                 {
@@ -281,10 +287,3 @@ def _table(recordings: Recordings, findings: list[BetweenFinding]) -> pd.DataFra
                 }
             )
     return pd.DataFrame(rows)
-
-
-def _concerns(named: Any, label: Any) -> bool:
-    """Whether a finding of a label, of several in a sentence, or of all concerns a label."""
-    if named in ("all", label):
-        return True
-    return str(label) in re.split(r", | and ", str(named))

@@ -191,6 +191,7 @@ def _wrong(recording: RawRecording, angle: Any, rate: Any, gain: Gain, alone: li
             f"at best (over {duration:.3g} s).",
             "One of the two is not the signal that its name says, or noise hides it.",
             f"Check both channels before using {rate} as a motion cue for {angle}.",
+            about=f"{rate}, {angle}",
         )
     factors = FACTORS | {
         1 / recording.dt: "differences from row to row that were not divided by the sampling time"
@@ -228,7 +229,14 @@ def _wrong(recording: RawRecording, angle: Any, rate: Any, gain: Gain, alone: li
             f"against, and {'is' if len(others) == 1 else 'are'} as small or large: probably "
             "converted together, and wrong by the same factor."
         )
-    return Finding("rate unit", title, evidence, meaning, next_step)
+    return Finding(
+        "rate unit",
+        title,
+        evidence,
+        meaning,
+        next_step,
+        about=f"{rate}, {angle}",
+    )
 
 
 def _mixed(
@@ -269,6 +277,7 @@ def _mixed(
             f"Use {rate} - {part:.4g} {other}, or differentiate {angle}."
             if part > 0
             else f"Use {rate} + {-part:.4g} {other}, or differentiate {angle}.",
+            about=f"{rate}, {angle}",
         )
     return None
 

@@ -56,6 +56,8 @@ class Finding:
         Name of the Display class that shows it; empty if there is none.
     severity : float, default=nan
         VAF points that it costs; NaN if unknown.
+    about : str, default=""
+        Channels that it is about, if it is about some.
 
     Examples
     --------
@@ -82,6 +84,7 @@ class Finding:
     next_step: str
     picture: str = ""
     severity: float = np.nan
+    about: str = ""
 
     def __repr__(self) -> str:
         cost = f" ({self.severity:.1f} VAF points)" if np.isfinite(self.severity) else ""
