@@ -31,7 +31,7 @@ from skhoid import (
     make_tracking_runs,
     vaf_score,
 )
-from skhoid.arx.searches.search import highest, lowest
+from skhoid.arx.searches import highest, lowest
 from skhoid.text import WIDTH, Estimate, estimates_table, number
 
 pytestmark = pytest.mark.slow  # many models, each compiled

@@ -261,10 +261,27 @@ class BaseARX(RunRegressor):
             )
         return ahead
 
-    def _one_step_errors(self, X: Any, y: Any) -> np.ndarray:
-        """One-step errors on the grid; NaN where lags are not known or nothing was measured."""
+    def one_step_errors(self, X: Any, y: Any) -> np.ndarray:
+        """Errors of predictions one step ahead, on the grid that the model is fitted on.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Measured output.
+
+        Returns
+        -------
+        errors : ndarray of shape (n_grid_rows,)
+            NaN where lags are not known or nothing was measured.
+        """
+        self._check_fitted()
         grid, values = self._read_X(X, reset=False)
-        output = grid.thin_output(self._read_y(X, y))
+        return self._errors_on(grid, values, grid.thin_output(self._read_y(X, y)))
+
+    def _errors_on(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
+        """The same for data that were read."""
         raw = grid.thin_inputs(values)[:, self._columns]
         table, rows, _ = regressors(
             output, raw, grid.begin[grid.measured], grid.end[grid.measured], self.orders_

@@ -17,11 +17,11 @@ from ..exceptions import RunCutWarning
 from ..metrics import VAFScorer, scored_rows, vaf_of_rows, vaf_of_sums
 from ..text import ModelSummary, TextTable, number, vaf_name
 from .base import BOUND
+from .folds import SplitsRuns, folds_of
 from .forgetting import Forgetting, kernel_arrays, read_forgetting
 from .recursive import RecursiveARX
 from .rls import RecursionData, RecursionState, kernel_regressors, recurse
-from .searches.folds import SplitsRuns, folds_of
-from .searches.search import highest, standard_error_over_folds
+from .searches import highest, standard_error_over_folds
 
 HORIZONS = (*(2.0**i for i in range(1, 14)), np.inf)  # Table V
 

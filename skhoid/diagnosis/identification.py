@@ -235,6 +235,7 @@ class Identification:
         if self.delay_searches:
             columns = [
                 pd.DataFrame(s.cv_results_)
+                .drop(columns="params")
                 .set_index(["nk", "delay"])
                 .rename(columns={"loss": f"{criterion}_loss"})
                 for criterion, s in self.delay_searches.items()

@@ -230,9 +230,7 @@ class SimulatedARX(GreyBox, BaseARX):
         free = self._free_run(grid, values)
         return forecast(free, output, segments(grid), self.noise_ar_, horizon)
 
-    def _one_step_errors(self, X: Any, y: Any) -> np.ndarray:
-        grid, values = self._read_X(X, reset=False)
-        output = grid.thin_output(self._read_y(X, y))
+    def _errors_on(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
         return output - self._ahead(grid, values, output, 1)
 
     def _simulated(

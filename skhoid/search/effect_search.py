@@ -14,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from threadpoolctl import threadpool_limits
 
 from .._sklearn import FittedDisplay, Interval, StrOptions, fit_context
-from ..arx.searches.folds import SplitsRuns, folds_of
+from ..arx.folds import SplitsRuns, folds_of
 from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects

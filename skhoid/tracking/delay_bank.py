@@ -622,8 +622,8 @@ class DelayBankARX(Follower, RecursiveARX):
     ) -> np.ndarray:
         return super(DelayBankARX, self._along_path())._ahead(grid, values, output, horizon)
 
-    def _one_step_errors(self, X: Any, y: Any) -> np.ndarray:
-        return super(DelayBankARX, self._along_path())._one_step_errors(X, y)
+    def _errors_on(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
+        return super(DelayBankARX, self._along_path())._errors_on(grid, values, output)
 
     def _check_streaming(self) -> None:  # type: ignore[override]
         if self.path == "viterbi":

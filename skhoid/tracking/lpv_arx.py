@@ -610,9 +610,8 @@ class LPVARX(BaseARX):
     ) -> np.ndarray:
         return BaseARX._ahead(self._following(grid, values), grid, values, output, horizon)
 
-    def _one_step_errors(self, X: Any, y: Any) -> np.ndarray:
-        grid, values = self._read_X(X, reset=False)
-        return BaseARX._one_step_errors(self._following(grid, values), X, y)
+    def _errors_on(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
+        return BaseARX._errors_on(self._following(grid, values), grid, values, output)
 
     def _fitted(self, regressors: np.ndarray, rows: np.ndarray, grid: ModelGrid) -> np.ndarray:
         theta, at = self._parameters(grid)

@@ -509,9 +509,7 @@ class WhitenedRecursion(Follower, FollowedPath):
         path = np.concatenate([self._initial_noise[None], self.noise_path_])
         return path[self._places_before(grid, horizon)]
 
-    def _one_step_errors(self, X: Any, y: Any) -> np.ndarray:
-        grid, values = self._read_X(X, reset=False)
-        output = grid.thin_output(self._read_y(X, y))
+    def _errors_on(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
         errors = output - self._ahead(grid, values, output, 1)
         for begin, _ in segments(grid):
             errors[begin : begin + self.orders_.first_row] = np.nan

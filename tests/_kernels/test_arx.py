@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from support import naive
 
 from skhoid import _kernels
+from skhoid.arx.candidates import FittedCandidates
 from skhoid.arx.least_squares import Triangle, newey_west, solutions
 from skhoid.arx.orders import BLOCK, Orders, regressor_blocks, regressors
-from skhoid.arx.searches.candidates import FittedCandidates
 
 BOUND = 1e100
 

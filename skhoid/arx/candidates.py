@@ -6,25 +6,26 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from itertools import accumulate, pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from joblib import Parallel, delayed
 from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 
-from ... import _kernels
-from ..._sklearn import safe_indexing
-from ...exceptions import RankDeficiencyError, ShortRunError
-from ...metrics import VAF_FLOOR, VAFScorer, scored_rows, scored_signals, vaf_of_rows, vaf_of_sums
-from ...pipelines import final_step, raw_layout, trimmed_rows
-from ...preprocessing.base import RowPreservingTransformer
-from ...preprocessing.gate import AS_GIVEN, as_output
-from ...preprocessing.grid import HeldInputs, ModelGrid
-from ..base import BOUND, BaseARX, check_lengths, check_row_count, longest_stretches
-from ..batch import ARXRegressor
-from ..least_squares import Triangle, solutions
-from ..orders import Orders, regressor_blocks, whole_number
+from .. import _kernels
+from .._sklearn import safe_indexing
+from ..exceptions import RankDeficiencyError, ShortRunError
+from ..metrics import VAF_FLOOR, VAFScorer, scored_rows, scored_signals, vaf_of_rows, vaf_of_sums
+from ..pipelines import final_step, raw_layout, reach_model, trimmed_rows
+from ..preprocessing.base import RowPreservingTransformer
+from ..preprocessing.gate import AS_GIVEN, as_output
+from ..preprocessing.grid import HeldInputs, ModelGrid
+from .base import BOUND, BaseARX, check_lengths, check_row_count, longest_stretches
+from .batch import ARXRegressor
 from .folds import Fold, RunRows, folds_of
+from .least_squares import Triangle, solutions
+from .orders import Orders, regressor_blocks, whole_number
 
 
 @dataclass(frozen=True)
@@ -142,8 +143,9 @@ class CandidateTable:
         """Rows of the longest stretch of the run in which it is shortest."""
         return int(longest_stretches(self.grid).min())
 
-    def set_candidates(self, candidates: list[dict[str, Any]]) -> None:
-        """Take candidates ``{"na": ..., "nb": ..., "nk": ...}``."""
+    def set_candidates(self, candidates: list[dict[str, Any]], *, check: bool) -> None:
+        """Take candidates ``{"na": ..., "nb": ..., "nk": ...}``; ``check`` that runs suffice."""
+        self.candidates = candidates
         model, n_inputs = self._model, self._raw_inputs.shape[1]
         self.orders = [
             Orders.of(
@@ -157,7 +159,8 @@ class CandidateTable:
         self.largest = Orders.of(
             max(o.na for o in self.orders), lengths, low, n_inputs, model.fit_intercept
         )
-        check_lengths(self.grid, self.largest)
+        if check:
+            check_lengths(self.grid, self.largest)
 
     def columns(self, orders: Orders) -> list[int]:
         """Columns of the table that are the regressors of ``orders``."""
@@ -225,6 +228,10 @@ class CandidateTable:
         """Mean squared one-step error (Eq. 24); NaN where regressors are linearly dependent."""
         small = triangle.subset(self.columns(orders))
         return np.nan if len(small.null_space()) else small.rss / triangle.n_rows
+
+    def one_step_losses(self, triangle: Triangle) -> np.ndarray:
+        """Mean squared one-step errors of all candidates on the same rows (Eq. 24)."""
+        return np.array([self.one_step_loss(triangle, orders) for orders in self.orders])
 
     def fitted(self, triangles: list[Triangle]) -> FittedCandidates:
         """All candidates, fitted on the rows of each triangle."""
@@ -325,9 +332,9 @@ class Validation:
         self.keep = known & scored_rows(self.layout, scorer.run_in, scorer.window)
         self.keep &= ~trimmed_rows(estimator, X)
 
-    def split(self, cv: Any, routed: dict[str, Any]) -> None:
+    def split(self, cv: Any, routed: dict[str, Any]) -> list[Fold]:
         """Make the folds."""
-        self.folds = folds_of(self.layout, cv, routed, self.known, self.keep)
+        return folds_of(self.layout, cv, routed, self.known, self.keep)
 
     def goes_by_runs_of(self, table: CandidateTable) -> bool:
         """Whether the folds take the same rows for runs as the model."""
@@ -413,3 +420,69 @@ def _standard_errors(lost: np.ndarray, power: np.ndarray) -> np.ndarray:
     lost = np.where(lost.sum(axis=0) > -VAF_FLOOR * total, np.nan, lost)
     deviation = lost - lost.sum(axis=0) / total * power[:, None]
     return 100 * np.sqrt(np.sum(deviation**2, axis=0) * n_blocks / (n_blocks - 1)) / total
+
+
+class Evaluated(NamedTuple):
+    """What was found about candidates.
+
+    ``losses`` are mean squared one-step errors, on ``n_rows`` rows; ``scores`` VAFs on each fold,
+    of shape (n_candidates, n_folds), and ``within`` their standard errors; ``data`` X and y.
+    """
+
+    table: CandidateTable
+    data: tuple[Any, Any]
+    losses: np.ndarray
+    n_params: np.ndarray
+    n_rows: int
+    scores: np.ndarray
+    within: np.ndarray
+
+    @property
+    def candidates(self) -> list[dict[str, Any]]:
+        return self.table.candidates
+
+
+def evaluated(
+    variant: Any,
+    X: Any,
+    y: Any,
+    table: CandidateTable,
+    validation: Validation | None,
+    n_jobs: int | None,
+) -> Evaluated:
+    """One-step losses of all candidates and, with a validation, their VAF on each fold."""
+    in_threads = Parallel(n_jobs=n_jobs, prefer="threads")
+    folds = [] if validation is None else validation.folds
+    if has_fast_path(variant) and (validation is None or validation.goes_by_runs_of(table)):
+        scores = np.empty((2, 0, len(table.orders)))
+        if validation is None:
+            whole = table.whole()
+        else:
+            parts, whole = table.triangles([fold.train for fold in folds])
+            models = table.fitted(parts)
+            score = delayed(validation.score_together)
+            scores = np.swapaxes(
+                in_threads(score(table, models, i) for i in range(len(parts))), 0, 1
+            )
+        losses = table.one_step_losses(whole)
+        n_params = np.array([orders.n_params for orders in table.orders])
+        return Evaluated(table, (X, y), losses, n_params, whole.n_rows, scores[0].T, scores[1].T)
+
+    def one_by_one(candidate: dict[str, Any]) -> tuple[np.ndarray, float, np.ndarray]:
+        model = with_orders(variant, **candidate)
+        scored = np.empty((0, 2))
+        if validation is not None:
+            scored = np.array([validation.score_refitted(model, X, y, fold) for fold in folds])
+        try:
+            last, passed_on = reach_model(model.fit(X, y), X)
+        except RankDeficiencyError:
+            return scored, np.nan, np.empty(0)
+        return scored, last.orders_.n_params, last.one_step_errors(passed_on, y)
+
+    found = in_threads(delayed(one_by_one)(c) for c in table.candidates)
+    fitted = [~np.isnan(errors) for *_, errors in found if errors.size]
+    known = np.logical_and.reduce(fitted) if fitted else np.empty(0, dtype=bool)
+    losses = np.array([np.mean(e[known] ** 2) if e.size else np.nan for *_, e in found])
+    scores, n_params = np.array([f[0] for f in found]), np.array([float(f[1]) for f in found])
+    n_rows = int(np.sum(known))
+    return Evaluated(table, (X, y), losses, n_params, n_rows, scores[..., 0], scores[..., 1])

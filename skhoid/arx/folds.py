@@ -14,10 +14,10 @@ import pandas as pd
 from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, LeavePGroupsOut, check_cv
 from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
 
-from ..._sklearn import raise_for_params, routing_enabled
-from ...exceptions import MissingDataWarning, RunCutWarning, RunIndexError
-from ...preprocessing.gate import unmasked
-from ...runs import RunLayout, check_alignment
+from .._sklearn import raise_for_params, routing_enabled
+from ..exceptions import MissingDataWarning, RunCutWarning, RunIndexError
+from ..preprocessing.gate import unmasked
+from ..runs import RunLayout, check_alignment
 
 # Splitters that use only groups get one row per run: with all rows, leaving out each run would cost
 # rows times runs.
