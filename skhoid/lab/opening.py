@@ -17,8 +17,7 @@ from .. import (
     RunInTrimmer,
     resample_runs,
 )
-from .guessing.columns import ColumnGuess
-from .guessing.reading import read_guessed
+from .guessing import ColumnGuess, read_guessed
 
 __all__ = ["about_means", "estimator_of", "read_chosen", "read_element", "trimmed"]
 

@@ -120,7 +120,7 @@ def test_diagnose_the_bundled_recordings(run_json):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["demo", "--effect", "dedd_zone"], "demo hides none, "),
+        (["demo", "--effect", "dedd_zone"], "No effect is called 'dedd_zone'"),
         (["demo", "--effect", "dedd_zone"], "Did you mean 'dead_zone'?"),
         (["demo", "--effect", "none", "bias"], "--effect none hides nothing"),
         (["demo", "--effects", "none"], "leave --effects out to search for all"),

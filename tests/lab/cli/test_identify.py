@@ -250,8 +250,8 @@ def test_lost_control_is_left_out_unless_it_is_to_be_kept(capsys, run_json, lost
     assert found["models"][0]["vaf_validation"] > kept["models"][0]["vaf_validation"]
     assert main(["identify", *lost_file, *words, "--tables", str(tmp_path / "tables")]) == 0
     printed = " ".join(capsys.readouterr().out.split())
-    assert "run 1 from 9" in printed
-    assert "lost_control" in printed or "--lost-control" in printed
+    assert "Run 1 from 9" in printed
+    assert "On the command line: --lost-control." in printed
     table = pd.read_csv(tmp_path / "tables" / "left_out.tsv", sep="\t")
     assert table.columns.tolist() == ["run", "from", "to", "times", "reason"]
 
