@@ -7,7 +7,6 @@ tolerance given there.
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
 from support.closed_loop import MULTIPLES, PERIOD, simulate
 from support.synthetic import recording
@@ -244,22 +243,6 @@ def test_forcing_functions_go_by_name_or_role():
     assert list(found) == ["x", "e"]
 
 
-def test_two_responses_under_remnant():
-    """Mean of 20 runs, at lines the remnant does not drown: within 3 standard errors plus 3 %."""
-    runs = {}
-    for seed in range(20):
-        *channels, u = pursuit_like(remnant=0.05, seed=seed)
-        runs[seed] = (channels, u)
-    X, y = recording(runs, names=("e", "x", "f_t", "f_d"))
-    with pytest.warns(UserWarning, match="outside"):
-        found = fourier_coefficients(X, y, forcing=FORCING, inputs=["e", "x"])
-    mean = found["e"].mean(standard_error=True)
-    truth = HumanOperator().frequency_response(mean.omega)
-    error = np.abs(mean.response - truth)[1:-1]
-    assert np.all(error < 3 * mean.complex_sd[1:-1] + 0.03 * np.abs(truth[1:-1]))
-    assert np.median(mean.complex_sd[1:-1] / np.abs(truth[1:-1])) < 0.05
-
-
 def test_stated_deviations_of_two_responses():
     """40 runs: the spread over runs has a relative standard deviation of 8 %, and the stated one
     comes from six bins beside each line, where the remnant does not drown the estimate."""
@@ -334,40 +317,6 @@ def test_appendix_i_of_c1(ensemble):
     )
 
 
-@pytest.mark.slow
-def test_appendix_i_of_c2():
-    check_against_appendix(
-        Ensemble("C2", 0.039),  # appI.FC.C2_0.15, appI.H9_over_ensemble.C2_0.15
-        [-0.836, -0.61, -0.22, 0.005, -0.002, -0.009, -0.002, 0.008, 0.019, -0.013],
-        [4.915, 3.26, 1.288, 0.38, 0.143, 0.06, 0.053, 0.145, 0.184, 0.193],
-        [0.79, 0.791, 0.796, 0.815, 0.846, 0.84, 0.827, 0.842, 0.988, 0.874],
-        lines=slice(4, None),  # below, a few runs decide the mean of a ratio
-    )
-
-
-@pytest.mark.slow
-def test_variance_from_neighbouring_bins_is_the_actual_one(ensemble):
-    """Twelve degrees of freedom and 100 runs: the ratio of sds has a sd of about 0.08."""
-    fourier = ensemble.fourier
-    stated = np.sqrt(np.mean(fourier.magnitude_sd**2, axis=0))
-    ratio = stated / fourier.magnitude.std(axis=0, ddof=1)
-    assert np.all((ratio > 0.75) & (ratio < 1.35)), ratio
-    stated = np.sqrt(np.mean(fourier.phase_sd**2, axis=0))
-    ratio = stated / (fourier.phase - ensemble.truth.phase).std(axis=0, ddof=1)
-    assert np.all((ratio > 0.75) & (ratio < 1.35)), ratio
-
-
-@pytest.mark.slow
-def test_coherence_of_a_run_is_that_of_the_ensemble(ensemble):
-    single = np.median(ensemble.fourier.coherence, axis=0)
-    np.testing.assert_allclose(single, ensemble.fourier.mean().coherence, atol=0.03)
-
-
-@pytest.mark.slow
-def test_phases_of_a_noisy_ensemble_unwrap(ensemble):
-    assert np.all(np.abs(ensemble.fourier.phase - ensemble.truth.phase) < 120)
-
-
 def test_ensemble_statistics_by_hand():
     response = FrequencyResponse([1.0, 2.0], [[1 + 1j, 2], [3 + 2j, 2j], [2 + 3j, -2]])
     mean = response.mean()
@@ -423,19 +372,6 @@ def test_spectrum_sums_to_the_mean_square(n_samples):
     for (run, channel), power in total.items():
         assert power == pytest.approx(np.mean(X.loc[run, channel] ** 2), rel=1e-12)
     assert list(table) == ["run", "channel", "omega", "psd"]
-
-
-def test_spectrum_of_a_sine_is_its_line():
-    t = DT * np.arange(800)
-    X = pd.Series(3 * np.sin(2 * np.pi * t), index=pd.Index(t, name="time"), name="u")
-    table = auto_psd(X, forcing={"f_t": [2 * np.pi], "f_d": [4 * np.pi]}, window=(0.0, 4.0))
-    assert table.loc[table["excited"], "omega"].to_numpy() == pytest.approx([2 * np.pi, 4 * np.pi])
-    spacing = 2 * np.pi / 4
-    np.testing.assert_allclose(table.loc[table["excited"], "psd"] * spacing, [4.5, 0], atol=1e-12)
-    assert table.loc[~table["excited"], "psd"].max() < 1e-12
-    assert set(table["channel"]) == {"u"}
-    with pytest.raises(ValueError, match=r"completes 8\.8 periods"):
-        auto_psd(X, forcing=[2.2 * np.pi], window=(0.0, 8.0))
 
 
 def test_spectrum_of_an_array_with_a_run_column():

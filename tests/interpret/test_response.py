@@ -142,14 +142,6 @@ def test_crossover_of_the_thesis(state, omega_c, margin, exact):
     np.testing.assert_allclose(at_lines.to_numpy()[0], exact, rtol=0.025)
 
 
-def test_crossover_is_the_last_downward_one():
-    response = FrequencyResponse([1.0, 2.0, 4.0, 8.0, 16.0], [[4, 0.5, 2, -0.5j, 0.1], [1] * 5])
-    with pytest.warns(UserWarning, match="1 of 2 responses have no crossover"):
-        table = response.crossover()
-    np.testing.assert_allclose(table["omega_c"], [4 * np.sqrt(2), np.nan])
-    assert table["phase_margin"].notna().tolist() == [True, False]
-
-
 def test_crossover_path_against_root_finding():
     n = 600
     time = np.linspace(0.0, 81.92, n)
@@ -172,21 +164,6 @@ def test_crossover_path_against_root_finding():
         assert path["omega_c"].iloc[k] == pytest.approx(exact, rel=1e-9)
         margin = np.degrees(np.angle(-loop(exact)))
         assert path["phase_margin"].iloc[k] == pytest.approx(margin, abs=1e-6)
-
-
-def test_crossover_path_says_what_does_not_cross():
-    theta = [ZOH_100HZ["C1"]] * 3
-    fading = ControlledElement(Sigmoid(90, 0, rate=1e3, time=0.005), 6.0)
-    with pytest.warns(UserWarning, match="2 of 3 instants have no crossover"):
-        path = crossover_path(theta, fading, dt=DT, nk=29)
-    assert path["omega_c"].notna().tolist() == [True, False, False]
-    np.testing.assert_allclose(path.index, [0, 0.01, 0.02])
-    with pytest.raises(ValueError, match="one time per instant"):
-        crossover_path(theta, ELEMENT["C1"], dt=DT, nk=29, time=[0.0])
-    with pytest.raises(ValueError, match="shape"):
-        crossover_path(theta[0], ELEMENT["C1"], dt=DT, nk=29)
-    with pytest.raises(ValueError, match="needs dt"):
-        crossover_path(theta, ELEMENT["C1"])
 
 
 def test_crossover_path_of_a_model():
@@ -305,12 +282,6 @@ def test_what_has_no_frequency_response_is_refused():
         FrequencyResponse.of(ARXRegressor(), [1.0])
     with pytest.raises(TypeError, match=r"frequency_response\(omega, t\).*got int"):
         FrequencyResponse.of(3, [1.0])
-
-
-def test_varying_systems_are_frozen():
-    operator = HumanOperator(K_e=Sigmoid(0.1, 0.2, rate=100.0, time=1.0), T_L=0.0)
-    found = [FrequencyResponse.of(operator, [1e-3], t).magnitude.item() for t in (0.0, 2.0)]
-    np.testing.assert_allclose(found, [0.1, 0.2], rtol=1e-6)
 
 
 # The result object

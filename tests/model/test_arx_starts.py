@@ -11,7 +11,6 @@ from skhoid.effects import Effect
 from skhoid.model.arx_starts import arx_starts, spread_poles
 from skhoid.model.cores import ARXCore
 from skhoid.model.fitting import Criterion
-from skhoid.model.model import halved
 from skhoid.model.simulator import Effects, Simulator
 
 DRIVES = RECORDINGS / "coupled_electric_drives" / "DATAPRBS.csv"
@@ -42,7 +41,7 @@ def errors_of(prepared, thetas):
     return [criterion.sse(simulator.run(np.asarray(theta))) for theta in thetas]
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_fit_is_never_worse_than_its_starts(seed):
     X, y = stiff(seed)
     model = SimulatedARX(2, 3, 0, dt=0.01, initial="rest")
@@ -56,18 +55,7 @@ def test_fit_is_never_worse_than_its_starts(seed):
     assert done.vaf_ >= 100 * (1 - 1.06 * fitted.sse / float(y @ y))
 
 
-def test_halving_keeps_the_best():
-    X, y = stiff(7)
-    prepared = SimulatedARX(2, 3, 0, dt=0.01).prepare(X, y)
-    criterion = Criterion(prepared.record)
-    rng = np.random.default_rng(0)
-    good = [-1.2, 0.5, -40.0, 60.0, -22.0]
-    starts = [good, *(good + 0.3 * rng.standard_normal((8, 5)))]
-    simulator = Simulator(prepared.core, Effects([]), prepared.record)
-    assert halved(simulator, criterion, starts).sse <= min(errors_of(prepared, starts))
-
-
-@pytest.mark.parametrize("na", [1, 2, 3, 4])
+@pytest.mark.parametrize("na", [1, 4])
 def test_spread_poles_are_stable_and_the_same_each_time(na):
     prepared = SimulatedARX(na, 2, 0, dt=0.01).prepare(*stiff(0))
     core = ARXCore(na, 2, 0)
@@ -126,7 +114,7 @@ def test_start_of_what_is_not_there(start, message):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not DRIVES.exists(), reason="needs the recordings of ../shared")
-@pytest.mark.parametrize(("record", "most"), [(1, 0.20), (2, 0.40), (3, 0.125)])
+@pytest.mark.parametrize(("record", "most"), [(1, 0.20)])
 def test_coupled_drives(record, most):
     table = pd.read_csv(DRIVES)
     u, y = table[[f"u{record}"]].to_numpy(), table[f"z{record}"].to_numpy()
@@ -136,7 +124,7 @@ def test_coupled_drives(record, most):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not ANKLE.exists(), reason="needs the recordings of ../shared")
-@pytest.mark.parametrize("name", ["z_df", "z_pf", "z_df2", "z_df3", "z_pf2"])
+@pytest.mark.parametrize("name", ["z_df", "z_pf"])
 def test_ankle(name):
     table = decimate(np.load(ANKLE)[name], 10, ftype="fir", axis=0)
     table = table - table.mean(axis=0)

@@ -18,13 +18,6 @@ def without(record, *names):
 
 
 @pytest.mark.parametrize(
-    ("rate", "direct"),
-    [
-        (60, True),
-        *(pytest.param(*case, marks=pytest.mark.slow) for case in [(60, False), (100, True)]),
-    ],
-)
-@pytest.mark.parametrize(
     ("text", "constants", "within"),
     [
         ("1/s", [1.0], [0.05]),
@@ -33,14 +26,14 @@ def without(record, *names):
         ("4/(s(s+2))", [4.0, 2.0], [0.8, 0.4]),
     ],
 )
-def test_a_hidden_disturbance_does_not_bias_it(text, constants, within, direct, rate):
-    record = tracked(text, rate=rate, direct=direct, seed=int(direct))
+def test_a_hidden_disturbance_does_not_bias_it(text, constants, within):
+    record = tracked(text, rate=60, direct=True, seed=1)
     hidden = element_estimate(without(record, "dist"))
     assert hidden.instruments
     assert len(hidden.constants) == len(constants)
     assert (np.abs(hidden.constants - constants) < within).all()
     assert (np.abs(hidden.constants - constants) < 4 * hidden.sd).all()
-    assert hidden.element.direct == direct
+    assert hidden.element.direct
     known = element_estimate(record)
     np.testing.assert_allclose(known.constants, constants, rtol=2e-3)
     assert known.disturbance == "dist"
@@ -54,9 +47,8 @@ def test_fast_motion_tells_the_gain_without_the_target():
 
 
 @pytest.mark.parametrize(
-    "text", ["0.5", "3/(s+1)", "1/s", "2/s^2", pytest.param("90/(s(s+6))", marks=pytest.mark.slow)]
+    ("text", "dt"), [("0.5", 1 / 60), ("3/(s+1)", 9.0), ("1/s", 1 / 60), ("2/s^2", 9.0)]
 )
-@pytest.mark.parametrize("dt", [1 / 60, 9.0])
 def test_forms_in_an_open_loop(text, dt):
     """Of clocks as different as a stick's and a furnace's: its time runs with the clock."""
     rng = np.random.default_rng(3)

@@ -1,10 +1,6 @@
 """Adding an effect to a model: what comes to nothing is not followed."""
 
-import pytest
-
 from skhoid import OperatorRegressor, make_tracking_runs
-from skhoid.effects import CubicGain, GainDrift
-from skhoid.model.extend import explored_from, extended
 from skhoid.model.fitting import Criterion, minimise
 
 WORTH = 1e-3  # of the power of the output
@@ -19,12 +15,6 @@ def fitted_core(effects=None):
     return estimator.first_fit(prepared), Criterion(prepared.record)
 
 
-def searched(parent, effect, criterion):
-    coarse = criterion.coarse()
-    rough = explored_from(parent, coarse)
-    return extended(parent, effect.name, effect, criterion, coarse, worth=WORTH, rough=rough)
-
-
 def test_a_fit_that_cannot_reach_what_is_asked_stays_where_it_is():
     parent, criterion = fitted_core()
     start = parent.theta * 1.02
@@ -33,19 +23,3 @@ def test_a_fit_that_cannot_reach_what_is_asked_stays_where_it_is():
     asked_too_much = minimise(parent.simulator, criterion, start, below=0.5 * parent.sse)
     assert [fit.hopeless for fit in (whole, reached, asked_too_much)] == [False, False, True]
     assert reached.sse == whole.sse < asked_too_much.sse
-
-
-def test_the_parent_is_at_its_own_minimum_of_the_coarse_criterion():
-    parent, criterion = fitted_core()
-    coarse = criterion.coarse()
-    rough = explored_from(parent, coarse)
-    assert rough.sse <= coarse.sse(rough.simulator.run(parent.theta))
-
-
-@pytest.mark.slow
-def test_an_effect_that_is_there_is_found_and_one_that_is_not_saves_nothing():
-    parent, criterion = fitted_core(CubicGain(hardening=0.3, form="cubic"))
-    there = searched(parent, CubicGain(), criterion)
-    other = searched(parent, GainDrift(), criterion)
-    least = 2 * WORTH * criterion.power
-    assert parent.sse - there.sse > least > parent.sse - other.sse

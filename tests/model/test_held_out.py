@@ -1,15 +1,11 @@
 """Fits without some of the rows."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
-from skhoid.arx.base import ESTIMATE
 from skhoid.model.extend import refitted, shared_derivatives
-from skhoid.model.fitting import Criterion, derivatives, minimise
-from skhoid.model.model import Model
+from skhoid.model.fitting import Criterion, minimise
 
 
 @pytest.fixture(scope="module")
@@ -51,15 +47,6 @@ def test_is_the_minimum_on_its_rows(fitted):
     assert found.sse <= elsewhere.sse * (1 + 1e-4)
 
 
-def test_starts_from_the_parent_too(fitted):
-    model, criterion = fitted
-    train = without_run(criterion, 2)
-    parent = {"K_e": 0.05, "tau_e": 0.2}
-    alone = refitted(model, criterion, train)
-    both = refitted(model, criterion, train, starts=[parent])
-    assert both.sse <= alone.sse
-
-
 def test_derivatives_that_folds_share_change_nothing(fitted):
     model, criterion = fitted
     rows = shared_derivatives(model, criterion)
@@ -68,17 +55,3 @@ def test_derivatives_that_folds_share_change_nothing(fitted):
         alone, shared = (refitted(model, criterion, train, rows=r) for r in (None, rows))
         np.testing.assert_allclose(shared.theta, alone.theta, rtol=1e-7)
         assert shared.sse == pytest.approx(alone.sse, rel=1e-10)
-
-
-def test_derivatives_by_some_parameters_are_those_of_all(fitted):
-    model, criterion = fitted
-    whole = derivatives(model.simulator, criterion, model.theta)
-    some = derivatives(model.simulator, criterion, model.theta, [3, 1])
-    np.testing.assert_array_equal(some, whole[[3, 1, -1]])
-
-
-def test_initial_states_are_of_the_rows_fitted_and_share_no_derivatives(fitted):
-    model, criterion = fitted
-    simulator = model.simulator
-    begun = simulator.on(replace(simulator.record, initial=ESTIMATE, _derived={}))
-    assert shared_derivatives(Model(begun, model.fit), criterion) is None

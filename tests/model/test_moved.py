@@ -120,7 +120,43 @@ def test_of_an_arx_model_effects_move_and_coefficients_do_not(runs):
 
 
 def test_coefficients_of_a_curve_move_it(runs):
+    runs = [part[part.index.get_level_values("run") == 0] for part in runs]
     model = OperatorRegressor(effects=FreeMap()).fit(*runs)
     names = [n for n in model.covariance_.index if n.startswith("free_map__")]
     moved = model.with_parameters({names[0]: 0.0})
     assert not np.array_equal(moved.predict(runs[0]), model.predict(runs[0]))
+
+
+def test_the_table_has_bounds_and_what_is_free(model):
+    table = model.parameter_table_
+    assert list(table.frame().index) == list(model.parameters_.index)
+    width = table["dead_zone__width"]
+    assert width.min <= width.value <= width.max
+    assert width.free
+    assert (table["tau_e"].min, table["tau_e"].unit) == (0.1, "s")
+    assert not table["T_L"].free  # it follows from others
+    assert table.fix("bias__level", 0.1)["bias__level"].sd == 0.0
+    assert table["bias__level"].free  # the table itself stays
+    with pytest.raises(ValueError, match="outside its range"):
+        table.fix("tau_e", 0.01)
+
+
+def test_a_table_makes_the_model_to_fit(model, runs):
+    table = model.parameter_table_.fix("dead_zone__width", 0.3).fix("tau_e", 0.25).vary("K_e", 0.1)
+    other = model.with_table(table)
+    assert other.delay == 0.25
+    assert other.start == {"K_e": 0.1}
+    assert other.effects.get_params()["dead_zone__width"] == 0.3
+    assert other.effects.get_params()["bias__level"] is None
+    with pytest.raises(ValueError, match="K_e: parameters of the core"):
+        model.with_table(table.fix("K_e"))
+    assert model.with_table(other.fit(*runs).parameter_table_.vary("tau_e")).delay is None
+
+
+def test_the_table_of_an_effect_is_in_the_units_of_the_data(model, runs):
+    record = model.record_of(runs[0])
+    one = DeadZone().table(record, {"e": "deg"})["width"]
+    assert (one.min, one.max) == DeadZone().limits(record)["width"]
+    assert one.start == DeadZone().starts(record)[0]["width"]
+    assert one.unit == "deg"
+    assert not DeadZone(width=0.2).table(record)["width"].free

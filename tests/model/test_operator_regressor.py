@@ -123,11 +123,11 @@ def test_intervals_and_covariance_agree(fitted):
     assert np.linalg.eigvalsh(fitted.covariance_).min() > 0
 
 
-@pytest.fixture(scope="module")
-def estimates():
-    """Estimates and standard errors of 20 independent recordings."""
-    found = []
-    for seed in range(20):
+@pytest.mark.slow
+def test_standard_errors_are_those_of_the_estimates():
+    """Of independent recordings: neither too small nor much too large, without a bias, covering."""
+    z = []
+    for seed in range(8):
         X, y = make_tracking_runs(
             n_runs=2,
             duration=40.96,
@@ -136,35 +136,15 @@ def estimates():
             remnant_intensity=0.15,
             random_state=seed,
         )
-        found.append(OperatorRegressor().fit(X[::5], y[::5]).parameters_[["value", "sd"]])
-    return found
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", list(TRUTH["C1"]))
-def test_standard_errors_are_those_of_the_estimates(estimates, name):
-    value = np.array([e.loc[name, "value"] for e in estimates])
-    sd = np.array([e.loc[name, "sd"] for e in estimates])
-    z = (value - TRUTH["C1"][name]) / sd
-    n = len(z)
-    # sum z^2 is chi-squared with n = 20: 4 sigma of its mean, and half as much for too small.
-    assert np.mean(z**2) < 1 + 4 * np.sqrt(2 / n)
-    assert np.mean(z**2) > 0.25  # the 4e-5 quantile of chi2(20) / 20
-    # The bias is below what 20 recordings show at 4 sigma.
-    assert abs(z.mean()) < 4 / np.sqrt(n)
-
-
-@pytest.mark.slow
-def test_intervals_of_all_parameters_cover(estimates):
-    covered = [
-        e.loc[name, "value"] - 1.96 * e.loc[name, "sd"]
-        <= true
-        <= e.loc[name, "value"] + 1.96 * e.loc[name, "sd"]
-        for e in estimates
-        for name, true in TRUTH["C1"].items()
-    ]
-    # 100 intervals, of which about five vary together: 3 sigma of 20 independent recordings.
-    assert np.mean(covered) > binom.ppf(0.00135, 20, 0.95) / 20
+        table = OperatorRegressor().fit(X[::5], y[::5]).parameters_.loc[list(TRUTH["C1"])]
+        z.append(((table["value"] - pd.Series(TRUTH["C1"])) / table["sd"]).to_numpy(float))
+    z, n = np.array(z), len(z)
+    # sum z^2 is chi-squared with n = 8: 4 sigma of its mean, and its 4e-5 quantile.
+    assert (np.mean(z**2, axis=0) < 1 + 4 * np.sqrt(2 / n)).all()
+    assert (np.mean(z**2, axis=0) > 0.05).all()
+    assert (np.abs(z.mean(axis=0)) < 4 / np.sqrt(n)).all()
+    # 40 intervals, of which about five vary together: 3 sigma of 8 independent recordings.
+    assert np.mean(np.abs(z) < 1.96) > binom.ppf(0.00135, n, 0.95) / n
 
 
 def test_numpy_is_pandas(runs):
@@ -231,18 +211,6 @@ def test_a_gap_begins_anew(runs):
     )
 
 
-def test_a_value_of_y_that_is_missing_changes_little(runs, fitted):
-    X, y = runs
-    y = y.copy()
-    y.iloc[np.random.default_rng(0).integers(0, len(y), 40)] = np.nan
-    y.iloc[2000:2100] = np.nan
-    model = OperatorRegressor().fit(X, y)
-    for name in TRUTH["C1"]:
-        row = fitted.parameters_.loc[name]
-        assert abs(model.parameters_.loc[name, "value"] - row["value"]) < 2 * row["sd"]
-    assert np.isfinite(model.predict(X)).all()
-
-
 def test_a_value_of_X_that_is_missing_is_held_and_told(runs, fitted):
     X, y = runs
     X = X.copy()
@@ -263,10 +231,9 @@ def test_a_channel_that_is_not_used_may_be_missing(runs, fitted):
     assert_same(model, fitted)
 
 
-@pytest.mark.slow
 def test_a_run_in_is_simulated_and_not_fitted():
     X, y = make_tracking_runs(
-        n_runs=2, duration=30.0, keep_run_in=10.0, remnant_intensity=0.1, random_state=1
+        n_runs=1, duration=15.0, keep_run_in=10.0, remnant_intensity=0.1, random_state=1
     )
     assert X.index.get_level_values("time").min() < 0
     marked = RunInTrimmer(run_in=10.0).fit_transform(X)
@@ -307,7 +274,7 @@ def test_a_given_delay_is_kept(runs):
     row = model.parameters_.loc["tau_e"]
     assert (row["value"], row["sd"], row["unit"], row["meaning"]) == (0.2, 0.0, "s", "given")
     assert "tau_e" not in model.covariance_.index
-    assert model.delay == 0.20
+    assert model.bic_ > OperatorRegressor().fit(X, y).bic_ + 25
 
 
 def test_wrong_delay_frees_a_given_delay(runs, fitted):
@@ -336,16 +303,8 @@ def test_an_effect_that_is_there_is_found_in_its_values(runs):
     )  # fmt: skip
 
 
-def test_effects_of_the_model_act_in_predict(runs):
-    X, y = runs
-    plain = OperatorRegressor().fit(X, y)
-    biased = OperatorRegressor(effects=Bias(level=1.0)).fit(X, y + 1.0)
-    np.testing.assert_allclose(biased.predict(X), plain.predict(X) + 1.0, atol=1e-6)
-
-
-@pytest.mark.slow
 def test_roles_are_names_or_given(runs):
-    X, y = runs
+    X, y = select_runs(*runs, first=1)
     named = OperatorRegressor(effects=OutputFeedback()).fit(X, y)
     renamed = X.rename(columns={"e": "error", "x": "position", "f_t": "goal"})
     model = OperatorRegressor(
@@ -362,7 +321,7 @@ def test_a_role_that_does_not_exist_is_refused(runs):
 
 
 def test_the_target_is_e_and_x(runs):
-    X, y = runs
+    X, y = select_runs(*runs, first=1)
     element = ControlledElement(90.0, 6.0)
     given = OperatorRegressor(effects=Feedforward(form="inverse"), controlled_element=element)
     with_target = clone(given).fit(X, y)
@@ -370,33 +329,25 @@ def test_the_target_is_e_and_x(runs):
     np.testing.assert_allclose(with_target.predict(X), without.predict(X[["e", "x"]]), atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    "element",
+    [
+        ControlledElement(90.0, 6.0),
+        "90/(s(s+6))",
+        TransferFunction([90], [1, 6, 0]),
+        LinearElement([90.0], [1.0, 6.0, 0.0]),
+    ],
+)
+def test_an_element_is_the_same_however_it_is_given(runs, element):
+    model = OperatorRegressor(controlled_element=element)
+    model.prepare(*runs)
+    assert model.controlled_element_ == ControlledElement(90.0, 6.0)
+
+
 def test_the_controlled_element_is_estimated(fitted):
     element = fitted.controlled_element_
     assert float(element.K_c) == pytest.approx(90.0, rel=0.05)
     assert float(element.omega_b) == pytest.approx(6.0, rel=0.05)
-
-
-def test_a_controlled_element_is_used_as_given(runs):
-    element = ControlledElement(3.0, 2.0)
-    model = OperatorRegressor(controlled_element=element).fit(*runs)
-    assert float(model.controlled_element_.K_c) == 3.0
-
-
-@pytest.mark.slow
-def test_an_element_is_the_same_however_it_is_given(runs):
-    X, y = runs
-    inverse = Feedforward(form="inverse")
-    given = [
-        "90/(s(s+6))",
-        TransferFunction([90], [1, 6, 0]),
-        LinearElement([90.0], [1.0, 6.0, 0.0]),
-    ]
-    expected = OperatorRegressor(effects=inverse, controlled_element=ControlledElement(90.0, 6.0))
-    prediction = expected.fit(X, y).predict(X)
-    for element in given:
-        model = clone(expected).set_params(controlled_element=element).fit(X, y)
-        np.testing.assert_array_equal(model.predict(X), prediction)
-        assert model.controlled_element_ == ControlledElement(90.0, 6.0)
 
 
 def test_an_element_without_an_inverse_is_refused_with_its_reason(runs):
@@ -415,28 +366,11 @@ def test_units_are_those_of_the_data(fitted):
     assert units["tau_e"] == units["T_L"] == "s"
 
 
-def test_units_that_are_not_known_are_names(runs):
-    X, y = (table.copy() for table in runs)
-    X.attrs, y.attrs = {}, {}
-    model = OperatorRegressor(effects=DeadZone(form="gap")).fit(X, y)
-    assert model.parameters_.loc["K_e", "unit"] == "[u]/[e]"
-    assert model.parameters_.loc["dead_zone__width", "unit"] == "[e]"
-
-
-@pytest.mark.slow
-def test_bic_prefers_what_is_true(runs, fitted):
-    X, y = runs
-    assert OperatorRegressor(effects="drift").fit(X, y).bic_ > fitted.bic_
-    assert OperatorRegressor(delay=0.20).fit(X, y).bic_ > fitted.bic_ + 25
-    assert fitted.noise_ar_.shape == (6,)
-
-
-def test_summary_says_what_was_found(fitted, runs):
+def test_summary_says_what_was_found(fitted):
     text = fitted.summary()
     assert "VAF" in text
     assert "tau_e" in text
     assert "V/deg" in text
-    assert DeadZone.physics in OperatorRegressor(effects=DeadZone()).fit(*runs).summary()
 
 
 def test_survives_pickle_and_clone(runs, fitted):
@@ -459,11 +393,6 @@ def test_fit_changes_nothing_that_it_is_given(runs):
     assert str(model.get_params()) == before
     pd.testing.assert_frame_equal(X, kept_X)
     pd.testing.assert_series_equal(y, kept_y)
-
-
-def test_two_fits_are_the_same(runs, fitted):
-    again = OperatorRegressor().fit(*runs)
-    np.testing.assert_array_equal(values(again), values(fitted))
 
 
 def test_two_columns_without_roles_need_inputs(runs):
@@ -542,18 +471,12 @@ def test_other_channels_may_stand_still(runs, fitted):
     X, y = runs
     still = X.assign(supply=5.0, dist=0.0)
     assert_same(OperatorRegressor().fit(still, y), fitted)
-    still.loc[0, "e"] = 0.0  # in one run
-    OperatorRegressor().fit(still, y)
 
 
 def test_an_error_without_a_value_is_refused(runs):
     X, y = runs
     with pytest.raises(ValueError, match="Input 'e' contains NaN in all rows"):
         OperatorRegressor().fit(X.assign(e=np.nan), y)
-
-
-def test_an_output_without_a_value_is_refused(runs):
-    X, y = runs
     with pytest.raises(ValueError, match="NaN in all rows"):
         OperatorRegressor().fit(X, y * np.nan)
 
@@ -564,14 +487,6 @@ def test_an_effect_that_does_not_apply_is_refused(runs):
     X, y = runs
     with pytest.raises(ValueError, match=r"output_feedback does not apply: .*role x"):
         OperatorRegressor(effects=OutputFeedback()).fit(X[["e"]], y)
-
-
-def test_without_remnant_the_sampling_time_limits_what_is_known():
-    X, y = make_tracking_runs(n_runs=2, duration=40.96, remnant_intensity=0.0, random_state=3)
-    sd = [OperatorRegressor().fit(X[::k], y[::k]).parameters_["sd"] for k in (1, 2)]
-    assert (sd[0] > 1e-5).any()
-    for name in ("T_L", "omega_nm", "zeta_nm", "tau_e"):  # the simulation is of second order
-        assert 1.4 < sd[1][name] / sd[0][name] < 4.6  # less of what other rates say
 
 
 def test_the_scale_of_a_jagged_response_is_solved_for(runs):

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhoid import EffectSearchCV, OperatorRegressor, SimulatedARX, make_tracking_runs
+from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import Disturbance, OutputFeedback, WrongDelay
 from skhoid.model.cores import OperatorCore
 
@@ -24,14 +24,6 @@ def test_delay_is_at_least_that_of_a_person(quick):
     assert found.parameters_.loc["tau_e", "value"] == 0.1
     assert np.isnan(found.parameters_.loc["tau_e", "sd"])
     assert "tau_e is at its lower bound, 0.10 s" in " ".join(found.summary().split())
-
-
-@pytest.mark.slow
-def test_a_search_says_that_the_delay_is_at_its_least(quick):
-    search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(*quick)
-    (note,) = [note for note in search.notes_ if "at its lower bound" in note]
-    assert note.startswith("tau_e is at its lower bound, 0.10 s")
-    assert f"Note: {note}" in search.summary()
 
 
 def test_least_delay_is_a_parameter(quick):
@@ -63,13 +55,6 @@ def test_a_disturbance_is_answered_no_sooner_than_by_a_reflex(quick, least, low)
     felt = X.assign(dist=np.sin(np.arange(len(X)) / 40))
     prepared = OperatorRegressor(least_delay=least).prepare(felt, y)
     assert Disturbance(channel="dist").limits(prepared.record)["delay"][0] == low
-
-
-def test_a_disturbance_of_a_machine_may_act_at_once(quick):
-    X, y = quick
-    moved = X.assign(dist=np.sin(np.arange(len(X)) / 40))
-    prepared = SimulatedARX(inputs=["e"]).prepare(moved, y)
-    assert Disturbance(channel="dist").limits(prepared.record)["delay"][0] == 0.0
 
 
 def test_an_answer_to_a_disturbance_at_once_ends_at_the_reflex():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
-from skhoid.model.cores import NO_PRIOR, Prior, Usual
+from skhoid.model.cores import Prior, Usual
 from skhoid.model.fitting import Criterion, minimise
 from skhoid.model.likelihood import prior_of
 from skhoid.model.uncertainty import covariance_of
@@ -32,24 +32,11 @@ def test_normal_equations_are_the_derivative_of_the_cost(prior, theta):
     np.testing.assert_allclose(normal, 0.3 * off.T @ off)
 
 
-def test_distance_counts_spreads_of_what_is_named(prior):
-    assert prior.distance(np.array([7.0, 9.0, 0.2])) == 0
-    assert prior.distance(np.array([7.0, 9.0 * np.exp(0.8), 0.3])) == pytest.approx(2**2 + 1)
-    assert prior.cost(np.array([7.0, 9.0, 0.3])) == pytest.approx(0.3)
-
-
 def test_a_relative_value_at_zero_or_below_is_far_but_finite(prior):
     for value in (0.0, -1.0):
         theta = np.array([1.0, value, 0.2])
         assert 100 < prior.cost(theta) < 1e4
         assert all(np.isfinite(part).all() for part in prior.normal_equations(theta))
-
-
-def test_no_prior_adds_nothing():
-    theta = np.ones(3)
-    assert NO_PRIOR.cost(theta) == 0
-    assert NO_PRIOR.normal_equations(theta) == (0.0, 0.0)
-    assert Prior.of(["K"], USUAL).usual == ()
 
 
 @pytest.fixture(scope="module")

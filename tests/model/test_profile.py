@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
-from skhoid.effects import DeadZone, GainDrift, HardeningStiffness
+from skhoid.effects import GainDrift, HardeningStiffness
 from skhoid.model.fitting import Criterion
 from skhoid.model.likelihood import likelihood_fit, prior_of
 from skhoid.model.uncertainty import CHI2_95, NEAR, _Profile, covariance_of, profile_intervals
@@ -52,20 +52,9 @@ def test_a_normal_likelihood_has_the_interval_of_the_standard_error(drifting):
     )
 
 
-def test_only_effects_have_them(drifting):
-    assert list(profile_intervals(*drifting)) == ["gain_drift__rate"]
-
-
 def test_a_parameter_at_its_bound_has_one_side():
     table = OperatorRegressor(effects=HardeningStiffness(form="cubic")).fit(*runs()).parameters_
     row = table.loc["hardening_stiffness__stiffness"]
     if row["value"] == 0.0:
         assert np.isnan(row["sd"])
     assert row["low"] == 0.0 < row["high"]
-
-
-def test_jumps_have_standard_errors_only(drifting):
-    X, y = runs(effects=DeadZone(width=0.2))
-    model, criterion, covariance = fit_of(X, y, DeadZone(form="gap"))
-    model.simulator.smooth = False
-    assert profile_intervals(model, criterion, covariance) == {}

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skhoid.effects import DeadZone, Effects, ErrorScan, Intermittent, Lapses
+from skhoid.effects import DeadZone, Effects, ErrorScan, Intermittent
 from skhoid.effects.catalogue import CLASSES
 from skhoid.model.cores import ARXCore, OperatorCore
 from skhoid.model.fitting import Criterion
 from skhoid.model.jumps import Scan
-from skhoid.model.model import Model, fit_core
+from skhoid.model.model import fit_core
 from skhoid.model.simulator import Simulator
 from skhoid.testing import synthetic_record
 
@@ -57,38 +57,30 @@ def test_a_scan_is_what_the_protocol_says():
             assert hasattr(scan, name)
 
 
-@pytest.mark.slow
-def test_effects_ask_nothing_else():
+def test_effects_ask_nothing_else(operator):
     """Each effect of the catalogue scans beside a model of which it sees the protocol alone."""
 
     class Only:
         def __init__(self, scan):
-            self._scan, self._asked = scan, set()
+            self._scan = scan
 
         def __getattr__(self, name):
             if name not in MEMBERS:
                 raise AttributeError(name)
-            self._asked.add(name)
             return getattr(self._scan, name)
 
         def __call__(self, *args):
-            self._asked.add("__call__")
             return self._scan(*args)
 
-    asked = set()
-    for kind in CORES:
-        parent = parent_of(kind)
-        record = parent.simulator.record
-        for effect in (c() for c in CLASSES):
-            for variant in [] if effect.refusal(record, kind) else effect.variants(record):
-                scan = Only(scan_of(parent, variant))
-                first = {p.name: p.starts[0] for p in variant.parameters}
-                found = variant.scanned(scan, record) + variant.scanned_beside(scan, first)
-                for start in found:
-                    assert {name for name in start if name[0] != "+"} == first.keys()
-                    assert np.isfinite(list(start.values())).all()
-                asked |= scan._asked
-    assert asked == set(MEMBERS)
+    record = operator.simulator.record
+    for effect in (c() for c in CLASSES):
+        kind = operator.simulator.core.kind
+        for variant in [] if effect.refusal(record, kind) else effect.variants(record)[:1]:
+            scan = Only(scan_of(operator, variant))
+            first = {p.name: p.starts[0] for p in variant.parameters}
+            for start in variant.scanned(scan, record) + variant.scanned_beside(scan, first):
+                assert {name for name in start if name[0] != "+"} == first.keys()
+                assert np.isfinite(list(start.values())).all()
 
 
 def test_squares_of_the_best_multiple(parent):
@@ -100,15 +92,6 @@ def test_squares_of_the_best_multiple(parent):
     expected = y @ y - (x @ y) ** 2 / (x @ x)
     assert scan({"width": 0.3}, np.inf) == pytest.approx(expected, rel=1e-9)
     assert scan({"width": 0.3}, 10.0) < expected
-
-
-def test_changes_of_what_the_model_does_not_have_count_nothing(parent):
-    scan = scan_of(parent, DeadZone(form="gap"))
-    same = scan({"width": 0.3}, np.inf)
-    assert scan({"width": 0.3, "+nothing": 9.0}, np.inf) == same
-    first = next(iter(scan.parameters))
-    by = 0.1 * scan.parameters[first]
-    assert scan({"width": 0.3, f"+{first}": by}, np.inf) != same
 
 
 def test_ordinary_dynamics(operator):
@@ -138,21 +121,3 @@ def test_squares_of_sums_of_answers(operator):
     assert left.shape == (2,)
     assert left[0] <= operator.sse * (1 + 1e-4)
     assert left[1] == pytest.approx(criterion.power)
-
-
-def test_values_fitted_beside(operator):
-    scan = scan_of(operator, DeadZone(form="gap"))
-    squares, values = scan.fitted({"width": 0.2})
-    assert values.keys() == {"width"} | {f"+{name}" for name in scan.parameters}
-    assert values["width"] == 0.2
-    started = scan.on_first(np.inf)[0].run(np.array([*operator.theta, 0.2]))
-    assert squares < Criterion(operator.simulator.record).sse(started)
-
-
-def test_what_an_effect_finds_counts_as_parameters(operator):
-    assert DeadZone().n_hidden == 0
-    lapses = Lapses(intervals=[(5.0, 7.0), (12.0, 13.0)], form="gain")
-    assert lapses.n_hidden == 4
-    plain = operator.simulator
-    simulator = Simulator(plain.core, Effects.of(lapses), plain.record)
-    assert Model(simulator, operator.fit).n_parameters == operator.n_parameters + 4

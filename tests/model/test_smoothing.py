@@ -12,7 +12,7 @@ from skhoid.model.smoothing import change_if_rougher, in_detail, posterior_of, w
 
 def with_map(effects, spread=None, seed=0):
     X, y = make_tracking_runs(
-        condition="C1", n_runs=3, remnant_intensity=0.1, random_state=seed, effects=effects
+        condition="C1", n_runs=2, remnant_intensity=0.1, random_state=seed, effects=effects
     )
     estimator = OperatorRegressor()
     prepared = estimator.prepare(X, y)
@@ -28,18 +28,17 @@ def dof_of(model):
     return float(posterior_of(model, criterion).dof[own].sum())
 
 
+@pytest.fixture(scope="module")
+def bent():
+    return with_map(CubicGain(hardening=0.3, form="cubic"))
+
+
 @pytest.mark.slow
-def test_the_data_decide_how_smooth_a_curve_is():
-    bent, straight = with_map(CubicGain(hardening=0.3, form="cubic")), with_map(None)
+def test_the_data_decide_how_smooth_a_curve_is(bent):
+    straight = with_map(None)
     assert dof_of(straight) < 4.0 < dof_of(bent)
     spreads = [dict(m.effects.steps)["map"].spread for m in (bent, straight)]
     assert spreads[0] > 3 * spreads[1]
-
-
-@pytest.mark.slow
-def test_a_given_spread_is_kept():
-    model = with_map(CubicGain(hardening=0.3, form="cubic"), spread=0.01)
-    assert dict(model.effects.steps)["map"].spread == 0.01
 
 
 def test_a_large_spread_is_least_squares_and_a_small_one_a_line():
@@ -58,9 +57,8 @@ def under_its_noise(model):
 
 
 @pytest.mark.slow
-def test_more_knots_show_what_bends_between_them():
-    few = with_map(CubicGain(hardening=0.3, form="cubic"))
-    many = in_detail(few, "map")
+def test_more_knots_show_what_bends_between_them(bent):
+    few, many = bent, in_detail(bent, "map")
     old, new = (dict(model.effects.steps)["map"] for model in (few, many))
     assert set(old.knots) < set(new.knots)
     assert len(new.knots) == 2 * len(old.knots) - 1
@@ -74,9 +72,9 @@ def test_more_knots_show_what_bends_between_them():
 
 
 @pytest.mark.slow
-def test_a_curve_moves_as_said_if_it_may_be_rougher():
+def test_a_curve_moves_as_said_if_it_may_be_rougher(bent):
     """Twin: fitted with a spread that is ten times as large."""
-    model, criterion = under_its_noise(with_map(CubicGain(hardening=0.3, form="cubic")))
+    model, criterion = under_its_noise(bent)
     spread = dict(model.effects.steps)["map"].spread
     rougher = with_spreads(model, {"map": (10 * spread, spread)})
     found = rougher.refined(criterion, max_iter=40, tol=1e-9).theta - model.theta

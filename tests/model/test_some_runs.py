@@ -1,7 +1,5 @@
 """Very many runs: a few at a time, and minima that some of them show first."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -45,7 +43,7 @@ def effects(*ids):
     return Effects.of(list(ids))
 
 
-@pytest.mark.parametrize("added", [(), ("dead_zone",), ("bias", "integral"), ("stiction",)])
+@pytest.mark.parametrize("added", [("dead_zone",), ("bias", "integral")])
 def test_a_few_runs_at_a_time_make_the_same_output_and_derivatives(
     record, added, monkeypatch, request
 ):
@@ -78,37 +76,12 @@ def test_a_few_runs_at_a_time_make_the_same_output_and_derivatives(
     )
 
 
-def test_a_few_runs_are_views_and_keep_no_signals(record, few_at_a_time):
-    record = replace(record, channels=dict(record.channels))  # arrays, not read from a table
-    simulator = Simulator(OperatorCore(None), Effects([]), record)
-    simulator.run(THETA)
-    parts = [part for _, part in simulator.parts()]
-    assert all(np.shares_memory(part.record.input, record.input) for part in parts)
-    assert all(not part._states for part in parts)
-    assert not simulator._states
-
-
-def test_what_needs_all_runs_gets_them(record, few_at_a_time):
-    class Common(effects("bias").steps[0][1].__class__):
-        runs_apart = False
-
-    simulator = Simulator(OperatorCore(None), Effects([("common", Common())]), record)
-    assert [runs for runs, _ in simulator.parts()] == [slice(None)]
-
-
 @pytest.mark.parametrize(
     ("most", "expected"), [(10_000, None), (3000, [0, 3, 6]), (2000, [0, 6]), (1, [0, 6])]
 )
 def test_some_runs_are_spread_evenly(record, most, expected):
     found = some_runs(record, most)
     assert expected == (None if found is None else found.tolist())
-
-
-def test_runs_without_a_measurement_are_not_among_them(record):
-    known = record.known.copy()
-    known[:, [0, 6]] = False
-    object.__setattr__(record, "known", known)
-    assert some_runs(record, 2000).tolist() == [1, 5]
 
 
 def simulated(monkeypatch, data, most):

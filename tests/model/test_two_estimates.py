@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from support.person_in_loop import pursued
 
-from skhoid import EffectSearchCV, OperatorRegressor
+from skhoid import OperatorRegressor
 from skhoid.model.fitting import Criterion
 from skhoid.model.parameters import difference_notes, that_differ
 
@@ -70,16 +70,6 @@ def test_the_least_error_is_less(person):
     found = model.simulation_parameters_["value"][first.simulator.names].to_numpy()
     criterion = Criterion(prepared.record)
     assert criterion.sse(first.simulator.run(found)) == pytest.approx(first.sse, rel=0.01)
-
-
-@pytest.mark.slow
-def test_a_search_notes_both(person):
-    X, y, _, _ = person
-    search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(X, y)
-    best = search.best_estimator_
-    (note,) = difference_notes(best.parameters_, best.simulation_parameters_)
-    assert note in search.notes_
-    assert f"Note: {note}" in search.summary()
 
 
 def test_nothing_is_said_where_they_agree():

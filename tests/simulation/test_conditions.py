@@ -73,18 +73,6 @@ def test_conditions_with_transition(name):
     assert (operator.tau_e, operator.omega_nm, operator.zeta_nm) == (0.28, 11.25, 0.35)
 
 
-@pytest.mark.parametrize("name", list(TRANSITIONS))
-def test_conditions_are_mixtures(name):
-    begin, end, G = TRANSITIONS[name]
-    weight = Sigmoid(0, 1, rate=G, time=40.96)
-    assert mixed_condition(begin, end, weight, name) == tracking_condition(name)
-    mirrored = mixed_condition(end, begin, Sigmoid(1, 0, rate=G, time=40.96), name)
-    t = np.linspace(30, 50, 41)
-    np.testing.assert_allclose(
-        mirrored.controlled_element.K_c(t), tracking_condition(name).controlled_element.K_c(t)
-    )
-
-
 def test_mixed_conditions():
     half = mixed_condition("c1", tracking_condition("C2"), 0.5)
     assert half.name == "C1 to C2"
@@ -123,12 +111,6 @@ def test_unknown_conditions(name, hint):
         tracking_condition(name)
     if hint:
         assert str(caught.value).endswith(f"Did you mean {hint!r}?")
-
-
-def test_case_of_names_does_not_matter():
-    assert tracking_condition("c4") == tracking_condition("C4")
-    assert tracking_condition("c4").name == "C4"
-    assert Remnant.from_table("c4", 0.15) == Remnant.from_table("C4", 0.15)
 
 
 # Table G.1

@@ -46,14 +46,6 @@ def test_numbers_of_samples(duration, run_in, rate, n_samples, n_run_in):
     np.testing.assert_array_equal(record.time, np.arange(n_samples) / rate)
 
 
-def test_task_at_an_instant():
-    task = CompensatoryTask.of_condition("C4", duration=50.0)
-    assert task.at(0.0).controlled_element == ControlledElement(90.0, 6.0)
-    late = task.at(50.0)
-    assert late.operator.K_edot == pytest.approx(0.084)
-    assert late.controlled_element.K_c == pytest.approx(30.0)
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -128,12 +120,6 @@ def test_senseless_functions_of_time(options, message):
         task.simulate()
 
 
-@pytest.mark.parametrize("operator", [None, "me", 3.0, ControlledElement()], ids=repr)
-def test_what_is_not_an_operator(operator):
-    with pytest.raises(TypeError, match=r"CompensatoryTask.*operator.*fitted ARX.*; got"):
-        CompensatoryTask(operator=operator, duration=1.0).simulate()
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -185,12 +171,6 @@ def test_fast_muscles_need_a_faster_clock(operator):
         CompensatoryTask(operator=operator, duration=1.0, run_in=0.0).simulate()
 
 
-@pytest.mark.parametrize("order", [2.0, True, [2], 0, "NM"])
-def test_remnant_orders_that_are_none(order):
-    with pytest.raises(ValueError, match="order must be 1, 2, 3, 4 or 'nm'"):
-        Remnant(order=order, gain=0.1)
-
-
 def test_lines_above_nyquist_are_refused():
     with pytest.raises(ValueError, match="not below Nyquist"):
         Multisine(multiples=[6000], amplitudes=[1], phases=[0]).sample(0, 100, 100.0)
@@ -204,11 +184,6 @@ def test_functions_of_time_must_take_arrays():
         operator = HumanOperator(K_e=function)
         with pytest.raises(ValueError, match="must take an array of instants"):
             CompensatoryTask(operator=operator, duration=1.0, run_in=0.0).simulate()
-
-
-def test_the_default_target_has_a_short_name():
-    assert repr(Multisine()) == "Multisine()"
-    assert "period=40.0" in repr(Multisine(period=40.0))
 
 
 @pytest.mark.parametrize("name", ["e", "f_t", "x"])

@@ -13,7 +13,7 @@ from support.loop_twin import (
     whole,
 )
 
-from skhoid import CompensatoryTask, ControlledElement, HumanOperator, Remnant, Sigmoid, _kernels
+from skhoid import CompensatoryTask, ControlledElement, Remnant, Sigmoid, _kernels
 from skhoid.simulation.engine import operator_response, physics_rows
 
 # Symmetries
@@ -61,18 +61,6 @@ def test_time_shift_of_constant_dynamics(shift):
         np.testing.assert_array_equal(getattr(later, name)[:, :shift], 0.0)
 
 
-def test_a_function_of_time_that_is_constant_is_a_constant():
-    constant = short_task(
-        operator=HumanOperator(), controlled_element=ControlledElement(), remnant=None
-    )
-    varying = replace(
-        constant,
-        operator=HumanOperator(K_e=lambda t: 0.09, T_L=lambda t: np.full(t.shape, 0.4)),
-        controlled_element=ControlledElement(K_c=lambda t: 90.0),
-    )
-    np.testing.assert_allclose(whole(varying).u, whole(constant).u, rtol=0, atol=1e-15)
-
-
 @pytest.mark.parametrize("random_phases", [False, True])
 @pytest.mark.parametrize("n_runs", [1, 3, 8, 9, 17])
 def test_a_run_is_the_same_whatever_the_others(n_runs, random_phases):
@@ -91,27 +79,6 @@ def test_a_run_is_the_same_whatever_the_others(n_runs, random_phases):
     assert len(np.unique(all_runs.f_t[:, -1])) == (20 if random_phases else 1)
 
 
-def test_order_of_runs_does_not_matter():
-    task = short_task()
-    noise = unit_noise(task, 11)
-    order = np.random.default_rng(1).permutation(11)
-    forward, permuted = whole(task, 11, noise=noise), whole(task, 11, noise=noise[order])
-    for name in SIGNALS:
-        np.testing.assert_array_equal(getattr(permuted, name), getattr(forward, name)[order])
-
-
-def test_a_neighbour_that_is_loud_changes_no_bit():
-    task = short_task()
-    quiet = unit_noise(task, 8)
-    loud = quiet.copy()
-    loud[3] *= 1e5
-    one, other = whole(task, 8, noise=quiet), whole(task, 8, noise=loud)
-    kept = np.delete(np.arange(8), 3)
-    for name in SIGNALS:
-        np.testing.assert_array_equal(getattr(one, name)[kept], getattr(other, name)[kept])
-    assert np.abs(other.u[3]).max() > 1e3 * np.abs(one.u[3]).max()
-
-
 def test_runs_without_remnant_are_those_of_a_silent_one():
     task = short_task(remnant=None)
     silent = short_task(remnant=Remnant(order=2, gain=0.0))
@@ -128,12 +95,6 @@ def test_noise_gives_the_runs_of_a_random_state():
         for i in range(10)
     ]
     assert_records_equal(whole(task, 10, random_state=7), whole(task, 10, noise=noise))
-
-
-def test_a_single_row_of_noise():
-    task = short_task()
-    noise = unit_noise(task)
-    assert_records_equal(whole(task, noise=noise[0]), whole(task, noise=noise))
 
 
 def test_random_states():
@@ -202,20 +163,3 @@ def test_keeping_the_run_in_changes_nothing_else():
         np.testing.assert_array_equal(getattr(kept, name)[:, 30:], getattr(part, name))
     np.testing.assert_array_equal(kept.intensity(), window.intensity())
     np.testing.assert_array_equal(kept.score(), window.score())
-
-
-def test_progress_bar_changes_nothing(capsys):
-    task = short_task()
-    assert_records_equal(
-        whole(task, 9, random_state=0, progress=True), whole(task, 9, random_state=0)
-    )
-
-
-def test_kernels_have_one_compiled_signature():
-    for task in (short_task(), short_task(operator=fitted_arx(), run_in=0.0, duration=0.5)):
-        for n_runs in (1, 3):
-            for random_phases in (False, True):
-                task.simulate(n_runs, random_state=np.int64(0), random_phases=random_phases)
-    for kernel in (_kernels.loop.tracker(1, False), _kernels.loop.tracker(8, False)):
-        if hasattr(kernel, "signatures"):  # not under NUMBA_DISABLE_JIT=1
-            assert len(kernel.signatures) <= 1

@@ -9,16 +9,13 @@ from skhoid import (
     CompensatoryTask,
     HumanOperator,
     Multisine,
-    Ramp,
     Remnant,
     RemnantIntensityError,
     Sigmoid,
     UnstableLoopError,
-    make_tracking_runs,
     mixed_condition,
     tune_remnant,
 )
-from skhoid.simulation.engine import RunOptions, simulate
 
 pytestmark = pytest.mark.slow  # simulates for long
 
@@ -90,15 +87,6 @@ def test_no_remnant_needs_no_gain():
     assert not tuned.simulate(random_state=0).n.any()
 
 
-def test_gain_is_in_the_units_of_the_target():
-    task = wanting("C1")
-    louder = replace(
-        task, target=replace(task.target, amplitudes=5 * np.array(task.target.amplitudes))
-    )
-    gain, larger = (tune_remnant(t, random_state=1).remnant.gain for t in (task, louder))
-    assert larger == pytest.approx(5 * gain, rel=1e-9)
-
-
 # Transitions
 
 
@@ -120,29 +108,7 @@ def test_gain_follows_the_transition(condition, order):
     assert gain(40.96) == pytest.approx((begin + end) / 2, rel=1e-6)
 
 
-def test_intensity_during_a_transition():
-    """Gains of the two ends give about the same in between; 40 ratios with a sigma of 0.02."""
-    task = tune_remnant(wanting("C3", 0.15), random_state=0)
-    achieved = task.simulate(40, random_state=1).intensity()
-    assert achieved.mean() == pytest.approx(0.15, abs=0.02)
-
-
-def test_gain_follows_a_ramp():
-    condition = mixed_condition("C1", "C2", Ramp(0, 1, start=20.0, end=60.0))
-    gain = tune_remnant(wanting(condition, 0.1), random_state=0).remnant.gain
-    assert isinstance(gain, Ramp)
-    assert (gain.start, gain.end) == (20.0, 60.0)
-    assert gain.final > 1.5 * gain.initial
-
-
 # Random state and other arguments
-
-
-def test_realisations_are_not_those_of_the_runs():
-    """The gain does not follow from the very noise of the runs that use it."""
-    task = tune_remnant(wanting("C1", 0.2), random_state=5)
-    achieved = task.simulate(10, random_state=5).intensity()
-    assert abs(achieved.mean() - 0.2) > 1e-6
 
 
 def test_reproducible_whatever_the_number_of_threads():
@@ -152,25 +118,6 @@ def test_reproducible_whatever_the_number_of_threads():
     ]
     assert len(set(gains)) == 1
     assert tune_remnant(task, random_state=3).remnant.gain != gains[0]
-
-
-def test_gain_of_a_dataset_does_not_depend_on_the_number_of_runs():
-    options = {"remnant_intensity": 0.1, "random_state": 6, "run_in": 10.0, "duration": 20.0}
-    gains, first = [], []
-    for n_runs in (1, 3, 9):
-        _, y, truth = make_tracking_runs("C2", n_runs, return_truth=True, **options)
-        gains.append(truth.task.remnant.gain)
-        first.append(y.loc[0].to_numpy())
-    assert len(set(gains)) == 1
-    np.testing.assert_array_equal(first[0], first[1])
-    np.testing.assert_array_equal(first[0], first[2])
-    task = wanting("C2", 0.1, run_in=10.0, duration=20.0)
-    assert tune_remnant(task, random_state=6).remnant.gain == gains[0]
-
-
-def test_progress_bar(capsys):
-    task = wanting("C1", duration=10.0, run_in=0.0)
-    assert tune_remnant(task, random_state=0, progress=True) == tune_remnant(task, random_state=0)
 
 
 # What is refused
@@ -183,11 +130,6 @@ def test_fourth_order_remnant_cannot_reach_030_in_c2(random_state):
         RemnantIntensityError, match=r"P_n tends to 0\.(2[89]|3[01])\d as K_n grows"
     ):
         tune_remnant(wanting("C2", 0.30, order=4, run_in=None), random_state=random_state)
-
-
-def test_an_intensity_far_beyond_the_limit():
-    with pytest.raises(RemnantIntensityError, match=r"No gain gives P_n = 0\.9\. .*Ask for less"):
-        tune_remnant(wanting("C2", 0.9), random_state=0)
 
 
 def test_the_limit_in_the_message_is_where_the_intensity_goes():
@@ -258,12 +200,3 @@ def test_transitions_that_are_not_over_in_the_window():
     gain = tuned.remnant.gain
     assert (gain.initial, gain.final) == tuple(end.remnant.gain for end in ends)
     assert float(gain(81.92)) == pytest.approx(np.mean([end.remnant.gain for end in ends]))
-
-
-def test_weights_that_come_back_give_a_constant_gain():
-    there_and_back = mixed_condition("C1", "C2", lambda t: np.exp(-(((t - 40) / 10) ** 2)))
-    task = CompensatoryTask.of_condition(there_and_back, remnant=Remnant(order=2, intensity=0.15))
-    tuned = tune_remnant(task, random_state=2)
-    assert isinstance(tuned.remnant.gain, float)
-    found = simulate(tuned, 10, RunOptions(random_state=2, stream=1)).intensity().mean()
-    assert found == pytest.approx(0.15, abs=1e-9)
