@@ -18,7 +18,7 @@ def wrong():
     """A model that sticks with hardly any jumps, its criterion, and the true parameters."""
     X, y = make_tracking_runs(
         condition="C1",
-        n_runs=1,
+        n_runs=2,
         duration=40.96,
         remnant_intensity=0.03,
         effects=Stiction(form="jump", breakaway=BREAKAWAY, kinetic=KINETIC),

@@ -123,7 +123,7 @@ def test_reproducible_whatever_the_number_of_threads():
 # What is refused
 
 
-@pytest.mark.parametrize("random_state", [0, *(pytest.param(i) for i in range(1, 6))])
+@pytest.mark.parametrize("random_state", [0, 1])
 def test_fourth_order_remnant_cannot_reach_030_in_c2(random_state):
     """Table G.1 gives 0.339, which is ill-posed: P_n saturates at 0.30 (facts.json G1.Kn.H4)."""
     with pytest.raises(
