@@ -684,10 +684,10 @@ class HigherOrder(Effect):
         {"zero_frequency": 2.0, "zero_damping": 0.4, "pole_frequency": 5.0, "pole_damping": 0.4},
     )
     hidden = {
-        "zero_frequency": 4.0,
-        "zero_damping": 0.5,
+        "zero_frequency": 6.0,
+        "zero_damping": 0.3,
         "pole_frequency": 6.0,
-        "pole_damping": 0.5,
+        "pole_damping": 0.6,
     }
 
     def starts(self, record: Record) -> list[dict[str, float]]:
