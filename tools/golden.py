@@ -75,10 +75,9 @@ def simulation() -> Numbers:
 @topic(EXACT)
 def effects() -> Numbers:
     """Each of the catalogue at values that a card shows: what it does to a loop."""
-    sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
-    from effect_examples import EXAMPLES
-
-    for number, effect in enumerate(EXAMPLES):
+    known = [skhoid.effects.effect(name) for name in skhoid.effects.catalogue().index]
+    shown = [one.with_choices(**arguments) for one in known for arguments in one.examples]
+    for number, effect in enumerate(shown):
         form = getattr(effect, "form", None) or getattr(effect, "trigger", None) or number
         try:
             y = loop("C1", 1, 0, effects=effect)[1]

@@ -45,7 +45,7 @@ class Effect(Composable, BaseEstimator):
         The formula in LaTeX, with the names of parameters as they are; "" where there is none.
     source : str
         Where it comes from.
-    reference : str
+    citation : str
         The same in full, for the docstring; "" where ``source`` says all.
     parameters : tuple of Parameter
         Its numbers: of a class those of all forms, of an object those of its own.
@@ -137,7 +137,7 @@ class Effect(Composable, BaseEstimator):
     formula: ClassVar[str] = ""
     tex: ClassVar[str] = ""
     source: ClassVar[str] = ""
-    reference: ClassVar[str] = ""
+    citation: ClassVar[str] = ""
     domains: ClassVar[tuple[str, ...]] = ("human", "machine")
     machine_physics: ClassVar[str] = ""
     parameters: tuple[Parameter, ...] = ()

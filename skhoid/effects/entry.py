@@ -117,12 +117,12 @@ def _sections(cls: Any) -> Iterator[str]:
     rows = list(_rows(cls))
     if rows:
         yield from ["", "Parameters", "----------", *rows]
-    if cls.reference or cls.source:
+    if cls.citation or cls.source:
         yield from [
             "",
             "References",
             "----------",
-            *_wrapped(cls.reference or f"{cls.source}.", ""),
+            *_wrapped(cls.citation or f"{cls.source}.", ""),
         ]
     if cls.examples:
         given = ", ".join(f"{n}={_literal(v)}" for n, v in cls.examples[0].items())

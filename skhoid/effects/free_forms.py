@@ -75,7 +75,7 @@ class FreeMap(FreeForm):
             "bool or None",
         ),
     }
-    reference = (
+    citation = (
         "Eilers and Marx, Flexible smoothing with B-splines and penalties (1996). Wood, "
         "Generalized additive models (2017)."
     )
@@ -309,7 +309,7 @@ class FreeHysteresis(FreeForm):
             "tuple of float or None",
         ),
     }
-    reference = (
+    citation = (
         "Brokate and Sprekels, Hysteresis and phase transitions (1996), sections 2.3 and 2.4."
     )
 
@@ -469,7 +469,7 @@ class FreeGain(_Varying):
         "channel": Argument("What it follows; None means the time in the run."),
         "of": Argument("Which gains change.", '{"both", "error", "rate"}', "both"),
     }
-    reference = (
+    citation = (
         "Wood, Generalized additive models (2017). Hastie and Tibshirani, Varying-coefficient "
         "models (1993)."
     )
@@ -514,7 +514,7 @@ class FreeDelay(_Varying):
     arguments = FreeForm.arguments | {
         "channel": Argument("What it follows; None means the time in the run."),
     }
-    reference = "Wood, Generalized additive models (2017)."
+    citation = "Wood, Generalized additive models (2017)."
 
     @property
     def ordinate(self) -> Dimension:
@@ -541,7 +541,7 @@ class FreeOffset(_Varying):
     by_channel = False
 
     examples = ({},)
-    reference = "Wood, Generalized additive models (2017)."
+    citation = "Wood, Generalized additive models (2017)."
 
     @property
     def ordinate(self) -> Dimension:
@@ -643,7 +643,7 @@ class FreePath(_Remembering):
             "float or None",
         ),
     }
-    reference = (
+    citation = (
         "Pillonetto et al., Kernel methods in system identification (2014). Marmarelis, Nonlinear "
         "dynamic modeling of physiological systems (2004)."
     )
@@ -755,7 +755,7 @@ class FreeDynamics(_Remembering):
     source = "Pillonetto et al. (2014)"
 
     examples = ({},)
-    reference = "Pillonetto et al., Kernel methods in system identification (2014)."
+    citation = "Pillonetto et al., Kernel methods in system identification (2014)."
 
     @property
     def ordinate(self) -> Dimension:

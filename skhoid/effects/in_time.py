@@ -46,7 +46,7 @@ class WrongDelay(Effect):
     source = "Thesis, Section V"
     parameters = (Parameter("extra", S, -0.4, 0.6, (-0.08, 0.08), "delay beyond the assumed one"),)
     neutral = {"extra": 0.0}
-    reference = "Thesis, Section V: n_k fixed or estimated."
+    citation = "Thesis, Section V: n_k fixed or estimated."
     told_apart = {"extra_lag": "use a forcing function with lines up to 30 rad/s"}
     examples = ({"extra": 0.08},)
     hidden = examples[0]
@@ -89,7 +89,7 @@ class TimeVaryingDelay(Effect):
         Parameter("time", S, 0.02, 0.98, (0.3, 0.7), "middle of the change", T),
     )
     neutral = {"change": 0.0}
-    reference = "Thesis, Eq. 2, for its sigmoid."
+    citation = "Thesis, Eq. 2, for its sigmoid."
     examples = ({"change": 0.15, "rate": 0.5, "time": 40.0},)
     hidden = examples[0]
 
@@ -138,7 +138,7 @@ class Intermittent(Effect):
     source = "Gawthrop et al. (2011)"
     smooth = False
     choices = {"trigger": ("clock", "event", "error")}
-    reference = (
+    citation = (
         "Gawthrop et al., Intermittent control: a computational theory of human control (2011)."
     )
     examples = (
@@ -400,7 +400,7 @@ class TimeVaryingGain(Effect):
         ),
         "form": Argument("None tries both.", default="sigmoid"),
     }
-    reference = "Thesis, Eqs. 2, 3 and 5, and its reference [12], which has the same sigmoids."
+    citation = "Thesis, Eqs. 2, 3 and 5, and its reference [12], which has the same sigmoids."
     examples = (
         {"form": "sigmoid", "K_e_change": 0.7, "K_edot_change": -0.4, "rate": 0.3, "time": 40.0},
         {"form": "ramp", "K_e_change": 0.7, "K_edot_change": -0.4, "rate": 0.1, "time": 40.0},
@@ -483,7 +483,7 @@ class GainDrift(Effect):
     within = ("tv_gain",)  # whose slow sigmoid is a line, and whose end is a curve
     shades = True
     choices = {"form": ("linear", "curved")}
-    reference = (
+    citation = (
         "Thesis, Section II: slow variation. Heathcote et al., The power law repealed: the case "
         "for an exponential law of practice (2000)."
     )
@@ -533,7 +533,7 @@ class ScheduledGain(Effect):
     tex = r"K(t) = K\,\bigl(1 + \mathrm{slope}\,(\mathrm{channel}(t) - \mathrm{reference})\bigr)"
     source = "Toth (2010)"
     neutral = {"slope": 0.0}
-    reference = (
+    citation = (
         "Gain scheduling; Toth, Modeling and identification of linear parameter-varying systems "
         "(2010)."
     )
@@ -593,7 +593,7 @@ class Lapses(Effect):
             "d/dt (K_edot e)), or the command holds its value; None tries all."
         ),
     }
-    reference = "Hidden two-state process, Viterbi (1967)."
+    citation = "Hidden two-state process, Viterbi (1967)."
     examples = (
         {"form": "command", "depth": 0.9, "shift": 0.0, "intervals": [(20.0, 27.0), (50.0, 58.0)]},
         {"form": "gain", "depth": 0.9, "shift": 0.0, "intervals": [(20.0, 27.0), (50.0, 58.0)]},

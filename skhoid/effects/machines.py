@@ -94,7 +94,7 @@ class Friction(_Inside):
     neutral = {"coulomb": 0.0}
     choices = {"form": ("coulomb", "smooth", "stribeck"), "of": ("output", "rate", "limb")}
     within = ("stiction",)  # which has another kinetic friction
-    reference = "Armstrong-Helouvry et al., A survey of models for machines with friction (1994)."
+    citation = "Armstrong-Helouvry et al., A survey of models for machines with friction (1994)."
     told_apart = {
         "dead_zone": (
             "record slow reversals at several amplitudes: friction holds the output at each turn; "
@@ -232,7 +232,7 @@ class RootFlow(_Inside):
     shades = True
     neutral = {"flow": 0.0}
     choices = {"form": ("zero", "above")}
-    reference = (
+    citation = (
         "Schoukens and Noel, Three benchmarks addressing open challenges in nonlinear system "
         "identification (2017): cascaded tanks."
     )
@@ -293,7 +293,7 @@ class Stops(_Inside):
     source = "Schoukens and Noel (2017), cascaded tanks"
     shades = True
     choices = {"form": ("both", "high", "low")}
-    reference = "Schoukens and Noel (2017), the overflow of cascaded tanks."
+    citation = "Schoukens and Noel (2017), the overflow of cascaded tanks."
     told_apart = {
         "saturation": (
             "drive it into the stop and reverse at once: from its own stop the machine returns "
@@ -349,7 +349,7 @@ class SensorMagnitude(Effect):
     tex = r"y' = |y|"
     source = "Wigren and Schoukens (2017)"
     domains = ("machine",)
-    reference = (
+    citation = (
         "Wigren and Schoukens, Coupled electric drives data set and reference models (2017)."
     )
     examples = ({},)
@@ -466,7 +466,7 @@ class ScheduledDynamics(ScheduledGain):
     )
     source = "Toth (2010)"
     domains = ("machine",)
-    reference = "Toth, Modeling and identification of linear parameter-varying systems (2010)."
+    citation = "Toth, Modeling and identification of linear parameter-varying systems (2010)."
     told_apart = {
         "scheduled_gain": (
             "record steps at several fixed values of the channel: the gain shows in their height, "
@@ -509,7 +509,7 @@ class InputFilter(Effect):
     domains = ("machine",)
     shades = True
     choices = {"form": ("dead_zone", "clipped", "cubic", "square")}
-    reference = "Schoukens, Suykens and Ljung, Wiener-Hammerstein benchmark (2009)."
+    citation = "Schoukens, Suykens and Ljung, Wiener-Hammerstein benchmark (2009)."
     examples = (
         {"form": "dead_zone", "time": 0.3, "width": 0.7},
         {"form": "clipped", "time": 0.3, "width": 1.2, "skew": 0.0},
@@ -619,7 +619,7 @@ class RateReflex(Effect):
         Parameter("omega", RAD / S, 2.0, 200.0, (30.0,), "frequency of the path", scale=ONE),
         Parameter("zeta", ONE, 0.2, 5.0, (1.0,), "its damping ratio"),
     )
-    reference = (
+    citation = (
         "Mirbagheri, Barbeau and Kearney, Intrinsic and reflex contributions to human ankle "
         "stiffness, Experimental Brain Research 135 (2000)."
     )

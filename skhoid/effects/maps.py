@@ -127,7 +127,7 @@ class DeadZone(StaticMap):
     shades = True
     choices = {"at": ("error", "command", "output"), "form": ("gap", "smooth", "jump", "behind")}
     plain = ("gap", "behind")
-    reference = (
+    citation = (
         "McRuer and Krendel, Mathematical models of human pilot behavior, AGARDograph 188 (1974): "
         "indifference thresholds."
     )
@@ -195,7 +195,7 @@ class AsymmetricGain(StaticMap):
     neutral = {"asymmetry": 0.0}
     choices = {"at": ("error", "command", "output"), "form": ("all", "large")}
     plain = ("all",)
-    reference = "McRuer and Krendel (1974)."
+    citation = "McRuer and Krendel (1974)."
     told_apart = {
         "absolute_value": (
             "record a target of higher frequencies: asymmetry acts on the error's rate too"
@@ -246,7 +246,7 @@ class Rectified(Effect):
     source = "Young (1973)"
     shades = True
     choices = {"form": ("sharp", "soft"), "side": ("positive", "negative")}
-    reference = (
+    citation = (
         "Semicircular and visual half-wave channels: Young, Human control capabilities (1973)."
     )
     examples = (
@@ -294,7 +294,7 @@ class CubicGain(StaticMap):
     choices = {"at": ("error", "command"), "form": ("cubic", "square", "power")}
     plain = ("cubic", "power")
     neutral = {"hardening": 0.0}
-    reference = "Ljung, System identification (1999), Hammerstein models."
+    citation = "Ljung, System identification (1999), Hammerstein models."
     examples = (
         {"form": "cubic", "hardening": 0.15},
         {"form": "square", "hardening": 0.4},
@@ -349,7 +349,7 @@ class AbsoluteValue(Effect):
     shades = True
     neutral = {"gain": 0.0}
     choices = {"form": ("together", "apart")}
-    reference = "McRuer and Krendel (1974)."
+    citation = "McRuer and Krendel (1974)."
     examples = (
         {"form": "together", "gain": 0.05},
         {"form": "apart", "gain": 0.05, "later": 0.1},
@@ -409,7 +409,7 @@ class Saturation(StaticMap):
         "form": ("hard", "soft", "unequal", "behind"),
     }
     plain = ("hard",)
-    reference = "Gelb and Vander Velde, Multiple-input describing functions (1968)."
+    citation = "Gelb and Vander Velde, Multiple-input describing functions (1968)."
     told_apart = {
         "cubic_gain": "record runs at half the amplitude: stops are not reached then",
         "hardening_stiffness": (
@@ -467,7 +467,7 @@ class RateLimit(Effect):
     source = "Duda (1997)"
     kinks = True
     parameters = (Parameter("limit", U / S, 0.1, 30.0, (1.0, 2.0, 4.0), "maximum rate"),)
-    reference = (
+    citation = (
         "Rate-limited actuators: Duda, Flight control system analysis with rate limiters (1997)."
     )
     examples = ({"limit": 0.5},)
@@ -491,7 +491,7 @@ class Backlash(Effect):
     neutral = {"gap": 0.0}
     # With a kinetic friction as large as the static one; in a limb that is fast.
     within = ("stiction", "friction")
-    reference = "Gelb and Vander Velde (1968)."
+    citation = "Gelb and Vander Velde (1968)."
     examples = ({"gap": 0.08},)
     hidden = {"gap": 0.03}
 
@@ -522,7 +522,7 @@ class Stiction(Effect):
     smooth = False
     shades = True
     choices = {"form": ("slide", "jump")}
-    reference = "Armstrong-Helouvry et al., A survey of models for machines with friction (1994)."
+    citation = "Armstrong-Helouvry et al., A survey of models for machines with friction (1994)."
     told_apart = {
         "backlash": (
             "record slow ramps of a few seconds: with backlash the output follows at a constant "
@@ -602,7 +602,7 @@ class Quantised(StaticMap):
     # The smooth form comes first: the others start from what it finds as well.
     choices = {"at": ("output", "command", "error"), "form": ("behind", "sharp", "uneven")}
     plain = ("behind", "sharp")
-    reference = "Widrow and Kollar, Quantization noise (2008); Gelb and Vander Velde (1968)."
+    citation = "Widrow and Kollar, Quantization noise (2008); Gelb and Vander Velde (1968)."
     examples = (
         {"form": "sharp", "step": 0.12, "offset": 0.0},
         {"form": "behind", "step": 0.12, "offset": 0.0, "remnant": 0.08},
@@ -709,7 +709,7 @@ class HardeningStiffness(Effect):
     shades = True
     neutral = {"stiffness": 0.0}
     choices = {"form": ("cubic", "square")}
-    reference = (
+    citation = (
         "Wigren and Schoukens, Three free data sets for nonlinear system identification (2013)."
     )
     examples = (

@@ -46,7 +46,7 @@ class Bias(Effect):
     parameters = (Parameter("level", U, -20.0, 20.0, (0.1,), "offset"),)
     neutral = {"level": 0.0}
     within = ("drift",)  # that has settled
-    reference = "Ljung, System identification (1999), section 14.1."
+    citation = "Ljung, System identification (1999), section 14.1."
     told_apart = {
         "drift": "record longer runs",
         "integral": "record a constant disturbance of 30 s",
@@ -77,7 +77,7 @@ class Drift(Effect):
     )
     source = "Ljung (1999)"
     choices = {"form": ("linear", "settling")}
-    reference = "Ljung (1999), section 14.1."
+    citation = "Ljung (1999), section 14.1."
     examples = (
         {"form": "linear", "rate": 0.004, "reference": 40.96},
         {"form": "settling", "rate": 0.02, "tau": 15.0, "level": 0.1, "reference": 0.0},
@@ -144,7 +144,7 @@ class Integral(Effect):
     neutral = {"gain": 0.0}
     within = ("higher_order",)  # with a slow pole and a zero; its other pair cancels
     choices = {"form": ("pure", "leaky")}
-    reference = "McRuer and Krendel (1974), low-frequency trim."
+    citation = "McRuer and Krendel (1974), low-frequency trim."
     told_apart = {
         "output_feedback": (
             "record a constant target or disturbance of 30 s: an integral keeps growing; a "
@@ -248,7 +248,7 @@ class Feedforward(_AnswerToTarget):
         r" \end{cases}"
     )
     source = "Wasicko et al. (1966)"
-    reference = (
+    citation = (
         "Wasicko, McRuer and Magdaleno, Human pilot dynamic response in single-loop systems with "
         "compensatory and pursuit displays (1966)."
     )
@@ -289,7 +289,7 @@ class Preview(_AnswerToTarget):
     source = "Van der El et al. (2016)"
     ahead = 1.0
     choices = {"form": ("inverse", "rate", "gain", "spread")}
-    reference = (
+    citation = (
         "Van der El et al., An empirical human controller model for preview tracking tasks (2016)."
     )
     examples = (
@@ -337,7 +337,7 @@ class OutputFeedback(Effect):
         Parameter("delay", S, 0.0, 0.8, (0.12, 0.3), "delay of the response to x"),
     )
     neutral = {"gain": 0.0, "rate_gain": 0.0}
-    reference = "Wasicko et al. (1966)."
+    citation = "Wasicko et al. (1966)."
     examples = ({"gain": 0.05, "rate_gain": 0.03, "delay": 0.2},)
     hidden = {"gain": 0.03, "rate_gain": 0.02, "delay": 0.2}
 
@@ -370,7 +370,7 @@ class MotionFeedback(Effect):
     source = "Hosman and Stassen (1999)"
     neutral = {"gain": 0.0}
     choices = {"form": ("direct", "canal", "feedthrough")}
-    reference = (
+    citation = (
         "Hosman and Stassen, Pilot's perception in the control of aircraft motions (1999); "
         "Venrooij et al., biodynamic feedthrough (2011)."
     )
@@ -439,7 +439,7 @@ class Disturbance(Effect):
     tex = r"c' = c - \mathrm{gain}\; \mathrm{dist}(t - \mathrm{delay})"
     source = "Pool et al. (2011)"
     neutral = {"gain": 0.0}
-    reference = (
+    citation = (
         "Pool et al., Identification of multimodal pilot models using ramp target and multisine "
         "disturbance signals (2011). Pruszynski and Scott, Optimal feedback control and the long- "
         "latency stretch response (2012), for the least delay."
@@ -486,7 +486,7 @@ class CrossAxis(Effect):
     source = "Barendswaard et al. (2019)"
     neutral = {"gain": 0.0}
     choices = {"form": ("error", "command")}
-    reference = "Barendswaard et al., Effects of crossfeed in dual-axis manual control (2019)."
+    citation = "Barendswaard et al., Effects of crossfeed in dual-axis manual control (2019)."
     examples = (
         {"form": "error", "channel": "other", "gain": 0.4},
         {"form": "command", "channel": "other", "gain": 0.05},
@@ -593,7 +593,7 @@ class ExtraLag(Effect):
     parameters = (Parameter("time", S, 0.0, 20.0, (0.1, 1.0), "lag time constant T_I"),)
     neutral = {"time": 0.0}
     within = ("higher_order",)  # with a zero and a pole that cancel
-    reference = "McRuer and Krendel (1974), the precision model."
+    citation = "McRuer and Krendel (1974), the precision model."
     told_apart = {"nm_mode": "use a forcing function with lines up to 30 rad/s"}
     examples = ({"time": 0.2},)
     hidden = examples[0]
@@ -615,7 +615,7 @@ class ExtraLead(Effect):
     parameters = (Parameter("time", S, 0.0, 2.0, (0.05, 0.3), "time constant of the second lead"),)
     neutral = {"time": 0.0}
     within = ("higher_order",)  # whose other zero and poles are fast
-    reference = "McRuer and Krendel (1974)."
+    citation = "McRuer and Krendel (1974)."
     examples = ({"time": 0.2},)
     hidden = examples[0]
 
@@ -646,7 +646,7 @@ class NeuromuscularMode(Effect):
         Parameter("zeta", ONE, 0.03, 2.0, (0.3,), "its damping ratio"),
     )
     within = ("higher_order",)  # whose zeros are fast
-    reference = "Magdaleno and McRuer, Experimental validation of neuromuscular models (1971)."
+    citation = "Magdaleno and McRuer, Experimental validation of neuromuscular models (1971)."
     examples = ({"omega": 12.0, "zeta": 0.2},)
     hidden = examples[0]
 
@@ -679,7 +679,7 @@ class HigherOrder(Effect):
         Parameter("pole_frequency", RAD / S, 0.3, 40.0, (1.5, 6.0, 15.0), "of the poles"),
         Parameter("pole_damping", ONE, 0.02, 5.0, (0.6,), "of the poles"),
     )
-    reference = "Ljung (1999), order selection."
+    citation = "Ljung (1999), order selection."
     examples = (
         {"zero_frequency": 2.0, "zero_damping": 0.4, "pole_frequency": 5.0, "pole_damping": 0.4},
     )

@@ -46,7 +46,7 @@ class Tremor(Effect):
         Parameter("amplitude", U, 0.0, 5.0, (0.1,), "amplitude of the tremor"),
     )
 
-    reference = "Elble and Randall, Mechanistic components of normal hand tremor (1978): 8-12 Hz."
+    citation = "Elble and Randall, Mechanistic components of normal hand tremor (1978): 8-12 Hz."
     examples = ({"amplitude": 0.05, "frequency": 9.0},)
 
     def apply(
