@@ -19,6 +19,7 @@ from .base import BOUND
 from .forgetting import Forgetting, forgetting_factor, kernel_arrays
 from .least_squares import Triangle
 from .orders import Orders, regressors
+from .recursive_cv import HORIZONS as HORIZONS
 from .rls import RecursionState, recurse
 
 FORMS = ("lambda", "Lambda")

@@ -5,6 +5,9 @@ from .linear_element import LinearElement
 from .operator import HumanOperator, crossover, delay_samples, pade, zoh_parameters
 from .variation import Mixture, Ramp, Sigmoid, Step
 
+# What the lab uses, and no user needs.
+from .variation import mix as mix
+
 __all__ = [
     "ELEMENT",
     "ControlledElement",

@@ -13,6 +13,9 @@ from .clock import (
     whole_samples,
 )
 from .fingerprint import as_frame as as_frame
+
+# What the lab uses, and no user needs.
+from .fingerprint import fingerprint as fingerprint
 from .index import run_index
 from .layout import (
     RunLayout,
@@ -25,6 +28,7 @@ from .layout import (
     within_runs,
 )
 from .marks import DecimationMark, mark_decimated, mark_run_column, mark_run_in
+from .marks import is_mark as is_mark
 from .roles import OUTPUT as OUTPUT
 from .roles import input_columns, output_name, run_column
 from .roles import of_person as of_person

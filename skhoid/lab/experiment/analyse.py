@@ -12,15 +12,20 @@ from joblib import Parallel, delayed
 from scipy import stats
 from sklearn.pipeline import make_pipeline
 
-from ...arx.batch import ARXRegressor
+from ... import (
+    ARXRegressor,
+    DelaySearchCV,
+    DelayShift,
+    MissingDataWarning,
+    RecursiveARX,
+    RunTimeWarning,
+    arx_to_operator,
+    performance_scores,
+    reference_fits,
+)
 from ...arx.many_runs import PARAMETERS as ARX
-from ...arx.recursive import RecursiveARX
-from ...arx.searches import DelaySearchCV
-from ...diagnosis.scores import performance_scores
-from ...exceptions import MissingDataWarning, RunTimeWarning, UsageError
-from ...interpret.conversion import FROM_POLES, arx_to_operator
-from ...interpret.references import reference_fits
-from ...preprocessing import DelayShift
+from ...exceptions import UsageError
+from ...interpret import FROM_POLES
 from ...runs import RUN, TIME
 from .groups import CONDITION, RECORDING, SUBJECT, Cell, read_cells
 from .result import ExperimentResult, verdicts

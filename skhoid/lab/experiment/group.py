@@ -17,14 +17,12 @@ from scipy.stats import binomtest
 from sklearn.base import BaseEstimator, clone
 from sklearn.utils.validation import check_is_fitted
 
+from ... import EffectSearchCV
 from ..._sklearn import Interval, fit_context
-from ...effects.base import Effect
-from ...effects.composition import Effects
-from ...effects.registry import title_of, titles_of
+from ...effects import Effect, Effects, catalogue, title_of, titles_of
+from ...effects import effect as plain_effect
 from ...pipelines import taken_apart
-from ...search import EffectSearchCV, Status
-from ...search.evidence import COLUMNS as EVIDENCE_COLUMNS
-from ...search.evidence import evidence_of
+from ...search import EVIDENCE_COLUMNS, Status, evidence_of
 from ...text import Summary, counted, p_text
 from ..studies.identity import described
 from ..studies.store import Store, uniform
@@ -87,8 +85,14 @@ def candidates_of(searches: list[EffectSearchCV]) -> list[Effect]:
                 factor = log_factor(float(known.min()), float(row["vaf_gain"]))
                 total[row["effect"]] = total.get(row["effect"], 0.0) + factor
     suggested = {name for name, factor in total.items() if factor > 0.0}
-    effects = searches[0]._candidates()
-    return [effect for effect in effects if effect.name in named | suggested and not effect.noise]
+    return [one for one in tried_by(searches[0]) if one.name in named | suggested and not one.noise]
+
+
+def tried_by(search: EffectSearchCV) -> list[Effect]:
+    """The effects that a search tries, with all of their parameters to be estimated."""
+    if isinstance(search.effects, str):
+        return [plain_effect(name) for name in catalogue().index]
+    return [one for _, one in Effects.of(search.effects).steps]
 
 
 def weighed(
@@ -166,7 +170,7 @@ def _fitted(
 ) -> tuple[Any, str]:
     """The model with other effects than a search named: its choices where it has made them."""
     chosen = {effect.name: effect for _, effect in named_by(own)}
-    plain: dict[str, Effect] = {effect.name: effect for effect in own._candidates()}
+    plain = {one.name: one for one in tried_by(own)}
     effects = [chosen.get(name, plain.get(name)) for name in wanted]
     model = clone(search.estimator)
     given = Effects.of(getattr(model, "effects", None))

@@ -9,22 +9,24 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...exceptions import RunIndexError, ShortRunError
-from ...preprocessing.transformers import run_in_rows
+from ... import RunIndexError, ShortRunError
+from ...preprocessing import run_in_rows
 from ...runs import (
     RUN,
     TIME,
     check_alignment,
     check_levels,
     contiguous_runs,
+    fingerprint,
+    is_mark,
     mark_run_in,
     read_layout,
     run_name,
 )
-from ...runs.fingerprint import fingerprint
-from ...runs.marks import is_mark
 
-SUBJECT, CONDITION, ALL = "subject", "condition", "all"
+SUBJECT: str = "subject"
+CONDITION: str = "condition"
+ALL: str = "all"
 RECORDING = "the recording"  # the name of an unnamed cell
 
 

@@ -21,17 +21,15 @@ from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.metadata_routing import get_routing_for_object
 
+from ... import __version__, operator_parameters, run_labels
 from ..._sklearn import HasMethods, Interval, checked
-from ..._version import __version__
-from ...diagnosis.ceiling import consistent_ceiling, noise_ceiling
-from ...diagnosis.signals import read_signals
-from ...interpret.arx_channel import is_arx
-from ...interpret.conversion import FROM_POLES, UNITS, operator_parameters
+from ...diagnosis import consistent_ceiling, noise_ceiling, read_signals
+from ...interpret import FROM_POLES, UNITS, is_arx
 from ...io import is_left_over, written_whole
 from ...metrics import scored_rows, scored_signals, vaf_of_rows, vaf_of_sums
 from ...pipelines import final_step, prediction_from, raw_layout, taken_apart, trimmed_rows
-from ...preprocessing.gate import as_output
-from ...runs import RUN, run_labels
+from ...preprocessing import as_output
+from ...runs import RUN
 from ...text import counted
 from ..studies.identity import described
 from ..studies.store import Store, uniform

@@ -188,7 +188,7 @@ class ExperimentResult:
         -------
         display : ExperimentDisplay
         """
-        from ...plotting.experiment import ExperimentDisplay
+        from ...plotting import ExperimentDisplay
 
         return ExperimentDisplay.from_result(
             self, condition, form=form, parameters=parameters, subjects=subjects, ax=ax

@@ -13,20 +13,22 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 
-from ..._machine import check_memory
-from ...exceptions import RemnantIntensityError, UnstableLoopError
-from ...human import HumanOperator, Sigmoid, crossover
-from ...human.variation import mix
-from ...runs import RUN, TIME
-from ...simulation import (
+from ... import (
     CompensatoryTask,
+    HumanOperator,
     Remnant,
+    RemnantIntensityError,
+    Sigmoid,
+    UnstableLoopError,
+    crossover,
     mixed_condition,
     tracking_condition,
     tune_remnant,
 )
-from ...simulation.conditions import RATES, Condition, known_name
-from ...simulation.engine import TrackingRecord, entropy_of
+from ..._machine import check_memory
+from ...human import mix
+from ...runs import RUN, TIME
+from ...simulation import RATES, Condition, TrackingRecord, entropy_of, known_name
 
 # Spreads of the draws around Table II: standard deviations of logarithms.
 GAIN, LEAD, DELAY, FREQUENCY, DAMPING, NOISE = 0.25, 0.15, 0.10, 0.12, 0.20, 0.40

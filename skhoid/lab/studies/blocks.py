@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...simulation.engine import RunOptions, TrackingRecord, simulate
-from ...simulation.task import CompensatoryTask
-from ...simulation.tracking_runs import frames_of, truth_of
+from ... import CompensatoryTask
+from ...simulation import RunOptions, TrackingRecord, frames_of, simulate, truth_of
 from .store import uniform
 
 OWN = 5  # spawn key of a function's own random numbers; the simulator's are 0 to 3

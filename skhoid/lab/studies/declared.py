@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 
 from ...io import check_table_format, save_figure, write_tables
-from ...simulation.conditions import ORDERS
+from ...simulation import ORDERS
 from .monte_carlo import MonteCarloStudy
 
-CONDITIONS = ("C1", "C2", "C3", "C4", "C5", "C6")
-STATES = ("C1", "C2")  # constant dynamics
-INTENSITIES = (0.0, 0.05, 0.10, 0.15, 0.20, 0.25, 0.30)  # P_n
+CONDITIONS: tuple[str, ...] = ("C1", "C2", "C3", "C4", "C5", "C6")
+STATES: tuple[str, ...] = ("C1", "C2")  # constant dynamics
+INTENSITIES: tuple[float, ...] = (0.0, 0.05, 0.10, 0.15, 0.20, 0.25, 0.30)  # P_n
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,10 @@ import numpy as np
 import pandas as pd
 from scipy.signal import lfilter
 
+from ... import arx_to_operator, zoh_parameters
 from ...arx.many_runs import PARAMETERS, fit_runs, search_delays
-from ...human.operator import delay_samples, zoh_parameters
-from ...interpret.conversion import FROM_POLES, arx_to_operator
+from ...human import delay_samples
+from ...interpret import FROM_POLES
 from .blocks import Block
 from .declared import INTENSITIES, STATES, Claim, PaperStudy, checked_orders, gains_of, range_text
 from .identity import identified_as

@@ -11,12 +11,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...arx.forgetting import forgetting_factor
-from ...arx.many_runs import FORMS, fit_runs, score_horizons, search_delays
-from ...arx.recursive_cv import HORIZONS
-from ...simulation.conditions import Condition
-from ...simulation.engine import operator_response
-from ...simulation.task import CompensatoryTask, change_times
+from ... import CompensatoryTask, forgetting_factor
+from ...arx.many_runs import FORMS, HORIZONS, fit_runs, score_horizons, search_delays
+from ...simulation import Condition, change_times, operator_response
 from ...text import Summary
 from .blocks import Block
 from .declared import CONDITIONS, INTENSITIES, Claim, PaperStudy, gains_of, range_text

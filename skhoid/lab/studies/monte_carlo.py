@@ -13,11 +13,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..._version import __version__
-from ...exceptions import RemnantIntensityError, StudyWarning, did_you_mean
-from ...simulation.engine import entropy_of
-from ...simulation.task import CompensatoryTask, tune_remnant
-from ...simulation.tracking_runs import OF_TASK, check_channel_names, task_of
+from ... import CompensatoryTask, RemnantIntensityError, StudyWarning, __version__, tune_remnant
+from ...exceptions import did_you_mean
+from ...simulation import OF_TASK, check_channel_names, entropy_of, task_of
 from .blocks import ERROR, REPLICATION, DataSet, Job, compute, joined
 from .identity import described, digest, spawn_key
 from .store import Store, read_manifest, uniform

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ... import RecursiveARX, arx_to_operator
 from ...arx.many_runs import PARAMETERS, fit_runs, search_delays
-from ...arx.recursive import RecursiveARX
-from ...interpret.conversion import FROM_POLES, arx_to_operator
-from ...simulation.conditions import T_M
-from ...simulation.tracking_runs import task_of, truth_of
+from ...interpret import FROM_POLES
+from ...simulation import T_M, task_of, truth_of
 from .blocks import Block
 from .declared import STATES, Claim, PaperStudy, gains_of, range_text
 from .identity import identified_as

@@ -9,12 +9,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...arx.batch import ARXRegressor
-from ...arx.recursive import RecursiveARX
-from ...arx.searches import DelaySearchCV
-from ...interpret import FrequencyResponse, arx_response, arx_response_covariance
-from ...interpret.fourier import fourier_coefficients
-from ...simulation.tracking_runs import task_of
+from ... import ARXRegressor, DelaySearchCV, FrequencyResponse, RecursiveARX, fourier_coefficients
+from ...interpret import arx_response, arx_response_covariance
+from ...simulation import task_of
 from .blocks import DataSet
 from .declared import INTENSITIES, STATES, Claim, PaperStudy, gains_of, range_text
 from .identity import identified_as

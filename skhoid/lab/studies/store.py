@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...exceptions import StudyFolderError, StudyWarning
+from ... import StudyFolderError, StudyWarning
 from ...io import is_left_over, require, written_whole
 from .identity import differing_parts, digest
 

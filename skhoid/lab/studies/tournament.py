@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ... import CompensatoryTask, make_tracking_runs
 from ..._sklearn import Interval, StrOptions, checked
-from ...human.operator import delay_samples
-from ...simulation.conditions import Condition
-from ...simulation.task import CompensatoryTask
-from ...simulation.tracking_runs import make_tracking_runs
+from ...human import delay_samples
+from ...simulation import Condition
 from ...text import Summary, wrapped
 from .monte_carlo import MonteCarloStudy
 from .tournament_conditions import SIZES, Change, TournamentCell, tournament_cells

@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ... import CompensatoryTask, ControlledElement, HumanOperator, Step, mixed_condition
 from ...exceptions import did_you_mean
-from ...human import ControlledElement, HumanOperator, Step
-from ...simulation.conditions import T_M, Condition, mixed_condition
-from ...simulation.task import CompensatoryTask, change_times
-from ...simulation.tracking_runs import task_of
+from ...simulation import T_M, Condition, change_times, task_of
 
 INTENSITIES = (0.05, 0.15, 0.25)  # P_n
 ORDERS = (1, 2, 3, 4)  # of the remnant filter

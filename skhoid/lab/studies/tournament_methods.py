@@ -16,9 +16,8 @@ import numpy as np
 import pandas as pd
 from sklearn.pipeline import make_pipeline
 
+from ... import Decimator, DelayShift, operator_parameters
 from ...exceptions import did_you_mean
-from ...interpret.conversion import operator_parameters
-from ...preprocessing import Decimator, DelayShift
 from .tournament_conditions import Points
 
 MEMORY = (0.64, 1.28, 2.56, 5.12, np.inf)  # s

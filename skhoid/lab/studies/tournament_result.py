@@ -373,9 +373,11 @@ class TournamentResult:
         -------
         display : TournamentWinnersDisplay, TournamentBiasDisplay or TournamentSettlingDisplay
         """
-        from ...plotting.tournament_bias import TournamentBiasDisplay
-        from ...plotting.tournament_settling import TournamentSettlingDisplay
-        from ...plotting.tournament_winners import TournamentWinnersDisplay
+        from ...plotting import (
+            TournamentBiasDisplay,
+            TournamentSettlingDisplay,
+            TournamentWinnersDisplay,
+        )
 
         displays: dict[str, Any] = {
             "winners": TournamentWinnersDisplay,

@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...arx.batch import ARXRegressor
-from ...arx.searches import DelaySearchCV
+from ... import ARXRegressor, DelaySearchCV, VAFScorer
 from ...exceptions import did_you_mean
-from ...metrics import VAFScorer
 from .blocks import DataSet
 from .identity import identified_as
 from .tournament_conditions import WINDOWS, Change

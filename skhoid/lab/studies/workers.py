@@ -13,8 +13,8 @@ from typing import Any
 from joblib import Parallel, delayed, parallel_config
 from threadpoolctl import threadpool_limits
 
+from ... import WorkersLostError
 from ..._machine import ended_by_signals
-from ...exceptions import WorkersLostError
 
 ATTEMPTS = 2  # of a block alone, before it is given up
 GIVEN_UP = 3  # blocks in a row, before the study is
