@@ -349,9 +349,7 @@ class SensorMagnitude(Effect):
     tex = r"y' = |y|"
     source = "Wigren and Schoukens (2017)"
     domains = ("machine",)
-    citation = (
-        "Wigren and Schoukens, Coupled electric drives data set and reference models (2017)."
-    )
+    citation = "Wigren and Schoukens, Coupled electric drives data set and reference models (2017)."
     examples = ({},)
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
