@@ -13,6 +13,7 @@ from sklearn.base import clone
 from threadpoolctl import threadpool_limits
 
 from ..effects.composition import Effects
+from ..model.simulated_arx import simulated_model
 from ..preprocessing.base import keep_parameters
 from .effect_search import EffectSearchCV
 from .judging import Candidate, SearchStep, evidence_for
@@ -71,12 +72,13 @@ def _weighed(search: EffectSearchCV, kept: Effects, tried: list[Any], X: Any, y:
     """All of the effects beside those that are kept, each judged by all that can judge it."""
     asked = clone(search).set_params(effects=tried, n_jobs=None)
     if len(kept):
-        model = clone(search.estimator)
+        model = clone(simulated_model(search.estimator, "EffectSearchCV"))
         given = Effects.of(getattr(model, "effects", None))
         asked.set_params(estimator=model.set_params(effects=given + kept))
     keep_parameters(asked)
     with threadpool_limits(1):
-        started = asked._started(X, y, None, {})
+        model = clone(simulated_model(asked.estimator, "EffectSearchCV"))
+        started = asked._started(model, X, y, None, {})
         whole = Search(started.prepared.core, started.record, tried, started.folds)
         step = whole.step(started.model.first_fit(started.of_record()))
         unknown = [c for c in step.candidates if c.model is not None and np.isnan(c.joint)]

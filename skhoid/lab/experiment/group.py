@@ -21,6 +21,7 @@ from ... import EffectSearchCV
 from ..._sklearn import Interval, fit_context
 from ...effects import Effect, Effects, catalogue, title_of, titles_of
 from ...effects import effect as plain_effect
+from ...model import simulated_model
 from ...pipelines import taken_apart
 from ...search import EVIDENCE_COLUMNS, Status, evidence_of
 from ...text import Summary, counted, p_text
@@ -172,7 +173,7 @@ def _fitted(
     chosen = {effect.name: effect for _, effect in named_by(own)}
     plain = {one.name: one for one in tried_by(own)}
     effects = [chosen.get(name, plain.get(name)) for name in wanted]
-    model = clone(search.estimator)
+    model = clone(simulated_model(search.estimator, "GroupEffectSearch"))
     given = Effects.of(getattr(model, "effects", None))
     more = Effects.of([effect for effect in effects if effect is not None])
     model.set_params(effects=given + more)
