@@ -10,7 +10,7 @@ from typing import Any
 
 from sklearn.exceptions import NotFittedError
 
-from ..search.explanations import with_effects
+from ..search import with_effects
 from ._roles import greyed
 
 BASELINE = "baseline"

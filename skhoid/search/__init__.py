@@ -1,13 +1,21 @@
 """The search for physical effects that a model is missing: ``EffectSearchCV`` and its parts."""
 
+from .data import control_of as control_of
+from .data import without_output as without_output
 from .effect_search import EffectSearchCV
 from .evidence import COLUMNS as EVIDENCE_COLUMNS  # noqa: F401
 from .evidence import evidence_of as evidence_of
-from .explanations import with_effects as with_effects
-from .left_out import control_of as control_of
-from .left_out import without_output as without_output
+from .results import SearchResult, with_effects
 from .shape import Shape
 from .sketch import checked_name as checked_name
 from .statuses import Reason, Status, Verdict
+from .telling import parameters_table as parameters_table
+from .telling import tell_candidates as tell_candidates
+from .telling import tell_end as tell_end
+from .telling import tell_headline as tell_headline
+from .telling import tell_notes as tell_notes
+from .telling import tell_search as tell_search
+from .telling import tell_step as tell_step
+from .telling import tell_verdict as tell_verdict
 
-__all__ = ["EffectSearchCV", "Reason", "Shape", "Status", "Verdict"]
+__all__ = ["EffectSearchCV", "Reason", "SearchResult", "Shape", "Status", "Verdict", "with_effects"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import replace
 from numbers import Integral
 from typing import Any
@@ -10,54 +11,69 @@ import numpy as np
 import pandas as pd
 from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
 from sklearn.callback import CallbackSupportMixin, with_callbacks
+from sklearn.metrics import check_scoring
 from sklearn.utils.validation import check_is_fitted
 from threadpoolctl import threadpool_limits
 
 from .._sklearn import FittedDisplay, Interval, StrOptions, fit_context
-from ..arx.folds import SplitsRuns, folds_of
+from ..arx.folds import SplitsRuns
 from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
 from ..human import ELEMENT
 from ..model.estimator import delay_notes
-from ..model.fitting import MOST_ROWS, some_runs
-from ..model.parameters import difference_notes, parameter_text
-from ..model.prepared import Prepared
+from ..model.fitting import MOST_ROWS, Criterion, RemnantModel
+from ..model.likelihood import likelihood_fit
+from ..model.model import Model
+from ..model.parameters import difference_notes
+from ..model.prepared import Prepared, SimulatedModel
 from ..model.simulated_arx import simulated_model
-from ..preprocessing.base import as_fitted, keep_parameters
+from ..preprocessing.base import keep_parameters
 from ..preprocessing.gate import as_output, as_table
 from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, notes_of_lost
 from ..regression import RunRegressor, units_of
 from ..runs.fingerprint import fingerprint
-from ..runs.roles import role_of
-from ..text import ModelSummary, Summary, estimates_table
-from .all_runs import AllRuns, Held, held_columns
-from .estimators import Estimators
-from .explanations import (
-    changes_sentences,
-    experiments,
-    headline_of,
-    summary_of,
-    unexplained_by,
-    untried_notes,
+from ..text import ModelSummary, Note, Summary, estimates_table
+from .data import SearchData, held_columns, on_rows_of, prepare_data, split_data
+from .leftover import AllRuns, SearchNumbers, numbers_of
+from .path import (
+    GivenDelay,
+    Path,
+    Progress,
+    Search,
+    forward,
+    output_error_fit,
+    pair_of,
+    with_given_delay,
 )
-from .explores import ExploredByHand, remember
-from .judges import HeldOutRows
-from .left_out import control_of, without_rows
-from .leftover import SearchNumbers, numbers_of
-from .path import GivenDelay, Path, Progress, Search, forward, pair_of, with_given_delay
-from .results import error_path, held_out_table, ranking_table, short_ranking, unexplained_table
-from .shape import fitted_shape, shaped, told_shape
+from .results import (
+    SearchResult,
+    compare_models,
+    error_path,
+    held_out_table,
+    ranking_table,
+    unexplained_table,
+)
+from .shape import Shape, fitted_shape, shaped
 from .sketch import SketchesEffects
-from .started import Started
-from .statuses import Ending, Verdict
+from .statuses import UNKNOWN, Ending
+from .telling import (
+    experiments_for,
+    note_changes,
+    note_untried,
+    short_ranking,
+    tell_headline,
+    tell_search,
+)
 
-GUARD = 5.0  # s beside held-out blocks of a single run
-MOST_FOLDS = 20  # of a search in some of very many runs
+# Data of fits, for as long as others hold them: a search itself keeps none, and is small.
+_DATA: weakref.WeakKeyDictionary[Any, tuple[Any, Any]] = weakref.WeakKeyDictionary()
 
 
+# Not a BaseSearchCV: that fits each candidate anew for each fold, and ranks by one score. Here all
+# candidates of a step share one fit of their parent, folds are one step from it, and several judges
+# decide; of ``evaluate_candidates`` nothing would be left.
 class EffectSearchCV(
-    ExploredByHand,
     SketchesEffects,
     SplitsRuns,
     FittedDisplay,
@@ -139,6 +155,8 @@ class EffectSearchCV(
         What the data show of an effect without a name: place, curve with a band, what it explains,
         and the named effects that are nearest. None where nothing is missing, all has a name, or no
         free form explains it.
+    result_ : SearchResult
+        All of it in one structure, without underscores; ``as_dict()`` is for JSON.
     verdict_ : Verdict
         ``NOTHING`` (is missing), effects ``FOUND``, or what ``"unknown"`` at the end of
         ``best_effects_`` means: ``NOT_IN_CATALOGUE`` if all of it was tried; ``NOT_TRIED`` if
@@ -155,6 +173,22 @@ class EffectSearchCV(
         are left out.
     baseline_, best_estimator_ : estimator
         The model without and with the effects, fitted to all rows.
+    best_params_ : dict
+        ``effects`` of ``best_estimator_``, with the choices of their forms.
+    best_score_ : float
+        VAF on held-out rows of that model, each fold refitted, in percent.
+    cv_results_ : dict of ndarray
+        As of GridSearchCV: params (``effects``), mean_test_score (VAF on held-out rows),
+        rank_test_score, and step. First the models of ``error_path_``, then candidates that were
+        not added, each beside those added before. More than the score decides between them.
+    best_index_ : int
+        Of the best model there.
+    n_splits_ : int
+        Number of folds.
+    scorer_ : callable
+        ``scorer_(estimator, X, y)`` is the VAF in percent.
+    control_ : ControlCheck
+        Where control was lost.
     explainable_gap_ : float
         Points of VAF that a better model can gain over the baseline: what the effects found gain on
         held-out rows, plus the largest structure in ``unexplained_``. Like ``ceiling`` it depends
@@ -172,10 +206,10 @@ class EffectSearchCV(
     searched_runs_ : list
         Labels of the runs in which effects were looked for: all, or up to ``max_rows`` rows.
         ``ranking_``, ``unexplained_`` and the VAF in the closed loop refer to these.
-    notes_ : list of str
-        Further sentences of the summary: in which runs effects were looked for; which other
-        parameters change together with the gains; a delay at its lower bound; both estimates of
-        parameters on which likelihood and simulation error disagree; what is left out.
+    notes_ : list of Note
+        Further remarks; ``str()`` of one is its text: in which runs effects were looked for; which
+        other parameters change together with the gains; a delay at its lower bound; both estimates
+        of parameters on which likelihood and simulation error disagree; what is left out.
     n_features_in_ : int
         Number of columns seen in ``fit``.
     feature_names_in_ : ndarray of str
@@ -275,39 +309,23 @@ class EffectSearchCV(
         keep_parameters(self)
         context = self._init_callback_context(max_subtasks=None)  # steps until none helps
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
-        remember(self, X, y)
+        _remember(self, X, y)
         X = as_table(X)
         with threadpool_limits(1):  # small products, which threads only slow down
-            started = self._started(model, X, y, groups, params)
-            prepared, lost = started.prepared, started.lost
-            control, known, some = started.control, started.known, started.some
-            self._control = control
-            search = Search(
-                prepared.core,
-                started.record,
-                self._candidates(),
-                started.folds,
-                self.n_jobs,
-                Progress(self, context),
-            )
-            measured = as_output(y)
-            kept = np.where(known, measured, np.nan)
+            data = self.split(model, X, y, groups, params)
+            core, effects = data.prepared.core, self.candidates()
+            progress = Progress(self, context)
+            search = Search(core, data.record, effects, data.folds, self.n_jobs, progress)
             estimators = Estimators(model)
-            found, ending, best = self._searched(search, estimators, prepared, kept, started.held)
+            found, ending, best, shape = search_effects(
+                search, estimators, data, as_output(y), int(self.max_effects), self.tries_all
+            )
             if len(found.path.model.effects):  # choices made, numbers to be estimated
                 best.set_params(effects=found.path.model.effects)
             self.best_estimator_ = best
-            self.baseline_ = estimators.of(prepared, found.path.steps[0].plain)
-            self._conclude(ending)
-            self.left_out_ = control.table
-            self._tell_searched(prepared, some)
-            self._tabulate(found, prepared)
-        index = X.index if isinstance(X, pd.DataFrame) else None
-        left_out = lost | (~prepared.known & ~np.isnan(measured))
-        self.predictions_ = held_out_table(found, prepared, measured, left_out, index)
-        unit = units_of(y).get(str(getattr(y, "name", None)))
-        if unit:
-            self.predictions_.attrs["units"] = {"measured": unit}
+            self.baseline_ = estimators.of(data.prepared, found.path.steps[0].plain)
+            self.control_ = data.control
+            self._keep(self._result(found, ending, shape, data, X, y), len(data.folds))
         self._fingerprint = fingerprint(X)
         self.n_features_in_ = model.n_features_in_
         if hasattr(model, "feature_names_in_"):
@@ -315,213 +333,120 @@ class EffectSearchCV(
         context.call_on_fit_task_end(estimator=self, X=X, y=y)
         return self
 
-    def _started(self, model: Any, X: Any, y: Any, groups: Any, params: dict[str, Any]) -> Started:
-        """The model and its data, without stretches in which control was lost, and the folds."""
+    def split(
+        self, model: Any, X: Any, y: Any, groups: Any = None, params: dict[str, Any] | None = None
+    ) -> SearchData:
+        """The data of a search and its folds, as ``fit`` takes them; for tools.
+
+        Parameters
+        ----------
+        model : estimator
+            A clone of ``estimator``, whose columns are taken from X.
+        X, y : DataFrame and Series
+            The recordings.
+        groups : array-like or None, default=None
+            As in ``fit``.
+        params : dict or None, default=None
+            Other metadata of ``fit``.
+
+        Returns
+        -------
+        data : SearchData
+        """
         if self.controlled_element is not None:
             model.set_params(controlled_element=self.controlled_element)
-        prepared = in_domain(model.prepare(X, y), self.domain, getattr(model, "roles", None))
-        control = control_of(model, X, self.lost_control, self.domain)
-        layout = prepared.grid.layout
-        lost = control.rows(layout.n_rows)
-        prepared = without_rows(prepared, lost, model.settling)
-        routed = self._routed(X, layout, groups, params)
-        known = prepared.known & ~lost
-        some = None if self.max_rows is None else some_runs(prepared.record, self.max_rows)
-        record = prepared.record if some is None else prepared.record.part(some, 1)
-        folds, held = self._folds(prepared, known, routed, some)
-        return Started(model, prepared, control, lost, known, some, record, folds, held)
+        prepared, control = prepare_data(
+            model, X, y, domain=self.domain, lost_control=self.lost_control
+        )
+        routed = self._routed(X, prepared.grid.layout, groups, params or {})
+        return split_data(prepared, control, cv=self.cv, routed=routed, max_rows=self.max_rows)
 
-    def _searched(
+    def _result(
         self,
-        search: Search,
-        estimators: Estimators,
-        prepared: Prepared,
-        measured: np.ndarray,
-        held: list[Held],
-    ) -> tuple[SearchNumbers, Ending, Any]:
-        """What a search finds, the verdict, and the best model; ``measured`` is y.
-
-        With a delay that was given, names and what is left are those of a free one, unless that
-        alone is found and one effect beside the given delay explains clearly more.
-        """
-        recorded = search.record.y
-        assert recorded is not None
-        model = estimators.model
-        fitted = model.first_fit(replace(prepared, record=search.record))
-        most = int(self.max_effects)
-        quiet = search.quiet(fitted) if most else None
-        if quiet is not None:
-            held = held or [held_columns(fold.test) for fold in search.folds]
-            search, fitted = quiet, model.first_fit(replace(prepared, record=quiet.record))
-        of_all = search.record is prepared.record
-
-        def numbers(search: Search, prepared: Prepared, path: Path) -> tuple[SearchNumbers, Any]:
-            best = estimators.of(prepared, path.model if path.added else path.steps[0].plain)
-            all_runs = None if of_all else AllRuns(prepared.record, held)
-            return numbers_of(search, path, best, prepared, measured, recorded, all_runs), best
-
-        def with_its_delay() -> tuple[SearchNumbers, Ending, Any]:
-            found, best = numbers(search, prepared, forward(search, fitted, most))
-            ended = shaped(search, found, tries_all=self._tries_all())
-            alone = ended.ending.best_effects == ["unknown"] and ended.shape is None
-            both = pair_of(search, found.path, most) if alone else None
-            if both is not None:
-                together, of_both = numbers(search, prepared, both)
-                again = shaped(search, together, tries_all=self._tries_all())
-                if again.ending.named:
-                    ended, best = again, of_both
-            self.shape_ = fitted_shape(ended, model, prepared, measured)
-            return ended.found, ended.ending, best
-
-        given = GivenDelay.of(search, fitted) if most else None
-        if given is None:
-            return with_its_delay()
-        freed, beside, baseline = given.freed(prepared, model)
-        more = most + len(baseline.effects) - len(fitted.effects)
-        free, _ = numbers(beside, freed, forward(beside, baseline, more))
-        ended = shaped(beside, free, tries_all=self._tries_all())
-        free = ended.found
-        path = given.tested(free.path)
-        if given.stands(path):
-            return with_its_delay()
-        self.shape_ = fitted_shape(ended, model, freed, measured)
-        found, best = numbers(search, prepared, path)
-        found = replace(found, left=free.left, noises=free.noises, changes=free.changes)
-        return found, with_given_delay(ended.ending, free.path, path), best
-
-    def _conclude(self, ending: Ending) -> None:
-        self.best_effects_ = ending.best_effects
-        self.stand_ins_ = ending.stand_ins
-        self.verdict_: Verdict = ending.verdict
-
-    def _tell_searched(self, prepared: Prepared, some: np.ndarray | None) -> None:
-        labels, run_of = prepared.grid.layout.labels, prepared.run_of_columns
-        runs = np.unique(run_of if some is None else run_of[some])
-        self.searched_runs_ = [labels[run] for run in runs]
-        self._where_searched = []
-        if some is not None:
-            known = prepared.record.known.sum(axis=0)
-            self._where_searched = [
-                f"effects were looked for in {runs.size:,} of {len(labels):,} runs, with "
-                f"{known[some].sum():,} of {known.sum():,} rows. Parameters, likelihood and VAF "
-                "of the models are those of all runs. max_rows=None looks for effects in all runs"
-            ]
-
-    def _tabulate(self, found: SearchNumbers, prepared: Prepared) -> None:
-        self.unexplained_ = unexplained_table(found.left)
-        self.explainable_gap_ = found.explainable_gap
-        self.error_path_ = error_path(found, prepared)
-        self.ceiling_note_ = found.no_ceiling if np.isnan(found.ceiling) else ""
-        self.ranking_ = ranking_table(found, prepared, self.display)
-        self.notes_ = self._where_searched + changes_sentences(found.changes)
+        found: SearchNumbers,
+        ending: Ending,
+        shape: Shape | None,
+        data: SearchData,
+        X: Any,
+        y: Any,
+    ) -> SearchResult:
+        """What was found, as statuses, numbers and tables."""
+        best, prepared = self.best_estimator_, data.prepared
+        measured = as_output(y)
+        left_out = data.lost | (~prepared.known & ~np.isnan(measured))
+        index = X.index if isinstance(X, pd.DataFrame) else None
+        predictions = held_out_table(found, prepared, measured, left_out, index)
+        unit = units_of(y).get(str(getattr(y, "name", None)))
+        if unit:
+            predictions.attrs["units"] = {"measured": unit}
+        ranking = ranking_table(found, prepared, self.display)
+        notes = [*_note_searched(data), *note_changes(found.changes)]
         if self.max_effects:
-            self.notes_ += untried_notes(self._candidates(), self.ranking_)
-        best = self.best_estimator_
-        self.notes_ += delay_notes(best.parameters_, getattr(prepared.core, "least", 0.0))
+            notes += note_untried(self.candidates(), ranking)
+        least = getattr(prepared.core, "least", 0.0)
+        notes += [Note("delay", text) for text in delay_notes(best.parameters_, least)]
         if hasattr(best, "simulation_parameters_"):  # an operator
-            self.notes_ += difference_notes(best.parameters_, best.simulation_parameters_)
-        self.notes_ += [note.with_hint for note in notes_of_lost(self.left_out_)]
-        self.experiments_ = experiments(self.ranking_)
+            differ = difference_notes(best.parameters_, best.simulation_parameters_)
+            notes += [Note("two estimates", text) for text in differ]
+        notes += notes_of_lost(data.control.table)
+        return SearchResult(
+            verdict=ending.verdict,
+            best_effects=ending.best_effects,
+            stand_ins=ending.stand_ins,
+            ranking=ranking,
+            error_path=error_path(found, prepared),
+            predictions=predictions,
+            unexplained=unexplained_table(found.left),
+            left_out=data.control.table,
+            parameters=best.parameters_,
+            shape=shape,
+            explainable_gap=found.explainable_gap,
+            ceiling_note=found.no_ceiling if np.isnan(found.ceiling) else "",
+            experiments=experiments_for(ranking),
+            notes=notes,
+            searched_runs=data.searched_runs,
+            max_effects=int(self.max_effects),
+        )
 
-    def _candidates(self) -> list[Effect]:
+    def _keep(self, result: SearchResult, n_splits: int) -> None:
+        """Fitted attributes of a result."""
+        self.result_ = result
+        self.verdict_ = result.verdict
+        self.best_effects_ = result.best_effects
+        self.stand_ins_ = result.stand_ins
+        self.ranking_ = result.ranking
+        self.error_path_ = result.error_path
+        self.predictions_ = result.predictions
+        self.unexplained_ = result.unexplained
+        self.left_out_ = result.left_out
+        self.shape_ = result.shape
+        self.explainable_gap_ = result.explainable_gap
+        self.ceiling_note_ = result.ceiling_note
+        self.experiments_ = result.experiments
+        self.notes_ = result.notes
+        self.searched_runs_ = result.searched_runs
+        self.n_splits_ = n_splits
+        self.scorer_ = check_scoring(self.best_estimator_)
+        self.cv_results_ = compare_models(result, self.best_estimator_.effects)
+        self.best_index_ = len(result.error_path) - 1
+        self.best_params_ = self.cv_results_["params"][self.best_index_]
+        self.best_score_ = float(self.cv_results_["mean_test_score"][self.best_index_])
+
+    def candidates(self) -> list[Effect]:
+        """The effects that are tried.
+
+        Returns
+        -------
+        effects : list of Effect
+        """
         if isinstance(self.effects, str) and self.effects == "all":
             return [c() for c in CLASSES]
         return [e for _, e in Effects.of(self.effects)]
 
-    def _tries_all(self) -> bool:
-        return BY_NAME.keys() <= {effect.name for effect in self._candidates()}
-
-    def _folds(
-        self,
-        prepared: Prepared,
-        rows_known: np.ndarray,
-        routed: dict[str, Any],
-        some: np.ndarray | None,
-    ) -> tuple[list[HeldOutRows], list[Held]]:
-        """Rows to hold out and to fit on, in ``some`` columns; and what is held out in all."""
-        record, columns, known = prepared.record, prepared.columns, prepared.record.known
-        groups = routed["groups"]
-        run_of = prepared.run_of_columns
-        if some is not None:
-            known, run_of = known[:, some], run_of[some]
-        runs = np.unique(run_of[known.any(axis=0)])
-        if self.cv is None and groups is None and runs.size > 1:
-            parts = runs if some is None else np.array_split(runs, min(MOST_FOLDS, runs.size))
-            tests = [known & np.isin(run_of, part) for part in parts]
-            folds = [HeldOutRows(t, known & ~t) for t in tests]
-            return folds, [] if some is None else [held_columns(t, some) for t in tests]
-        if self.cv is None and groups is None:
-            return _blocks(known, round(GUARD / record.dt)), []
-        folds, held = [], []
-        for fold in folds_of(prepared.grid.layout, self.cv, routed, rows_known):
-            rows = prepared.grid.thin_inputs(fold.test.mask())
-            whole = columns.beside(rows, fill=False) & record.known
-            test = whole if some is None else whole[:, some]
-            if test.any():
-                folds.append(HeldOutRows(test, known & ~test))
-                if some is not None:
-                    held.append(held_columns(whole))
-        return folds, held
-
-    def ranking_table(self, n: int = 5, step: int | None = None) -> pd.DataFrame:
-        """The best candidates of each step, in a few readable columns.
-
-        Parameters
-        ----------
-        n : int, default=5
-            Maximum number of candidates per step.
-        step : int or None, default=None
-            One step; None means all.
-
-        Returns
-        -------
-        table : DataFrame
-            Texts, by step and rank: effect, gain (points of held-out VAF), ΔBIC, p, outcome (added,
-            or why not), parameters.
-        """
-        check_is_fitted(self)
-        return short_ranking(self.ranking_, n, step)
-
-    def summary(self) -> Summary:
-        """The search in plain sentences: verdict, steps, errors, what to record next.
-
-        Returns
-        -------
-        text : Summary
-            A string that notebooks show line by line.
-        """
-        check_is_fitted(self)
-        final = self.best_estimator_.parameters_
-        texts = [parameter_text(final, name) for name in self.error_path_["effect"]]
-        text = summary_of(
-            self.error_path_.assign(parameters=texts),
-            self.ranking_,
-            self.best_effects_,
-            self.stand_ins_,
-            self.verdict_,
-            as_fitted(self).max_effects,
-            self.ceiling_note_,
-            self.unexplained_,
-            told_shape(self.best_effects_, self.shape_),
-            self.experiments_ + self.notes_,
-        )
-        return Summary(text)
-
-    def _headline(self) -> str:
-        """The verdict in one sentence."""
-        rest = unexplained_by(self.verdict_, self.ranking_, as_fitted(self).max_effects)
-        return headline_of(
-            self.error_path_, self.best_effects_, self.stand_ins_, self.verdict_, rest
-        )
-
-    def _found_html(self) -> str:
-        found = f"EffectSearchCV. {self._headline()}"
-        best = self.best_estimator_
-        if isinstance(best, RunRegressor):
-            return best._summary().html(found)
-        return ModelSummary(type(best).__name__, {}, estimates_table(best.parameters_), []).html(
-            found
-        )
+    @property
+    def tries_all(self) -> bool:
+        """Whether all effects of the catalogue are tried."""
+        return BY_NAME.keys() <= {effect.name for effect in self.candidates()}
 
     def predict(self, X: Any) -> np.ndarray:
         """Free run of the best model.
@@ -560,25 +485,235 @@ class EffectSearchCV(
         tags.input_tags.allow_nan = True
         return tags
 
+    def ranking_table(self, n: int = 5, step: int | None = None) -> pd.DataFrame:
+        """The best candidates of each step, in a few readable columns.
 
-def in_domain(prepared: Prepared, domain: str | None, roles: Any) -> Prepared:
-    """The data with their domain: the given one, or the one that core and roles imply."""
-    record = prepared.record
-    if domain is None:
-        own = role_of(record.inputs[0], roles)
-        loop = {"x", "f_t"} & {*prepared.roles.values()}
-        answers = own in ("x", "f_t") or (own == "e" and bool(loop))
-        domain = "human" if record.core.is_operator or answers else "machine"
-    return replace(prepared, record=replace(record, domain=domain))
+        Parameters
+        ----------
+        n : int, default=5
+            Maximum number of candidates per step.
+        step : int or None, default=None
+            One step; None means all.
+
+        Returns
+        -------
+        table : DataFrame
+            Texts, by step and rank: effect, gain (points of held-out VAF), ΔBIC, p, outcome (added,
+            or why not), parameters.
+        """
+        check_is_fitted(self)
+        return short_ranking(self.ranking_, n, step)
+
+    def summary(self) -> Summary:
+        """The search in plain sentences: verdict, steps, errors, what to record next.
+
+        Returns
+        -------
+        text : Summary
+            A string that notebooks show line by line.
+        """
+        check_is_fitted(self)
+        return tell_search(self.result_).text()
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the error at each step, with the noise ceiling.
+
+        Parameters
+        ----------
+        ax : Axes or None, default=None
+            Where to draw. None makes a figure.
+
+        Returns
+        -------
+        display : ErrorPathDisplay
+        """
+        check_is_fitted(self)
+        from ..plotting import ErrorPathDisplay
+
+        return ErrorPathDisplay.from_estimator(self, ax=ax)
+
+    def explore(self, X: Any = None, y: Any = None) -> Any:
+        """Try the effects by hand, in a notebook: add, move parameters, see the error fall.
+
+        The widget shows measured and simulated output run by run, where in time, frequency and
+        amplitude they differ, and the effects as cards with their parameters as sliders; the
+        kernel computes.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns) or None, default=None
+            The data of the fit; None takes those of ``fit``, if they are still in memory.
+        y : Series or array of shape (n_rows,) or None, default=None
+            Their measured output.
+
+        Returns
+        -------
+        widget : anywidget.AnyWidget
+            The last expression of a cell shows it. ``widget.exploration.model`` is the model as
+            it was left.
+
+        Raises
+        ------
+        ImportError
+            Without anywidget: ``pip install "skhoid[notebook]"``.
+        ValueError
+            If the data of the fit are gone, or X and y are others.
+
+        See Also
+        --------
+        skhoid.lab.report.report : A page with all combinations of the effects found.
+        """
+        check_is_fitted(self)
+        from ..lab.explore import Exploration
+        from ..lab.explore.component import of_exploration
+
+        return of_exploration(Exploration.of_search(self, *self._data_of_fit(X, y)))
+
+    def _data_of_fit(self, X: Any, y: Any) -> tuple[Any, Any]:
+        if (X is None) != (y is None):
+            raise ValueError("Give both X and y, or none.")
+        if X is not None:
+            self.check_data(X, y)
+            return X, y
+        held = tuple(one() for one in _DATA.get(self, ()))
+        if len(held) != 2 or any(one is None for one in held):
+            raise ValueError(
+                "The data that this search was fitted to are no longer in memory: pass them, "
+                "search.explore(X, y)."
+            )
+        return held[0], held[1]
+
+    def check_data(self, X: Any, y: Any) -> None:
+        """Refuse data that the search was not fitted to.
+
+        Parameters
+        ----------
+        X, y : DataFrame and Series
+            What may be the data of the fit.
+
+        Raises
+        ------
+        ValueError
+            If it is not.
+        """
+        of_fit = self.predictions_["measured"].to_numpy()
+        given = np.asarray(getattr(y, "to_numpy", lambda: y)(), dtype=float).ravel()
+        if len(of_fit) != len(given) or not np.array_equal(of_fit, given, equal_nan=True):
+            raise ValueError(
+                f"This search was fitted to {len(of_fit)} rows of an output, and y "
+                f"({len(given)} rows) is not that output. Pass the X and y that it was fitted to, "
+                "or fit it to these."
+            )
+        if fingerprint(X) != self._fingerprint:
+            raise ValueError(
+                "This search was fitted to another X: values, names, runs or times differ. Pass "
+                "the X and y that it was fitted to, or fit it to these."
+            )
+
+    def _found_html(self) -> str:
+        found = f"EffectSearchCV. {tell_headline(self.result_)}"
+        best = self.best_estimator_
+        if isinstance(best, RunRegressor):
+            return best._summary().html(found)
+        return ModelSummary(type(best).__name__, {}, estimates_table(best.parameters_), []).html(
+            found
+        )
 
 
-def _blocks(known: np.ndarray, guard: int) -> list[HeldOutRows]:
-    """Three contiguous blocks of one run, with guards that are neither fitted nor held out."""
-    folds = []
-    rows = np.flatnonzero(known.any(axis=1))
-    for block in np.array_split(rows, 3):
-        test, train = np.zeros_like(known), known.copy()
-        test[block] = known[block]
-        train[max(block[0] - guard, 0) : block[-1] + guard + 1] = False
-        folds.append(HeldOutRows(test, train))
-    return folds
+def search_effects(
+    search: Search,
+    estimators: Estimators,
+    data: SearchData,
+    measured: np.ndarray,
+    most: int,
+    tries_all: bool,
+) -> tuple[SearchNumbers, Ending, Any, Shape | None]:
+    """What a search finds, how it ends, the best model, and the shape of what has no name.
+
+    With a delay that was given, names and what is left are those of a free one, unless that
+    alone is found and one effect beside the given delay explains clearly more.
+    """
+    model, prepared, held = estimators.model, data.prepared, data.held
+    known = np.where(prepared.known & ~data.lost, measured, np.nan)
+    recorded = search.record.y
+    assert recorded is not None
+    fitted = model.first_fit(replace(prepared, record=search.record))
+    quiet = search.quiet(fitted) if most else None
+    if quiet is not None:
+        held = held or [held_columns(fold.test) for fold in search.folds]
+        search, fitted = quiet, model.first_fit(replace(prepared, record=quiet.record))
+    of_all = search.record is prepared.record
+
+    def numbers(search: Search, prepared: Prepared, path: Path) -> tuple[SearchNumbers, Any]:
+        best = estimators.of(prepared, path.model if path.added else path.steps[0].plain)
+        all_runs = None if of_all else AllRuns(prepared.record, held)
+        return numbers_of(search, path, best, prepared, known, recorded, all_runs), best
+
+    def with_its_delay() -> tuple[SearchNumbers, Ending, Any, Shape | None]:
+        found, best = numbers(search, prepared, forward(search, fitted, most))
+        ended = shaped(search, found, tries_all=tries_all)
+        alone = ended.ending.best_effects == [UNKNOWN] and ended.shape is None
+        both = pair_of(search, found.path, most) if alone else None
+        if both is not None:
+            together, of_both = numbers(search, prepared, both)
+            again = shaped(search, together, tries_all=tries_all)
+            if again.ending.named:
+                ended, best = again, of_both
+        return ended.found, ended.ending, best, fitted_shape(ended, model, prepared, known)
+
+    given = GivenDelay.of(search, fitted) if most else None
+    if given is None:
+        return with_its_delay()
+    freed, beside, baseline = given.freed(prepared, model)
+    more = most + len(baseline.effects) - len(fitted.effects)
+    free, _ = numbers(beside, freed, forward(beside, baseline, more))
+    ended = shaped(beside, free, tries_all=tries_all)
+    free = ended.found
+    path = given.tested(free.path)
+    if given.stands(path):
+        return with_its_delay()
+    shape = fitted_shape(ended, model, freed, known)
+    found, best = numbers(search, prepared, path)
+    found = replace(found, left=free.left, noises=free.noises, changes=free.changes)
+    return found, with_given_delay(ended.ending, free.path, path), best, shape
+
+
+class Estimators:
+    """Models of a search as estimators, each at its largest likelihood, which is found once."""
+
+    def __init__(self, model: SimulatedModel):
+        self.model = model
+        self._known: dict[tuple, tuple[Prepared, Model, RemnantModel]] = {}
+
+    def of(self, prepared: Prepared, fitted: Model) -> Any:
+        """A model as an estimator."""
+        key = (id(prepared), *fitted.key)
+        if key not in self._known:
+            start = on_rows_of(prepared.record, fitted)
+            # An ARX model has few rounds of noise models: it begins where its own ``fit`` does.
+            if not start.simulator.core.kind.is_operator:
+                start = output_error_fit(start)
+            self._known[key] = prepared, *likelihood_fit(start, Criterion(prepared.record))
+        _, likeliest, noise = self._known[key]
+        return self.model.with_fit(prepared, likeliest, noise)
+
+
+def _note_searched(data: SearchData) -> list[Note]:
+    """In which runs effects were looked for, where not in all."""
+    if data.some is None:
+        return []
+    known = data.prepared.record.known.sum(axis=0)
+    text = (
+        f"effects were looked for in {len(data.searched_runs):,} of "
+        f"{len(data.prepared.grid.layout.labels):,} runs, with {known[data.some].sum():,} of "
+        f"{known.sum():,} rows. Parameters, likelihood and VAF of the models are those of all runs"
+    )
+    return [Note("some runs", text, hint="max_rows=None looks for effects in all runs")]
+
+
+def _remember(search: Any, X: Any, y: Any) -> None:
+    """Remember what a search was fitted to, as long as it is there anyway."""
+    try:
+        _DATA[search] = weakref.ref(X), weakref.ref(y)
+    except TypeError:  # a list, say
+        _DATA.pop(search, None)

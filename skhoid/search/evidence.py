@@ -78,9 +78,9 @@ def _weighed(search: EffectSearchCV, kept: Effects, tried: list[Any], X: Any, y:
     keep_parameters(asked)
     with threadpool_limits(1):
         model = clone(simulated_model(asked.estimator, "EffectSearchCV"))
-        started = asked._started(model, X, y, None, {})
-        whole = Search(started.prepared.core, started.record, tried, started.folds)
-        step = whole.step(started.model.first_fit(started.of_record()))
+        data = asked.split(model, X, y)
+        whole = Search(data.prepared.core, data.record, tried, data.folds)
+        step = whole.step(model.first_fit(data.searched))
         unknown = [c for c in step.candidates if c.model is not None and np.isnan(c.joint)]
         if step.weigh is not None and unknown:
             step.weigh(unknown)

@@ -17,13 +17,14 @@ from ..effects.free_forms import shakes
 from ..effects.operator_signals import Gains
 from ..effects.record import Record, Signature, differentiated
 from ..model.estimator import vaf_of_output
+from ..model.extend import on_all_runs
 from ..model.fitting import Criterion, derivatives
 from ..model.loop import LoopSimulator
 from ..model.model import Model
 from ..model.prepared import Prepared, SimulatedModel
 from ..model.simulator import Simulator
 from ..runs.roles import OTHER
-from .all_runs import AllRuns
+from .data import Held
 from .judges import RATES, HeldOutRows, LoopJudge, noises_in
 from .judging import LEAST_DELTA_BIC, SearchStep
 from .path import Path, Search, further_changes
@@ -84,6 +85,34 @@ class SearchNumbers:
     @property
     def explainable_gap(self) -> float:
         return float(max(self.gained + self.worst, 0.0))
+
+
+@dataclass(frozen=True)
+class AllRuns:
+    """A record of all runs, and what each fold of the search holds out of it.
+
+    No fit of the search has seen rows that no fold holds out.
+    """
+
+    record: Record
+    held: Sequence[Held]
+
+    def judged(self, search: Search, step: SearchStep, model: Model) -> SearchStep:
+        """A step with its model fitted to all runs, and all of them held out of the search's."""
+        base, without = search.fitted_without_folds(model)
+        prediction = self.prediction(base, without)
+        parent = on_all_runs(step.parent, self.record)
+        vaf = vaf_of_output(self.record, prediction)
+        return replace(step, parent=parent, vaf=vaf, prediction=prediction)
+
+    def prediction(self, model: Model, without: Sequence[np.ndarray]) -> np.ndarray:
+        """Free runs of a model, and in rows of each fold with the parameters of ``without``."""
+        core, effects = model.simulator.core, model.effects
+        found = Simulator(core, effects, self.record).run(model.theta)
+        for theta, (columns, rows) in zip(without, self.held, strict=True):
+            held_out = Simulator(core, effects, self.record.part(columns, 1)).run(theta)
+            found[:, columns] = np.where(rows, held_out, found[:, columns])
+        return np.where(np.isfinite(found), found, 0.0)
 
 
 def numbers_of(

@@ -538,7 +538,11 @@ def further_changes(search: Search, path: Path) -> dict[str, tuple[float, float,
         fewer = min(plain.sse, minimise(plain.simulator, criterion, beside).sse)
         ratio = criterion.n * np.log(fewer / model.sse)
         sd = float(np.sqrt(model.covariance()[at, at]))
-        found[parameter] = (float(model.theta[at]), sd, float(chi2.sf(max(ratio, 0.0), 1)))
+        found[parameter.removesuffix("_change")] = (
+            float(model.theta[at]),
+            sd,
+            float(chi2.sf(max(ratio, 0.0), 1)),
+        )
     return found
 
 

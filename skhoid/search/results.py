@@ -1,24 +1,174 @@
-"""Tables of a search: ranking, error path, held-out predictions, unexplained structure."""
+"""``SearchResult``: what a search found, as statuses, numbers and tables."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from ..effects.base import Effect
 from ..effects.maps import StaticMap
-from ..effects.registry import title_of
+from ..effects.registry import title_of, titles_of
 from ..model.estimator import vaf_of_output
 from ..model.parameters import parameter_table, parameter_text
 from ..model.prepared import Prepared
-from ..text import DASH, p_text
-from .explanations import sentence_of, with_effects
+from ..text import Note
 from .judging import Candidate, against_candidate
 from .leftover import Leftover, SearchNumbers
-from .statuses import Reason, Status
+from .shape import Shape
+from .statuses import Reason, Status, Verdict
 
 DESCRIBED = 5  # candidates of a step whose parameters are written out
+# What an effect on a compensatory display can only be equivalent to, and why.
+SHOWS_TARGET = {"feedforward", "preview", "output_feedback"}
+EQUIVALENT = (
+    "equivalent to {}: a compensatory display shows only the error, and since e = f_t - x the "
+    "same output follows from other lags of e; the operator cannot have seen target and x "
+    "separately"
+)
+NOT_SAID = (
+    "if the display shows the error alone (set display=), it is equivalent to other lags of e"
+)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SearchResult:
+    """What a search found; each attribute is that of :class:`EffectSearchCV` with an underscore.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        How it ended.
+    best_effects, stand_ins : list of str
+        Ids of effects that are named, and of those that explain too little to be named.
+    ranking, error_path, predictions, unexplained, left_out : DataFrame
+        Candidates, models, simulated outputs, structure left, and stretches left out.
+    parameters : DataFrame
+        Of the best model.
+    shape : Shape or None
+        Of what has no name.
+    explainable_gap : float
+        Points of VAF that a better model can gain over the baseline.
+    ceiling_note : str
+        Why the ceiling is not known.
+    experiments : list of str
+        What to record.
+    notes : list of Note
+        Further remarks.
+    searched_runs : list
+        Labels of the runs in which effects were looked for.
+    max_effects : int
+        How many effects could be added.
+    """
+
+    verdict: Verdict
+    best_effects: list[str]
+    stand_ins: list[str]
+    ranking: pd.DataFrame
+    error_path: pd.DataFrame
+    predictions: pd.DataFrame
+    unexplained: pd.DataFrame
+    left_out: pd.DataFrame
+    parameters: pd.DataFrame
+    shape: Shape | None
+    explainable_gap: float
+    ceiling_note: str
+    experiments: list[str]
+    notes: list[Note]
+    searched_runs: list[Any]
+    max_effects: int
+
+    @property
+    def added(self) -> list[str]:
+        """Names of the effects that were added to the model."""
+        return [str(name) for name in self.error_path["effect"].iloc[1:]]
+
+    @property
+    def tried(self) -> pd.DataFrame:
+        """Rows of the ranking whose effects apply to the data."""
+        return self.ranking[self.ranking["status"] != Status.REFUSED]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same as numbers and names, for JSON.
+
+        Returns
+        -------
+        found : dict
+        """
+        return {
+            "ranking": records_of(self.ranking),
+            "error_path": records_of(self.error_path.reset_index()),
+            "best_effects": self.best_effects,
+            "stand_ins": self.stand_ins,
+            "verdict": str(self.verdict),
+            "explainable_gap": self.explainable_gap,
+            "parameters": records_of(self.parameters.reset_index()),
+            "unexplained": records_of(self.unexplained),
+            "shape": None if self.shape is None else self.shape.as_dict(),
+            "ceiling_note": self.ceiling_note,
+            "experiments": self.experiments,
+            "left_out": records_of(self.left_out),
+            "notes": [str(note) for note in self.notes],
+        }
+
+
+def describe_effect(effect: Effect, display: str | None, domain: str = "human") -> str:
+    """What an effect means, in one sentence, given what the operator could see, if there is one."""
+    if domain == "machine":
+        return effect.physics_in(domain)
+    if effect.name in SHOWS_TARGET and display is None:
+        return f"{effect.physics[:-1]}; {NOT_SAID}"
+    seen = display != "compensatory" and (effect.name != "preview" or display == "preview")
+    if effect.name in SHOWS_TARGET and not seen:
+        if display == "pursuit":
+            return (
+                "equivalent to preview: a pursuit display shows the target as it is now, not what "
+                "comes; a target that the operator can predict looks the same"
+            )
+        return EQUIVALENT.format(effect.title)
+    return effect.physics_in(domain)
+
+
+def with_effects(names: Iterable[str]) -> str:
+    """What a model is called by all effects that were added to it: ``with bias and dead zone``."""
+    names = list(names)
+    return f"with {titles_of(names)}" if names else "baseline"
+
+
+def records_of(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows of a table, for JSON."""
+    return [
+        {key: v.item() if isinstance(v, np.generic) else v for key, v in record.items()}
+        for record in frame.to_dict("records")
+    ]
+
+
+def compare_models(result: SearchResult, best_effects: Any) -> dict[str, Any]:
+    """``cv_results_`` of a search: the models along its path, then candidates not added.
+
+    ``best_effects`` are those of the best model, which is the last of the path.
+    """
+    path, added = result.error_path, result.added
+    models = [added[:n] for n in range(len(path))]
+    scores, steps = path["vaf"].tolist(), list(range(len(path)))
+    params: list[Any] = [{"effects": names} for names in models]
+    params[-1] = {"effects": best_effects}
+    tried = result.tried
+    for _, row in tried[tried["status"] != Status.ADDED].iterrows():
+        params.append({"effects": [*added[: row["step"] - 1], row["effect"]]})
+        scores.append(row["vaf_after"])
+        steps.append(row["step"])
+    mean = np.array(scores, dtype=float)
+    order = pd.Series(mean).rank(method="min", ascending=False, na_option="bottom")
+    return {
+        "params": params,
+        "step": np.array(steps),
+        "mean_test_score": mean,
+        "rank_test_score": order.to_numpy().astype(np.int32),
+    }
 
 
 def error_path(found: SearchNumbers, prepared: Prepared) -> pd.DataFrame:
@@ -124,7 +274,8 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 delta_bic_joint=c.joint,
                 p_value=c.p_value,
                 confused_with=c.confused_with,
-                words=sentence_of(c.effect, display, domain) + (f" {c.trace}." if c.trace else ""),
+                words=describe_effect(c.effect, display, domain)
+                + (f" {c.trace}." if c.trace else ""),
             )
             if not c.inapplicable:
                 row.delta_loglik, row.delta_bic = c.loglik, c.delta_bic
@@ -154,31 +305,6 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
             )
         )
     return pd.DataFrame([vars(row) for row in rows], columns=[one.name for one in fields(Ranked)])
-
-
-def short_ranking(ranking: pd.DataFrame, n: int, step: int | None) -> pd.DataFrame:
-    """The best n candidates of each step (or of one) as texts."""
-    tried = ranking[ranking["status"] != Status.REFUSED]
-    if step is not None:
-        if step not in set(ranking["step"]):
-            raise ValueError(f"There is no step {step!r}; the steps are {_listed(ranking)}.")
-        tried = tried[tried["step"] == step]
-    best = tried.groupby("step").head(n)
-    in_form = best["form"].map(lambda form: f" ({form})" if form else "")
-    return pd.DataFrame(
-        {
-            "effect": best["title"] + in_form,
-            "gain": best["vaf_gain"].map("{:+.2f}".format),
-            "ΔBIC": best["delta_bic"].map(lambda x: f"{x:+.0f}" if np.isfinite(x) else DASH),
-            "p": best["p_value"].map(lambda p: p_text(p).removeprefix("p ").removeprefix("= ")),
-            "outcome": best["reason"].where(best["status"] != Status.ADDED, "added"),
-            "parameters": best["parameters"],
-        }
-    ).set_index([best["step"], best["rank"]])
-
-
-def _listed(ranking: pd.DataFrame) -> str:
-    return ", ".join(map(str, ranking["step"].unique()))
 
 
 def _form(candidate: Candidate) -> str:

@@ -33,8 +33,8 @@ from ..model.smoothing import (
     posterior_of,
 )
 from ..model.uncertainty import covariance_of
-from ..text import Summary, TextTable, number
-from .all_runs import on_rows_of
+from ..text import Document, Paragraph, Summary, TextTable, number
+from .data import on_rows_of
 from .formulas import Fitted, formula_of
 from .judges import HeldOutRows, held_out
 from .judging import (
@@ -68,10 +68,8 @@ AXES = {  # what a curve is a function of, on an axis; others are names of chann
     "du/dt": "rate of u",
     "time": "time in the run",
 }
-NAMES_AHEAD = "Nearest names, by distance (0: the same curve; 1: nothing in common):"
+NAMES_AHEAD = "Nearest names, by distance (0: the same curve; 1: nothing in common)"
 BY_HAND = 'search.sketch_effect("my_effect", "my_effect.py")'
-LEAD = "The shape of what has no name: "
-NO_FORM = "No free form explains it at any place either"
 FOLLOWED = 4  # forms whose curves are fitted to the end
 SIZES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # of the prior, times the usual one
 NAME = "free"
@@ -176,6 +174,18 @@ class Shape:
     nearest_curve: pd.Series | None = field(default=None, repr=False)
     formula: Fitted | None = field(default=None, repr=False)
 
+    @property
+    def explains(self) -> str:
+        """Where it acts and how much it explains."""
+        loop = ""
+        if np.isfinite(self.gain_loop):
+            loop = f" (in the closed loop by {self.gain_loop:.1f})"
+        return (
+            f"{self.sentence}; a curve with {self.dof:.1f} effective degrees of freedom raises "
+            f"the held-out VAF by {self.gain:.1f} points{loop}, {100 * self.closed:.0f} % of what "
+            f"{self._beside} leaves to explain."
+        )
+
     def sentences(self) -> list[str]:
         """What is known of it, without the curve.
 
@@ -185,14 +195,7 @@ class Shape:
             Where it acts and what it explains, the nearest names, a formula if one fits, what to
             record, and how to make it an effect of your own.
         """
-        loop = ""
-        if np.isfinite(self.gain_loop):
-            loop = f" (in the closed loop by {self.gain_loop:.1f})"
-        told = [
-            f"{LEAD}{self.sentence}; a curve with {self.dof:.1f} "
-            f"effective degrees of freedom raises the held-out VAF by {self.gain:.1f} points"
-            f"{loop}, {100 * self.closed:.0f} % of what {self._beside} leaves to explain."
-        ]
+        told = [f"The shape of what has no name: {self.explains}"]
         if len(self.nearest):
             told.append(self._names())
         if self.formula is not None:
@@ -228,57 +231,49 @@ class Shape:
             words.append("a free delay")
         return f"the model with {' and '.join(words)}" if words else "the baseline"
 
+    def tell(self) -> Document:
+        """All of it: sentences, the curve at a few points, and the effects that are nearest.
+
+        Returns
+        -------
+        document : Document
+        """
+        first, *others = self.sentences()
+        return Document(first, [*self.tables(), *map(Paragraph, others)])
+
     def summary(self) -> Summary:
-        """All of it in plain sentences, and the curve as a table.
+        """All of it in plain sentences and tables.
 
         Returns
         -------
         text : Summary
             A string that notebooks show line by line.
         """
-        first, *others = self.sentences()
-        lines = [first, "", *self.curve_table().lines(), ""]
-        if len(self.nearest):
-            others.remove(self._names())
-            lines.append(NAMES_AHEAD)
-            for row in self.nearest_table().rows:
-                lines.append(f"  - {row[0]}: {row[1]}, {row[2]} the band; {row[3]}".rstrip("; "))
-            lines.append("")
-        return Summary("\n".join([*lines, *others]))
+        return self.tell().text()
 
-    def curve_table(self, n_points: int = POINTS) -> TextTable:
-        """The curve at a few points as text, with its band.
-
-        Parameters
-        ----------
-        n_points : int, default=9
-            How many, at equal distances.
+    def tables(self) -> list[TextTable]:
+        """The curve with its band at nine points, and the nearest effects, if there are any.
 
         Returns
         -------
-        table : TextTable
+        tables : list of TextTable
         """
-        rows = np.linspace(0, len(self.curve) - 1, n_points).round().astype(int)
         cells = []
+        rows = np.linspace(0, len(self.curve) - 1, POINTS).round().astype(int)
         for at, row in self.curve.iloc[rows].iterrows():
             half = float(row["high"] - row["low"]) / 2
             value, low, high = (number(float(row[key]), half) for key in ("value", "low", "high"))
             cells.append([f"{float(str(at)):.3g}", value, f"{low} to {high}"])
-        return TextTable("Curve", [self.x_label, self.y_label, "95 % band"], cells)
-
-    def nearest_table(self) -> TextTable:
-        """The nearest effects of the catalogue as text.
-
-        Returns
-        -------
-        table : TextTable
-        """
-        cells = []
+        header = [self.x_label, self.y_label, "95 % band"]
+        curve = TextTable("Curve of what has no name", header, cells, ("95 % band",), "shape")
+        near = []
         for _, row in self.nearest.iterrows():
             called = row["title"] + (f" ({row['form']})" if row["form"] else "")
             within = "within" if row["within_band"] else "not within"
-            cells.append([called, f"{row['distance']:.2f}", within, row["parameters"]])
-        return TextTable("Nearest names", ["", "distance", "band", "its numbers"], cells)
+            near.append([called, f"{row['distance']:.2f}", within, row["parameters"]])
+        header = ["effect", "distance", "band", "its numbers"]
+        left = ("effect", "band", "its numbers")
+        return [curve, TextTable(NAMES_AHEAD, header, near, left, "nearest")][: 1 + bool(near)]
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the curve with its band.
@@ -317,14 +312,7 @@ class Shape:
         return str(self.summary())
 
     def _repr_html_(self) -> str:
-        return self.summary()._repr_html_()
-
-
-def told_shape(ids: Sequence[str], shape: Shape | None) -> list[str]:
-    """What a search says of the shape of what has no name, or that there is none; by ids found."""
-    if list(ids)[-1:] != ["unknown"]:
-        return []
-    return [f"{NO_FORM}."] if shape is None else shape.sentences()
+        return self.tell().html()
 
 
 def labels_of(model: Model, name: str, units: dict[str, str | None]) -> tuple[str, str]:

@@ -7,7 +7,10 @@ what was found, and write plots, tables and a page.
 from __future__ import annotations
 
 import argparse
+import math
 import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +89,7 @@ AFTER_DEMO = [
     ("skhoid simulate --remnant 0.1 --out runs.csv", "a file, as yours may be"),
     ("skhoid diagnose runs.csv", "what is missing in it?"),
 ]
+SHOWN = 3  # candidates of a step, and findings of a comparison
 BUNDLED = ["phase-size 2b", "phase-size 2c", "phase-size 2d", "phase-size 2e"]
 BY_HAND = 'search.sketch_effect("my_effect", "my_effect.py")'
 OF_COMPARISON = (
@@ -160,12 +164,12 @@ def demo(options: argparse.Namespace) -> int:
     best = 100 * (1 - (truth.remnant**2).sum() / (y**2).sum())
     given = truth.parameters.iloc[0].to_dict()
     given |= {f"{n}__{p}": v for n, e in hidden for p, v in e.fixed.items()}
-    story = show_search(options, skhoid.OperatorRegressor(), X, y, source, truth=given)
+    found = show_search(options, skhoid.OperatorRegressor(), X, y, source, truth=given)
     if not options.json:
-        _reveal(story.search_, names, best)
+        _reveal(found.search, names, best)
     write_results(
         options,
-        story,
+        found,
         source,
         report=None if options.no_report else folder / "report.html",
         folder=None if options.no_pictures else folder,
@@ -249,14 +253,14 @@ def diagnose(options: argparse.Namespace) -> int:
     folder = figure_folder(options, "skhoid-diagnose")
     check_tables(options)
     X, y, estimator, source = read_recordings(options)
-    story = show_search(options, estimator, X, y, source)
-    search, why_not = story.search_, ""
+    found = show_search(options, estimator, X, y, source)
+    search, why_not = found.search, ""
     if sketch is not None:
         try:
             search.sketch_effect(sketch.stem, sketch, overwrite=options.overwrite)
         except ValueError as error:  # nothing is left without a name
             sketch, why_not = None, f"--sketch: {error}"
-    write_results(options, story, source, report=report, folder=folder, sketch=sketch)
+    write_results(options, found, source, report=report, folder=folder, sketch=sketch)
     if why_not:
         note(why_not)
     if not options.json:
@@ -307,14 +311,14 @@ def report(options: argparse.Namespace) -> int:
     X, y, estimator, source = read_recordings(options)
     if not searches:
         return _report_model(options, path, X, y, estimator.fit(X, y), source)
-    story = show_search(options, estimator, X, y, source, aloud=False)
+    found = show_search(options, estimator, X, y, source, aloud=False)
     if not options.json:
         print_source(options, source)
-        for line in story.search_.summary().splitlines():
+        for line in found.search.summary().splitlines():
             print_wrapped(line)
-    write_results(options, story, source, report=path)
+    write_results(options, found, source, report=path)
     if not options.json:
-        say_next(_after_search(options, story.search_))
+        say_next(_after_search(options, found.search))
     return 0
 
 
@@ -325,7 +329,7 @@ def _report_model(
     import pandas as pd
 
     from ...pipelines import prediction_from
-    from ...search.story import comparison_dict, parameters_table
+    from ...search import parameters_table
 
     page = write_report(options, path, model, X, y, source, effects=None)
     compared = page.comparison
@@ -347,13 +351,13 @@ def _report_model(
             "output": str(y.name),
             "parameters": model.parameters_.reset_index().to_dict("records"),
             "vaf": vaf,
-            "comparison": None if compared is None else comparison_dict(compared),
+            "comparison": None if compared is None else _figures_of(compared),
         }
         print_json({**found, **files})
     else:
         print_source(options, source)
         print_wrapped(f"VAF {vaf:.1f} % of the simulated output on the rows of the fit")
-        _print_block(parameters_table(model), options, None)
+        print_block(parameters_table(model), options)
         for each in compared.notes if compared is not None else []:
             print_wrapped(f"  note: {message_for(each, options)}")
         say_files(files)
@@ -425,6 +429,36 @@ def search_for(options: argparse.Namespace, estimator: Any) -> Any:
     )
 
 
+@dataclass
+class Searched:
+    """A search of recordings, and beside it the model without effects, compared with them."""
+
+    search: Any
+    X: Any
+    y: Any
+    baseline: Any
+    comparison: Any = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Numbers and names, for JSON."""
+        from ...runs import output_name, read_layout
+
+        layout = read_layout(self.X, dt=self.baseline.dt, run=self.baseline.run)
+        parameters = self.baseline.parameters_.reset_index().to_dict("records")
+        compared = self.comparison
+        return {
+            "n_runs": len(layout.labels),
+            "n_rows": layout.n_rows,
+            "dt_s": layout.dt,
+            "inputs": [str(name) for name in self.baseline.inputs_],
+            "output": output_name(self.y),
+            "units": _units(self.X, self.y),
+            "baseline": parameters,
+            "comparison": None if compared is None else _figures_of(compared),
+            **self.search.result_.as_dict(),
+        }
+
+
 def show_search(
     options: argparse.Namespace,
     estimator: Any,
@@ -434,41 +468,156 @@ def show_search(
     *,
     aloud: bool = True,
     truth: dict[str, float] | None = None,
-) -> Any:
+) -> Searched:
     """Search, and print each result as soon as it is known, beside the truth where it is."""
+    from sklearn.base import clone
     from sklearn.callback import ProgressBar
 
-    from ...search.story import Story
+    from ...search import control_of, without_output
 
     search = search_for(options, estimator)
     if shows_progress(options):
         search.set_callbacks(ProgressBar())
-    story = Story(search, X, y)
     aloud = aloud and not options.json
+    lost = control_of(estimator, X, search.lost_control, search.domain)
+    kept = without_output(y, lost)
+    found = Searched(search, X, y, clone(estimator).fit(X, kept))
     if aloud:
         print_source(options, source)
-    for block in story.tell():
-        if aloud:
-            _print_block(block, options, truth)
-    return story
+        for line in _tell_runs(found, lost):
+            print_wrapped(line)
+        print_wrapped("Searching for what a linear model is missing (some 10 to 60 s) ...")
+    why_not = ""
+    try:
+        found.comparison = skhoid.compare(found.baseline, X, kept)
+    except ValueError as error:
+        why_not = str(error)
+    search.fit(X, y)
+    if aloud:
+        for part in _tell_searched(search, truth):
+            print_wrapped("")
+            for block in part:
+                print_block(block, options)
+        print_wrapped("")
+        for line in _tell_baseline(found, why_not):
+            print_wrapped(line)
+    return found
 
 
-def _print_block(block: str, options: argparse.Namespace, truth: dict[str, float] | None) -> None:
-    """Print a line or a table of a story."""
-    from ...search.story import StoryTable
+def print_block(block: Any, options: argparse.Namespace) -> None:
+    """Print a block of a document."""
+    from ...text import Notes, TextTable
 
-    if not isinstance(block, StoryTable):
-        show = print_bold if block.startswith("Verdict: ") else print_wrapped
-        show(block)
+    if isinstance(block, TextTable):
+        folded = block.header if block.kind == "shape" else ("effect", "its numbers")
+        print_table(block.caption, block.header, block.rows, left=block.left, folded=folded)
+    elif isinstance(block, Notes):
+        for each in block.notes:
+            print_wrapped(f"  note: {message_for(each, options)}")
+    else:
+        show = print_bold if getattr(block, "role", "") else print_wrapped
+        show(block.text)
+
+
+def _tell_searched(search: Any, truth: dict[str, float] | None) -> Iterator[list[Any]]:
+    """Parts of what a search found, the verdict first."""
+    from ...search import (
+        parameters_table,
+        tell_candidates,
+        tell_end,
+        tell_notes,
+        tell_step,
+        tell_verdict,
+    )
+
+    result = search.result_
+    yield [*tell_verdict(result), *tell_end(result), tell_notes(result)]
+    if result.shape is not None:
+        yield result.shape.tables()
+    yield [parameters_table(search.best_estimator_, result.added, truth)]
+    for step in result.ranking["step"].unique():
+        added = tell_step(result, step) if step <= len(result.added) else []
+        yield [*tell_candidates(result, step, SHOWN), *added]
+
+
+def _units(X: Any, y: Any) -> dict[str, str]:
+    """Units of the channels, as far as they are known."""
+    from ...regression import units_of
+
+    return {**units_of(X), **units_of(y)}
+
+
+def _tell_runs(found: Searched, lost: Any) -> Iterator[str]:
+    """What was measured: runs, channels, and where control was lost."""
+    from ...recordings.loss_of_control import notes_of_lost
+    from ...runs import output_name, read_layout
+    from ...text import counted
+
+    units = _units(found.X, found.y)
+
+    def named(channel: str) -> str:
+        return f"{channel} ({units[channel]})" if units.get(channel) else channel
+
+    model = found.baseline
+    layout = read_layout(found.X, dt=model.dt, run=model.run)
+    inputs = [str(name) for name in model.inputs_]
+    others = [str(c) for c in getattr(found.X, "columns", []) if str(c) not in inputs]
+    yield (
+        f"Measured: {counted(len(layout.labels), 'run')}, {layout.n_rows} rows at "
+        f"{1 / layout.dt:.6g} Hz, {layout.n_rows * layout.dt:.0f} s in all"
+    )
+    text = f"  input {', '.join(map(named, inputs))}, output {named(output_name(found.y))}"
+    if others:
+        text += f"; channels that effects may use: {', '.join(map(named, others))}"
+    yield text
+    for each in notes_of_lost(lost.table):
+        yield f"  {each.with_hint}"
+
+
+def _tell_baseline(searched: Searched, why_not: str) -> Iterator[str]:
+    """The model without effects, compared with the measurement."""
+    found = searched.comparison
+    yield f"Without effects: {type(searched.baseline).__name__}, linear and constant in time"
+    if found is None:
+        yield f"  comparison with the measurement: not possible ({why_not})"
         return
-    headings, rows = list(block.headings), [list(row) for row in block.rows]
-    if block.kind == "parameters" and truth:
-        headings.insert(1, "truth")
-        for row, name in zip(rows, block.ids, strict=True):
-            row.insert(1, f"{truth[name]:.4g}" if name in truth else "")
-    left = ("effect", "parameter", "unit", "its numbers", "band", "")
-    folded = headings if block.kind == "shape" else ("effect",)
-    print_table(block.caption, headings, rows, left=left, folded=folded)
+    about = ""
+    if found.mean_dominates:
+        about = f" about zero, which is mostly the mean: {found.vaf_about_mean:.1f} % about it"
+    held_out = searched.search.error_path_["vaf"].iloc[0]
+    yield (
+        f"  simulated on the rows of its fit it has a VAF of {found.vaf:.1f} %{about}; held "
+        f"out it has {held_out:.1f} %, where it is fitted for simulation and not by likelihood"
+    )
+    if math.isfinite(found.noise_ceiling):
+        low, high = found.noise_ceiling_interval
+        gap = max(found.explainable_gap, 0.0)
+        left = f"{gap:.1f} points are left" if gap else "nothing is left, within its error"
+        yield (
+            f"  noise ceiling on these rows, judged by this model: "
+            f"{found.noise_ceiling:.1f} % ({low:.1f} to {high:.1f}): {left}"
+        )
+        yield f"  the ceiling is {found.ceiling_note}"
+    else:
+        yield f"  how much of the rest is remnant is not known: {found.ceiling_note}"
+    for finding in found.findings[:SHOWN]:
+        cost = f" ({finding.severity:.1f} points)" if math.isfinite(finding.severity) else ""
+        # That nothing is missing is for the search to say.
+        title = "No test exceeds chance" if finding.name == "none" else finding.title
+        yield f"  - {title}{cost}"
+    for each in found.notes:
+        yield f"  note: {each}"
+
+
+def _figures_of(found: Any) -> dict[str, Any]:
+    """The figures of a comparison, for JSON."""
+    return {
+        "vaf": found.vaf,
+        "noise_ceiling": found.noise_ceiling,
+        "noise_ceiling_interval": list(found.noise_ceiling_interval),
+        "explainable_gap": found.explainable_gap,
+        "findings": [finding.name for finding in found.findings],
+    }
 
 
 def _after_search(options: argparse.Namespace, search: Any) -> list[tuple[str, str]]:
@@ -492,7 +641,7 @@ def _after_search(options: argparse.Namespace, search: Any) -> list[tuple[str, s
 
 def write_results(
     options: argparse.Namespace,
-    story: Any,
+    found: Searched,
     source: str,
     *,
     report: Path | None = None,
@@ -502,10 +651,10 @@ def write_results(
 ) -> None:
     """Write the report, the plots and the tables, and say where; or print all as JSON."""
     if report is not None:
-        write_report(options, report, story.search_, story.X, story.y, source)
+        write_report(options, report, found.search, found.X, found.y, source)
     form = getattr(options, "format", None) or "png"
-    plots = _draw(story, folder, options.command, form) if folder else []
-    tables = save_tables(_tables_of(story), options)
+    plots = _draw(found, folder, options.command, form) if folder else []
+    tables = save_tables(_tables_of(found), options)
     page = None if report is None else str(report)
     files: dict[str, Any] = {"report": page, "pictures": plots, "tables": tables}
     if sketch is not None:
@@ -513,7 +662,7 @@ def write_results(
     if options.json:
         first = {"skhoid": __version__, "source": source, "columns": columns_dict(options)}
         first |= head or {}
-        print_json({**first, **story.as_dict(), **files})
+        print_json({**first, **found.as_dict(), **files})
     elif any(files.values()):
         print_wrapped("")
         say_files(files)
@@ -539,22 +688,22 @@ def write_report(
     return page
 
 
-def _tables_of(story: Any) -> dict[str, Any]:
-    """All tables of a story, by name."""
-    search, shape = story.search_, story.search_.shape_
+def _tables_of(found: Searched) -> dict[str, Any]:
+    """All tables of a search, by name."""
+    search, shape = found.search, found.search.shape_
     of_shape = {} if shape is None else {"shape": shape.curve}
     if shape is not None and len(shape.nearest):
         of_shape["nearest"] = shape.nearest
     return {
         "ranking": search.ranking_,
         "error_path": search.error_path_,
-        "baseline": story.baseline_.parameters_,
+        "baseline": found.baseline.parameters_,
         "parameters": search.best_estimator_.parameters_,
         "predictions": search.predictions_,
         "left_out": search.left_out_,
         "unexplained": search.unexplained_,
         **of_shape,
-        **tables_of_comparison(story.comparison_),
+        **tables_of_comparison(found.comparison),
     }
 
 
@@ -568,26 +717,26 @@ def tables_of_comparison(found: Any) -> dict[str, Any]:
     return {**tables, "findings": pd.DataFrame([vars(finding) for finding in found.findings])}
 
 
-def _draw(story: Any, folder: Path, command: str, form: str) -> list[str]:
+def _draw(found: Searched, folder: Path, command: str, form: str) -> list[str]:
     """Draw the results of a search into a folder; returns the paths."""
     without_screen()
     show = skhoid.plotting
-    search = story.search_
+    search = found.search
     figures: dict[str, Any] = {}
-    if story.comparison_ is not None:
-        figures["comparison.png"] = story.comparison_.plot().figure_
+    if found.comparison is not None:
+        figures["comparison.png"] = found.comparison.plot().figure_
     for step in search.ranking_["step"].unique():
         display = show.EffectRankingDisplay.from_estimator(search, step=step, n_candidates=12)
         figures[f"ranking-{step}.png"] = display.figure_
     figures["error-path.png"] = show.ErrorPathDisplay.from_estimator(search).figure_
     figures["before-and-after.png"] = show.EffectStepsDisplay.from_estimator(search).figure_
     for name in search.best_estimator_.effects_.names:
-        found = show.IdentifiedEffectDisplay.from_estimator(search, name, story.X, story.y)
-        figures[f"{name}.png"] = found.figure_
+        display = show.IdentifiedEffectDisplay.from_estimator(search, name, found.X, found.y)
+        figures[f"{name}.png"] = display.figure_
     if search.shape_ is not None:
         figures["shape.png"] = show.ShapeDisplay.from_estimator(search).figure_
     known = list(skhoid.effects.catalogue().index)
     steps = [f"ranking-{step}" for step in range(1, len(known) + 2)]
     others = [f"{name}.png" for name in ("comparison", "shape", *known, *steps)]
-    named = (story.X, story.y)
+    named = (found.X, found.y)
     return save_figures(figures, folder, command, others=others, named=named, form=form)

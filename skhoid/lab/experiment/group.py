@@ -19,8 +19,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ... import EffectSearchCV
 from ..._sklearn import Interval, fit_context
-from ...effects import Effect, Effects, catalogue, title_of, titles_of
-from ...effects import effect as plain_effect
+from ...effects import Effect, Effects, title_of, titles_of
 from ...model import simulated_model
 from ...pipelines import taken_apart
 from ...search import EVIDENCE_COLUMNS, Status, evidence_of
@@ -86,14 +85,7 @@ def candidates_of(searches: list[EffectSearchCV]) -> list[Effect]:
                 factor = log_factor(float(known.min()), float(row["vaf_gain"]))
                 total[row["effect"]] = total.get(row["effect"], 0.0) + factor
     suggested = {name for name, factor in total.items() if factor > 0.0}
-    return [one for one in tried_by(searches[0]) if one.name in named | suggested and not one.noise]
-
-
-def tried_by(search: EffectSearchCV) -> list[Effect]:
-    """The effects that a search tries, with all of their parameters to be estimated."""
-    if isinstance(search.effects, str):
-        return [plain_effect(name) for name in catalogue().index]
-    return [one for _, one in Effects.of(search.effects).steps]
+    return [one for one in searches[0].candidates() if one.name in named | suggested and not one.noise]
 
 
 def weighed(
@@ -171,7 +163,7 @@ def _fitted(
 ) -> tuple[Any, str]:
     """The model with other effects than a search named: its choices where it has made them."""
     chosen = {effect.name: effect for _, effect in named_by(own)}
-    plain = {one.name: one for one in tried_by(own)}
+    plain = {one.name: one for one in own.candidates()}
     effects = [chosen.get(name, plain.get(name)) for name in wanted]
     model = clone(simulated_model(search.estimator, "GroupEffectSearch"))
     given = Effects.of(getattr(model, "effects", None))

@@ -17,7 +17,7 @@ from ... import EffectSearchCV, compare
 from ...effects import Effect, Effects, title_of
 from ...effects import effect as effect_of
 from ...model import ModelParameter, effect_curves
-from ...search import Reason, Status, with_effects
+from ...search import Reason, Status, tell_headline, with_effects
 from ...text import as_sentence
 from .models import Models, Position
 
@@ -189,7 +189,7 @@ class Found:
         ceiling = float(search.error_path_["ceiling"].iloc[-1])
         best = Effects.of(search.best_estimator_.effects)
         return cls(
-            verdict=search._headline(),
+            verdict=tell_headline(search.result_),
             kind=search.verdict_.kind,
             named=list(search.best_effects_),
             effects=[[name, e.name, e.get_params()] for name, e in best],
@@ -197,7 +197,7 @@ class Found:
             ceiling=ceiling if np.isfinite(ceiling) else None,
             vaf=float(search.error_path_["vaf_train"].iloc[-1]),
             runs=list(runs),
-            notes=list(search.notes_),
+            notes=[str(note) for note in search.notes_],
         )
 
     def as_dict(self) -> dict[str, Any]:

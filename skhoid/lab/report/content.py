@@ -22,17 +22,17 @@ from ...regression import units_of
 from ...runs import RunLayout, run_name
 from ...runs.fingerprint import as_frame
 from ...runs.roles import output_name, roles_of
-from ...search import EffectSearchCV, Shape, Status
-from ...search.explanations import (
-    HOW_TO_GO_ON,
-    headline_of,
-    in_loop_text,
-    stand_ins_sentence,
-    unexplained_by,
-    with_effects,
-)
+from ...search import EffectSearchCV, Shape, Status, with_effects
 from ...search.judging import LEAST_DELTA_BIC, LEAST_GAIN
-from ...search.shape import BY_HAND, LEAD, NO_FORM
+from ...search.shape import BY_HAND
+from ...search.telling import (
+    HOW_TO_GO_ON,
+    in_loop_text,
+    tell_headline,
+    tell_no_name,
+    tell_stand_ins,
+    unexplained_by,
+)
 from ...text import DASH, VAF_RULE, Estimate, Facts, as_sentence, counted, gap_text, number, p_text
 from .page import provenance
 from .plots import Gallery, Plot
@@ -164,9 +164,7 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
         return {"kind": "none", "headline": headline, "sentence": ""}
     path = search.error_path_
     kind = search.verdict_.kind
-    headline = headline_of(
-        path, search.best_effects_, search.stand_ins_, search.verdict_, _unexplained_by(search)
-    )
+    headline = tell_headline(search.result_)
     unit = search.predictions_.attrs.get("units", {}).get("measured", "")
     errors = [number(rmse) for rmse in path["rmse"].iloc[[0, -1]]]
     sentence = "On rows held out of the fit, the root mean square error " + (
@@ -179,12 +177,11 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
         sentence += f"; in the closed loop, where the model moves x and e, VAF {figures_in_loop}"
     sentence += "."
     if search.stand_ins_:
-        sentence += f" {stand_ins_sentence(search.stand_ins_)}."
+        sentence += f" {tell_stand_ins(search.stand_ins_)}."
     if kind == "unknown" and len(search.unexplained_):
         sentence += f" Left: {_unexplained(search)}."
     if kind == "unknown":
-        shape = search.shape_
-        sentence += f" {NO_FORM}." if shape is None else f" {shape.sentences()[0]}"
+        sentence += f" {tell_no_name(search.result_)[0]}"
     return {"kind": kind, "headline": headline, "sentence": sentence}
 
 
@@ -215,10 +212,6 @@ def _two_fits(search: EffectSearchCV | None, found: Comparison) -> str:
         f"error, with which the steps begin, {first:.1f} % on rows held out. The two fits disagree "
         "where a model is wrong."
     )
-
-
-def _unexplained_by(search: EffectSearchCV) -> str:
-    return unexplained_by(search.verdict_, search.ranking_, as_fitted(search).max_effects)
 
 
 def _unexplained(search: EffectSearchCV) -> str:
@@ -390,13 +383,13 @@ def _shape(shape: Shape | None, gallery: Gallery) -> dict[str, Any] | None:
     """What is known of an effect without a name: sentences, its curve, the nearest names."""
     if shape is None:
         return None
-    nearest = shape.nearest_table()
+    curve, *nearest = shape.tables()
     return {
-        "first": as_sentence(shape.sentences()[0].removeprefix(LEAD)),
+        "first": as_sentence(shape.explains),
         "others": shape.recordings,
         "picture": gallery.shape(shape),
-        "nearest": nearest.rows,
-        "curve": shape.curve_table(),
+        "nearest": nearest[0].rows if nearest else [],
+        "curve": curve,
     }
 
 
@@ -528,7 +521,7 @@ def _next_steps(results: Results) -> Iterator[dict[str, str]]:
                 "effects=[...]."
             )
             yield {
-                "what": f"Look at what {_unexplained_by(search)}",
+                "what": f"Look at what {unexplained_by(search.result_)}",
                 "why": f"{as_sentence(_unexplained(search))} "
                 f"{HOW_TO_GO_ON.get(search.verdict_, own)}",
                 "code": "",
@@ -536,7 +529,7 @@ def _next_steps(results: Results) -> Iterator[dict[str, str]]:
         for sentence in search.notes_:
             yield {"what": "Note", "why": sentence, "code": ""}
     found = results.comparison if results.after is None else results.after
-    everything = search is not None and search._tries_all()
+    everything = search is not None and search.tries_all
     for finding in found.findings if found is not None else []:
         if everything and finding.name in ANSWERED:
             continue

@@ -12,9 +12,8 @@ from ...diagnosis.comparison import Comparison, compare
 from ...diagnosis.repeats import repeat_labels
 from ...pipelines import raw_layout, taken_apart
 from ...runs import output_name
+from ...search import without_output
 from ...search.effect_search import EffectSearchCV
-from ...search.explores import check_data_of_fit
-from ...search.left_out import without_output
 from ..experiment.group import GroupEffectSearch
 from ..experiment.people import PeopleResult
 from ..explore.payloads import pack_text, payload_of
@@ -207,7 +206,7 @@ def report(
     search, no_search = _search(model, X, y, effects, n_jobs)
     baseline = _fitted(model, X, y) if search is None else search.baseline_
     final = None if search is None or len(search.error_path_) == 1 else search.best_estimator_
-    kept = y if search is None else without_output(y, search._control)
+    kept = y if search is None else without_output(y, search.control_)
     comparison, no_comparison = _comparison(baseline, X, kept, repeats)
     after, _ = (None, "") if final is None else _comparison(final, X, kept, repeats)
     results = Results(
@@ -243,7 +242,7 @@ def _search(
     if isinstance(model, EffectSearchCV):
         if not _is_fitted(model):
             return clone(model).fit(X, y), ""
-        check_data_of_fit(model, X, y)
+        model.check_data(X, y)
         return model, ""
     if not hasattr(model, "with_effect"):
         kind = type(model).__name__
@@ -254,7 +253,7 @@ def _search(
     if effects is None:
         return None, 'Not asked for (effects=None). effects="all" tries the whole catalogue.'
     search = EffectSearchCV(clone(model), effects=effects, n_jobs=n_jobs)
-    search._candidates()  # a name that is none is no matter of this model
+    search.candidates()  # a name that is none is no matter of this model
     try:
         return search.fit(X, y), ""
     except ValueError as error:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ...effects.registry import title_of
-from ...search.explanations import with_effects
+from ...search import with_effects
 from ..experiment.groups import ALL
 
 if TYPE_CHECKING:

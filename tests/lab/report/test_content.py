@@ -59,7 +59,7 @@ def a_search(*added: str, **attributes: object) -> SimpleNamespace:
         "notes_": [],
         "verdict_": Verdict.FOUND,
         "max_effects": 4,
-        "_tries_all": lambda: False,
+        "tries_all": False,
     }
     return SimpleNamespace(**(given | attributes))
 

@@ -1,0 +1,211 @@
+"""What a search is fitted to: data without lost control, runs to look at, and folds."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..arx.folds import folds_of
+from ..effects.record import Record
+from ..exceptions import ShortRunError, SlowClockWarning
+from ..model import OperatorRegressor
+from ..model.extend import on_all_runs
+from ..model.fitting import some_runs
+from ..model.model import Model
+from ..model.prepared import Prepared, check_rows
+from ..preprocessing.gate import as_output, as_table
+from ..recordings.loss_of_control import KEEP, KEEP_ROWS, ControlCheck, control_in
+from ..runs.roles import OTHER, input_columns, role_of
+from ..text import counted
+from .judges import HeldOutRows
+
+GUARD = 5.0  # s beside held-out blocks of a single run
+MOST_FOLDS = 20  # of a search in some of very many runs
+
+Held = tuple[np.ndarray, np.ndarray]  # columns, and rows of these (n_samples, n_columns)
+
+
+@dataclass(frozen=True)
+class SearchData:
+    """The data of a search before any effect is tried.
+
+    ``lost`` are rows without control, ``known`` rows to be explained, at full rate; ``some`` are
+    the columns of the record in which effects are looked for (None: all), ``record`` their data.
+    Of all columns, ``held`` are what the folds hold out, where the search looks at some.
+    """
+
+    prepared: Prepared
+    control: ControlCheck
+    lost: np.ndarray
+    known: np.ndarray
+    some: np.ndarray | None
+    record: Record
+    folds: list[HeldOutRows]
+    held: list[Held]
+
+    @property
+    def searched(self) -> Prepared:
+        """The data in which effects are looked for."""
+        return replace(self.prepared, record=self.record)
+
+    @property
+    def searched_runs(self) -> list[Any]:
+        """Labels of the runs in which effects are looked for."""
+        run_of = self.prepared.run_of_columns
+        runs = np.unique(run_of if self.some is None else run_of[self.some])
+        return [self.prepared.grid.layout.labels[run] for run in runs]
+
+
+def prepare_data(
+    model: Any, X: Any, y: Any, *, domain: str | None, lost_control: str
+) -> tuple[Prepared, ControlCheck]:
+    """The data of a model without stretches in which control was lost, and where these are."""
+    prepared = in_domain(model.prepare(X, y), domain, getattr(model, "roles", None))
+    control = control_of(model, X, lost_control, domain)
+    lost = control.rows(prepared.grid.layout.n_rows)
+    return without_rows(prepared, lost, model.settling), control
+
+
+def split_data(
+    prepared: Prepared,
+    control: ControlCheck,
+    *,
+    cv: Any,
+    routed: dict[str, Any],
+    max_rows: int | None,
+) -> SearchData:
+    """The data with the runs to look at, and the rows that each fold holds out of them."""
+    lost = control.rows(prepared.grid.layout.n_rows)
+    known = prepared.known & ~lost
+    some = None if max_rows is None else some_runs(prepared.record, max_rows)
+    record = prepared.record if some is None else prepared.record.part(some, 1)
+    folds, held = split_rows(prepared, known, cv, routed, some)
+    return SearchData(prepared, control, lost, known, some, record, folds, held)
+
+
+def split_rows(
+    prepared: Prepared,
+    rows_known: np.ndarray,
+    cv: Any,
+    routed: dict[str, Any],
+    some: np.ndarray | None,
+) -> tuple[list[HeldOutRows], list[Held]]:
+    """Rows to hold out and to fit on, in ``some`` columns; and what is held out in all."""
+    record, columns, known = prepared.record, prepared.columns, prepared.record.known
+    groups = routed["groups"]
+    run_of = prepared.run_of_columns
+    if some is not None:
+        known, run_of = known[:, some], run_of[some]
+    runs = np.unique(run_of[known.any(axis=0)])
+    if cv is None and groups is None and runs.size > 1:
+        parts = runs if some is None else np.array_split(runs, min(MOST_FOLDS, runs.size))
+        tests = [known & np.isin(run_of, part) for part in parts]
+        folds = [HeldOutRows(t, known & ~t) for t in tests]
+        return folds, [] if some is None else [held_columns(t, some) for t in tests]
+    if cv is None and groups is None:
+        return split_in_blocks(known, round(GUARD / record.dt)), []
+    folds, held = [], []
+    for fold in folds_of(prepared.grid.layout, cv, routed, rows_known):
+        rows = prepared.grid.thin_inputs(fold.test.mask())
+        whole = columns.beside(rows, fill=False) & record.known
+        test = whole if some is None else whole[:, some]
+        if test.any():
+            folds.append(HeldOutRows(test, known & ~test))
+            if some is not None:
+                held.append(held_columns(whole))
+    return folds, held
+
+
+def split_in_blocks(known: np.ndarray, guard: int) -> list[HeldOutRows]:
+    """Three contiguous blocks of one run, with guards that are neither fitted nor held out."""
+    folds = []
+    rows = np.flatnonzero(known.any(axis=1))
+    for block in np.array_split(rows, 3):
+        test, train = np.zeros_like(known), known.copy()
+        test[block] = known[block]
+        train[max(block[0] - guard, 0) : block[-1] + guard + 1] = False
+        folds.append(HeldOutRows(test, train))
+    return folds
+
+
+def held_columns(test: np.ndarray, columns: np.ndarray | None = None) -> Held:
+    """What a mask of rows holds out, without columns of which it holds none."""
+    some = np.flatnonzero(test.any(axis=0))
+    return (some if columns is None else columns[some]), test[:, some]
+
+
+def on_rows_of(record: Record, fitted: Model) -> Model:
+    """The model fitted to all rows of a record, where a search fitted it to others.
+
+    It looks at some of the runs, or takes noise out of the output.
+    """
+    return fitted if fitted.simulator.record.y is record.y else on_all_runs(fitted, record)
+
+
+def in_domain(prepared: Prepared, domain: str | None, roles: Any) -> Prepared:
+    """The data with their domain: the given one, or the one that core and roles imply."""
+    record = prepared.record
+    if domain is None:
+        own = role_of(record.inputs[0], roles)
+        loop = {"x", "f_t"} & {*prepared.roles.values()}
+        answers = own in ("x", "f_t") or (own == "e" and bool(loop))
+        domain = "human" if record.core.is_operator or answers else "machine"
+    return replace(prepared, record=replace(record, domain=domain))
+
+
+def control_of(
+    estimator: Any, X: Any, lost_control: str, domain: str | None = None
+) -> ControlCheck:
+    """Where control was lost in what a model is to be fitted on.
+
+    Nowhere if rows are to be kept, or if the user says that it is a machine, which loses none.
+    """
+    if lost_control == KEEP or domain == "machine":
+        return ControlCheck()
+    X = as_table(X)
+    X = X if hasattr(X, "columns") else np.asarray(X)
+    roles, run = (getattr(estimator, name, None) for name in ("roles", "run"))
+    if isinstance(estimator, OperatorRegressor):
+        names = list(X.columns) if hasattr(X, "columns") else None
+        inputs = input_columns(names, X.shape[1], estimator.inputs, run, roles)
+        first = inputs[0] if names is None else names[inputs[0]]
+        if role_of(first, roles) == OTHER:  # what an operator answers is the error
+            roles = {**(roles or {}), first: "e"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SlowClockWarning)  # the fit says so
+        return control_in(X, roles=roles, dt=getattr(estimator, "dt", None), run=run)
+
+
+def without_output(y: Any, control: ControlCheck) -> Any:
+    """The output, missing where control was lost; as it is where nothing was lost."""
+    if not control.stretches:
+        return y
+    lost = control.rows(len(y))
+    if isinstance(y, (pd.Series, pd.DataFrame)):
+        kept = y.mask(lost)
+        kept.attrs = dict(y.attrs)
+        return kept
+    return np.where(lost, np.nan, as_output(y))
+
+
+def without_rows(prepared: Prepared, rows: np.ndarray, settling: float) -> Prepared:
+    """The data with some rows of X not known; refused where too few are left."""
+    if not rows.any():
+        return prepared
+    grid, record = prepared.grid, prepared.record
+    lost = prepared.columns.beside(rows if grid.rows is None else rows[grid.rows], fill=False)
+    record = replace(record, known=record.known & ~lost, _derived={})
+    try:
+        check_rows(record, len(prepared.core.parameters), grid, settling)
+    except ShortRunError as error:
+        raise ShortRunError(
+            f"{error} {counted(int(rows.sum()), 'row')} of X are left out because control was lost "
+            "in them.",
+            hint=f"{KEEP_ROWS}.",
+            options=["lost_control"],
+        ) from error
+    return replace(prepared, record=record, measured=prepared.measured & ~lost)

@@ -1,0 +1,339 @@
+"""What a search found, told: the one place that makes words of a ``SearchResult`` or a ``Shape``.
+
+Summaries, notebooks, the command line and reports render what is told here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..effects.base import Effect
+from ..effects.registry import title_of, titles_of
+from ..model.parameters import parameter_text
+from ..text import (
+    DASH,
+    VAF_RULE,
+    Block,
+    Document,
+    Estimate,
+    Note,
+    Notes,
+    Paragraph,
+    TextTable,
+    counted,
+    gap_text,
+    p_text,
+)
+from .likeness import experiment_between
+from .results import SearchResult, with_effects
+from .statuses import UNKNOWN, Status, Verdict
+
+HOW_TO_GO_ON = {
+    Verdict.NOT_TRIED: 'Try the rest of the catalogue too: effects="all", which is the default.',
+    Verdict.CUT_SHORT: "Let the search add more effects: set a larger max_effects.",
+}
+NO_FORM = "No free form explains it at any place either"
+
+
+def tell_search(found: SearchResult) -> Document:
+    """The whole search: verdict, steps, what is left, and what to record next."""
+    steps = [block for step in range(1, len(found.added) + 1) for block in tell_step(found, step)]
+    blocks = [
+        tell_baseline(found),
+        *steps,
+        *tell_end(found),
+        Paragraph(
+            f"{VAF_RULE} The points required of an effect are about the mean. ± is one "
+            "standard error."
+        ),
+        tell_notes(found),
+    ]
+    return Document(tell_headline(found), blocks)
+
+
+def tell_verdict(found: SearchResult) -> list[Block]:
+    """The verdict with the effects that were added, and how good the last model is."""
+    path = found.error_path
+    names = (
+        f": {titles_of(found.added)}" if found.added and not found.verdict.leaves_unknown else ""
+    )
+    ends = path.iloc[[0, -1]] if found.added else path.iloc[[0]]
+    vaf = " -> ".join(f"{vaf:.1f}" for vaf in ends["vaf"])
+    in_loop = in_loop_text(*(row for _, row in ends.iterrows()))
+    text = f"  held-out VAF {vaf} %{in_loop}"
+    if found.ceiling_note:
+        text += f"; the noise ceiling is not known: {found.ceiling_note}"
+    elif np.isfinite(path["ceiling"].iloc[-1]):
+        text += f"; any model could reach {path['ceiling'].iloc[-1]:.1f} % (the noise ceiling)"
+    return [Paragraph(f"Verdict: {found.verdict}{names}", "verdict"), Paragraph(text)]
+
+
+def tell_notes(found: SearchResult) -> Notes:
+    """What to record next, and further remarks."""
+    return Notes([*(Note("experiment", text) for text in found.experiments), *found.notes])
+
+
+def tell_headline(found: SearchResult) -> str:
+    """The verdict in one sentence to quote."""
+    named = [name for name in found.best_effects if name != UNKNOWN]
+    first, last = found.error_path.iloc[0], found.error_path.iloc[-1]
+    top = f"noise ceiling {last['ceiling']:.1f} %" if np.isfinite(last["ceiling"]) else ""
+    unknown = found.verdict.leaves_unknown
+    if found.verdict is Verdict.NOTHING:
+        text = "Nothing is missing that these data could show"
+    elif not named:
+        text = f"Something is missing that {unexplained_by(found)}"
+    else:
+        text = f"Missing: {titles_of(named)}"
+        text += f", and something that {unexplained_by(found)}" if unknown else ""
+    if not found.added:
+        return f"{text}: held-out VAF {last['vaf']:.1f} %{top and f', {top}'}."
+    shown = "them" if len(found.added) > 1 else "it"
+    if found.stand_ins or unknown:
+        shown = titles_of(found.added)
+    return (
+        f"{text}; with {shown} the held-out VAF rises from {first['vaf']:.1f} to "
+        f"{last['vaf']:.1f} %{top and f' ({top})'}."
+    )
+
+
+def tell_baseline(found: SearchResult) -> Paragraph:
+    """How good the model without effects is, and how good any could be."""
+    first = found.error_path.iloc[0]
+    top = f", noise ceiling {first['ceiling']:.1f} %" if np.isfinite(first["ceiling"]) else ""
+    text = f"Baseline: VAF {first['vaf']:.1f} % on held-out rows{top}{in_loop_text(first)}."
+    if found.ceiling_note:
+        text += f" The noise ceiling is not known: {found.ceiling_note.rstrip('.')}."
+    return Paragraph(text)
+
+
+def tell_step(found: SearchResult, step: int) -> list[Block]:
+    """What the effect added in a step does to the error, and what it means."""
+    before, row = found.error_path.iloc[step - 1], found.error_path.iloc[step]
+    name = str(row["effect"])
+    ranking = found.ranking
+    added = ranking[(ranking["status"] == Status.ADDED) & (ranking["effect"] == name)]
+    text = (
+        f"Step {step}, {with_effects(found.added[:step])}: VAF {before['vaf']:.1f} -> "
+        f"{row['vaf']:.1f} %, RMSE {before['rmse']:.4g} -> {row['rmse']:.4g}"
+        f"{in_loop_text(before, row)}."
+    )
+    physics = added["words"].iloc[0] if len(added) else title_of(name)
+    numbers = parameter_text(found.parameters, name)
+    blocks: list[Block] = [
+        Paragraph(text),
+        Paragraph(f"  {physics.rstrip('.')} ({name}{f': {numbers}' if numbers else ''})."),
+    ]
+    others = list(added["confused_with"].iloc[0]) if len(added) else []
+    if others:
+        blocks.append(Paragraph(f"  As good here: {titles_of(others)}."))
+    return blocks
+
+
+def tell_candidates(found: SearchResult, step: int, n: int) -> list[Block]:
+    """The best n candidates of a step as a table, and the first one's reason if none was added."""
+    candidates = found.ranking[found.ranking["step"] == step]
+    tried = candidates[candidates["status"] != Status.REFUSED]
+    n_refused = len(candidates) - len(tried)
+    aside = f" ({n_refused} {'does' if n_refused == 1 else 'do'} not apply)" if n_refused else ""
+    head = f"Search, step {step}: {counted(len(tried), 'effect')} tried{aside}, judged on "
+    head += "held-out rows"
+    fitted = tried[tried["delta_bic"].notna()]
+    blocks: list[Block] = [Paragraph(head)]
+    if len(fitted):
+        blocks = [candidates_table(fitted.head(n), head)]
+    if step == 1 and len(fitted):
+        text = (
+            "gain: points of VAF on held-out rows, by which the search ranks; the VAF of a step is "
+            "of models fitted anew without the rows that they simulate. ΔBIC: BIC without the "
+            "effect minus BIC with it."
+        )
+        blocks.append(Paragraph(f"  {text}"))
+    if len(fitted) and not (candidates["status"] == Status.ADDED).any():
+        best = fitted.iloc[0]
+        text = f"No effect is added. {title_of(best['effect'])}: {best['reason']}"
+        blocks.append(Paragraph(f"  {text}"))
+    return blocks
+
+
+def tell_end(found: SearchResult) -> list[Block]:
+    """What is left, whether it has a shape, and how to go on."""
+    texts = []
+    if found.verdict is Verdict.NOTHING:
+        texts += _tell_nearest_miss(found)
+    if found.stand_ins:
+        texts.append(f"{tell_stand_ins(found.stand_ins)}.")
+    if found.verdict.leaves_unknown and len(found.unexplained):
+        texts.append(f"What {unexplained_by(found)}:")
+        texts += [f"  - {text}" for text in tell_unexplained(found)]
+    texts += tell_no_name(found)
+    if found.verdict in HOW_TO_GO_ON:
+        texts.append(HOW_TO_GO_ON[found.verdict])
+    last = found.error_path.iloc[-1]
+    if np.isfinite(last["explainable_gap"]) and np.isfinite(last["ceiling"]):
+        texts.append(f"Left to explain: {gap_text(last['explainable_gap'])}; the rest is remnant.")
+    return [Paragraph(text) for text in texts]
+
+
+def _tell_nearest_miss(found: SearchResult) -> Iterator[str]:
+    """The best candidate where none was added, and why."""
+    # The last step decides: the first one has a delay that was given, and is only a claim.
+    last = found.tried[found.tried["step"] == found.ranking["step"].max()]
+    near = last[last["status"] == Status.NOT_BETTER]
+    if len(near):
+        best = near.iloc[0]
+        yield (
+            f"Best of {counted(len(near), 'effect')} tried: {title_of(best['effect'])}, "
+            f"{best['vaf_gain']:+.2f} points ({p_text(best['p_value'])}). Not added: "
+            f"{best['reason']}."
+        )
+
+
+def tell_unexplained(found: SearchResult) -> list[str]:
+    """Structure that is left, one text each."""
+    return [
+        f"{row['description']} ({row['where']}): {row['points']:.1f} points"
+        for _, row in found.unexplained.iterrows()
+    ]
+
+
+def unexplained_by(found: SearchResult) -> str:
+    """Which effects do not explain what is left, as the end of "what ..."."""
+    if found.verdict is Verdict.CUT_SHORT:
+        return f"is not explained within max_effects={found.max_effects}"
+    if found.verdict is not Verdict.NOT_TRIED:
+        return "no effect of the catalogue explains"
+    n_tried = int((found.tried["step"] == 1).sum())
+    if n_tried == 0:
+        return "no effect was there to explain"
+    if n_tried == 1:
+        return "the only effect tried does not explain"
+    return f"none of the {n_tried} effects tried explains"
+
+
+def tell_stand_ins(ids: Sequence[str]) -> str:
+    """Which effects explain part of what is missing, but too little to name it."""
+    return f"Part of it looks like {titles_of(ids)}, but too little to name it"
+
+
+def tell_no_name(found: SearchResult) -> list[str]:
+    """What the shape of what has no name is, or that there is none."""
+    if not found.verdict.leaves_unknown:
+        return []
+    return [f"{NO_FORM}."] if found.shape is None else found.shape.sentences()
+
+
+def in_loop_text(*rows: pd.Series) -> str:
+    """VAF in the closed loop of rows of an error path, where all of them are known."""
+    figures = [row["vaf_loop"] for row in rows]
+    if not np.isfinite(figures).all():
+        return ""
+    return f"; in the closed loop VAF {' -> '.join(f'{figure:.1f}' for figure in figures)} %"
+
+
+def experiments_for(ranking: pd.DataFrame) -> list[str]:
+    """What to record to tell the effects added from those that explain as much."""
+    return [
+        experiment_between(row["effect"], other)
+        for _, row in ranking[ranking["status"] == Status.ADDED].iterrows()
+        for other in row["confused_with"]
+    ]
+
+
+def note_changes(changes: dict[str, tuple[float, float, float]]) -> list[Note]:
+    """Which neuromuscular parameters change with the gains."""
+    notes = []
+    for name, (value, sd, p) in changes.items():
+        # Two parameters are tested for each change: 0.005 each makes 0.01 for both.
+        verb = "changes too" if p < 0.005 else "does not change"
+        text = f"{name} {verb}: by {100 * value:.0f} ± {100 * sd:.0f} % ({p_text(p)})"
+        notes.append(Note("changes", text))
+    return notes
+
+
+def note_untried(candidates: Sequence[Effect], ranking: pd.DataFrame) -> list[Note]:
+    """Why a search tried nothing, if it did: of each effect, what it needs."""
+    if (ranking["status"] != Status.REFUSED).any():
+        return []
+    reasons = dict(zip(ranking["effect"], ranking["reason"], strict=True))
+    noise = "it is noise, which no input explains, and it did not show in the residual"
+    return [
+        Note("untried", f"{title_of(e.name)} was not tried in the model: {noise}")
+        if e.noise
+        else Note(
+            "untried",
+            f"{title_of(e.name)} was not tried: {reasons.get(e.name, 'it does not apply')}",
+        )
+        for e in candidates
+    ]
+
+
+def candidates_table(candidates: pd.DataFrame, caption: str) -> TextTable:
+    """The best candidates of a step: what each gains, how likely it is, and its numbers."""
+    cells: dict[str, list[str]] = {
+        "effect": [f"{row['rank']}. {_in_form(row)}" for _, row in candidates.iterrows()],
+        "gain": [f"{gain:+.2f}" for gain in candidates["vaf_gain"]],
+        "ΔBIC": [f"{delta_bic:+.0f}" for delta_bic in candidates["delta_bic"]],
+    }
+    if candidates["gain_loop"].notna().any():
+        known = candidates["gain_loop"].map(
+            lambda gain: f"{gain:+.2f}" if np.isfinite(gain) else ""
+        )
+        cells["in the loop"] = known.tolist()
+    cells["its numbers"] = [text or "" for text in candidates["parameters"]]
+    rows = list(zip(*cells.values(), strict=True))
+    return TextTable(caption, list(cells), rows, ("effect", "its numbers"), "candidates")
+
+
+def short_ranking(ranking: pd.DataFrame, n: int, step: int | None) -> pd.DataFrame:
+    """The best n candidates of each step (or of one) as texts."""
+    tried = ranking[ranking["status"] != Status.REFUSED]
+    if step is not None:
+        steps = ranking["step"].unique()
+        if step not in steps:
+            known = ", ".join(map(str, steps))
+            raise ValueError(f"There is no step {step!r}; the steps are {known}.")
+        tried = tried[tried["step"] == step]
+    best = tried.groupby("step").head(n)
+    return pd.DataFrame(
+        {
+            "effect": [_in_form(row) for _, row in best.iterrows()],
+            "gain": best["vaf_gain"].map("{:+.2f}".format).tolist(),
+            "ΔBIC": [f"{x:+.0f}" if np.isfinite(x) else DASH for x in best["delta_bic"]],
+            "p": ["< 1e-6" if p < 1e-6 else f"{p:.2g}" for p in best["p_value"]],
+            "outcome": best["reason"].where(best["status"] != Status.ADDED, "added").tolist(),
+            "parameters": best["parameters"].tolist(),
+        },
+        index=pd.MultiIndex.from_arrays([best["step"], best["rank"]], names=["step", "rank"]),
+    )
+
+
+def _in_form(row: pd.Series) -> str:
+    """An effect with the form that was tried, if it has several."""
+    return title_of(row["effect"]) + (f" ({row['form']})" if row["form"] else "")
+
+
+def parameters_table(
+    model: Any, effects: Sequence[str] = (), truth: dict[str, float] | None = None
+) -> TextTable:
+    """The estimated parameters of a model, beside their true values where these are known."""
+    rows = []
+    for name, row in model.parameters_.iterrows():
+        effect, _, own = str(name).partition("__")
+        if own and row["sd"] == 0.0:  # given by the choice of a form
+            continue
+        found = Estimate.of(row)
+        called = f"{title_of(effect)}: {own}" if own else str(name)
+        true = [] if truth is None else [f"{truth[name]:.4g}" if name in truth else ""]
+        error = found.sd if found.known else ""
+        rows.append([called, *true, found.value, error, found.unit, found.remark.strip(" ()")])
+    headings = ["parameter", *(["truth"] if truth is not None else []), "value", "±", "unit", ""]
+    if not any(row[-1] for row in rows):
+        headings, rows = headings[:-1], [row[:-1] for row in rows]
+    beside = f" of the model with {titles_of(effects)}" if len(effects) else ""
+    caption = f"Parameters{beside}, ± one standard error"
+    return TextTable(caption, headings, rows, ("parameter", "unit", ""), "parameters")
