@@ -1,13 +1,10 @@
 """A search that looks at some of very many runs, and its figures, which are of all."""
 
 import numpy as np
-import pandas as pd
 import pytest
-from sklearn.model_selection import LeaveOneGroupOut
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs, run_labels
 from skhoid.model.estimator import vaf_of_output
-from skhoid.search.all_runs import AllRuns, held_columns
 
 pytestmark = pytest.mark.slow
 
@@ -29,8 +26,9 @@ def search(data):
 def test_it_says_where_it_looked(data, search):
     assert len(search.searched_runs_) == 3
     assert {*search.searched_runs_} < {*run_labels(data[0])}
-    assert search.notes_[0].startswith("effects were looked for in 3 of 6 runs")
-    assert "max_rows=None" in search.summary()
+    note = search.notes_[0]
+    assert note.text.startswith("effects were looked for in 3 of 6 runs")
+    assert "max_rows=None" in note.hint
     assert search.best_effects_ == ["saturation"]
 
 
@@ -54,36 +52,8 @@ def test_figures_are_of_all_rows(data, search):
     assert (path["vaf_train"] > path["vaf"] - 0.2).all()
 
 
-def test_rows_of_a_fold_are_predicted_by_the_fit_without_it(data):
-    prepared = OperatorRegressor(settling=1.0).prepare(*data)
-    record = prepared.record
-    model = OperatorRegressor(settling=1.0).first_fit(prepared)
-    person = record.known & np.isin(np.arange(6), [1, 4])
-    other = np.clip(1.1 * model.theta, model.simulator.low, model.simulator.high)
-    found = AllRuns(record, [held_columns(person)]).prediction(model, [other])
-    apart = model.simulator.run(other)
-    np.testing.assert_array_equal(found[person], apart[person])
-    np.testing.assert_array_equal(found[~person], model.simulator.run(model.theta)[~person])
-
-
-def test_groups_keep_persons_together_in_all_runs(data):
-    X, y = data
-    person = pd.factorize(run_labels(X))[0] % 2
-    search = EffectSearchCV(
-        OperatorRegressor(settling=1.0), effects=["bias"], cv=LeaveOneGroupOut(), max_rows=6000
-    )
-    model = OperatorRegressor(settling=1.0)
-    prepared = model.prepare(X, y)
-    folds, held = search._folds(prepared, prepared.known, {"groups": person}, np.array([0, 3, 5]))
-    assert [fold.test.any(axis=0).tolist() for fold in folds] == [
-        [True, False, False],
-        [False, True, True],
-    ]
-    assert [columns.tolist() for columns, _ in held] == [[0, 2, 4], [1, 3, 5]]
-
-
 def test_up_to_max_rows_all_runs_are_looked_at(data):
     search = EffectSearchCV(OperatorRegressor(settling=1.0), effects=["bias"], max_effects=0)
     search.fit(*data)
     assert len(search.searched_runs_) == 6
-    assert not any("looked for" in note for note in search.notes_)
+    assert "some runs" not in [note.kind for note in search.notes_]

@@ -2,17 +2,14 @@
 
 import json
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from support.shapes import a_shape, nothing_near
 
-from skhoid.effects import Bias, FreeHysteresis, FreeMap, WrongDelay
+from skhoid.effects import Bias, FreeMap, WrongDelay
 from skhoid.plotting import ShapeDisplay
-from skhoid.search import shape
-from skhoid.search.judging import Candidate
-from skhoid.search.shape import NO_FORM, sentence_of, told_shape
+from skhoid.search.shape import sentence_of
 
 
 def test_sentences_say_place_gain_names_and_what_to_do():
@@ -69,12 +66,12 @@ def test_the_summary_has_the_curve_and_the_names_in_tables():
     shape = a_shape()
     told = shape.summary()
     assert repr(shape) == told
-    assert max(map(len, told.splitlines()[1:-4])) <= 88
+    assert max(map(len, told.splitlines())) <= 88
     cells = [re.split(r"\s{2,}", line.strip()) for line in told.splitlines()]
     assert ["-2", "0.227", "0.177 to 0.277"] in cells
-    assert "  - dead zone (gap): 0.44, not within the band; width = 0.3 deg" in told.splitlines()
-    assert "Nearest names: " not in told  # said once
-    assert "<pre" in shape._repr_html_()
+    assert ["dead zone (gap)", "0.44", "not within", "width = 0.3 deg"] in cells
+    assert "<table" in shape._repr_html_()
+    assert [table.kind for table in a_shape(**nothing_near()).tables()] == ["shape"]
 
 
 def test_json_has_all_of_it():
@@ -85,13 +82,6 @@ def test_json_has_all_of_it():
         {"at": -2, "value": 0.227, "low": 0.177, "high": 0.277}, abs=1e-3
     )
     assert [row["effect"] for row in found["nearest"]] == ["cubic_gain", "dead_zone"]
-
-
-def test_a_search_tells_it_only_of_what_has_no_name():
-    shape = a_shape()
-    assert told_shape(["bias"], None) == told_shape([], None) == []
-    assert told_shape(["bias", "unknown"], shape) == shape.sentences()
-    assert told_shape(["unknown"], None) == [f"{NO_FORM}."]
 
 
 def test_a_machine_has_no_error():
@@ -107,15 +97,3 @@ def test_it_draws_itself():
     display = shape.plot()
     assert isinstance(display, ShapeDisplay)
     np.testing.assert_array_equal(display.line_.get_ydata(), shape.curve["value"])
-
-
-def test_a_form_whose_knots_cannot_grow_is_shown_as_it_is(monkeypatch):
-    form = FreeHysteresis(knots=(0.1, 0.2), spread=1.0)
-    model = SimpleNamespace(effects=SimpleNamespace(steps=[("free", form)]))
-    monkeypatch.setattr(shape, "output_error_fit", lambda model: model)
-    monkeypatch.setattr(shape, "held_out", lambda *args: None)
-    monkeypatch.setattr(shape, "vaf_of_output", lambda *args: 50.0)
-    monkeypatch.setattr(shape, "crowded", lambda *args: True)
-    search = SimpleNamespace(record=None, criterion=None, folds=None, share=1.0)
-    found = Candidate("free", form, model=model)
-    assert shape.detailed(search, found) is found

@@ -549,7 +549,7 @@ def _units(X: Any, y: Any) -> dict[str, str]:
 
 def _tell_runs(found: Searched, lost: Any) -> Iterator[str]:
     """What was measured: runs, channels, and where control was lost."""
-    from ...recordings.loss_of_control import notes_of_lost
+    from ...recordings import notes_of_lost
     from ...runs import output_name, read_layout
     from ...text import counted
 

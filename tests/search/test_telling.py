@@ -1,0 +1,157 @@
+"""What is said of a search, and what may be asked of it."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.shapes import Fechner, a_shape
+
+from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+from skhoid.effects import (
+    Bias,
+    Feedforward,
+    MotionFeedback,
+    OutputFeedback,
+    Preview,
+    Tremor,
+)
+from skhoid.search import Reason, Status, Verdict, tell_candidates, tell_search, tell_verdict
+from skhoid.search.results import describe_effect
+from skhoid.search.telling import in_loop_text, note_untried
+
+
+def recorded(effects, n_runs=2):
+    return make_tracking_runs(
+        "C1",
+        n_runs=n_runs,
+        duration=40.96,
+        sampling_rate=50,
+        channels=["e", "x", "f_t"],
+        remnant_intensity=0.05,
+        random_state=1,
+        effects=effects,
+    )
+
+
+@pytest.fixture(scope="module")
+def biased():
+    tried = ["bias", "drift", "motion_feedback"]
+    return EffectSearchCV(OperatorRegressor(), effects=tried).fit(*recorded(Bias(level=0.1)))
+
+
+def test_a_verdict_is_no_sentence_and_a_user_who_compares_it_is_told():
+    with pytest.raises(TypeError, match=r"is Verdict\.NOTHING"):
+        assert Verdict.FOUND == "nothing is missing"
+    assert str(Verdict.FOUND) == "effects found"
+    assert (Verdict.FOUND == "some text") is False
+    assert [verdict.kind for verdict in Verdict] == ["nothing", "found", *["unknown"] * 3]
+
+
+def test_candidates_have_a_status_and_a_code_for_the_reason(biased):
+    first = biased.ranking_[biased.ranking_["step"] == 1].set_index("effect")
+    assert first.loc["bias", "status"] == Status.ADDED
+    assert first.loc["bias", "reason_code"] == Reason.NONE
+    assert first.loc["motion_feedback", "status"] == Status.REFUSED
+    assert first.loc["motion_feedback", "reason_code"] == Reason.REFUSED
+    assert set(first["reason_code"]) <= {str(reason) for reason in Reason}
+
+
+def test_a_search_has_what_users_of_searches_expect(biased):
+    path, results = biased.error_path_, biased.cv_results_
+    assert biased.best_score_ == path["vaf"].iloc[-1]
+    assert biased.n_splits_ == 2
+    assert results["params"][0] == {"effects": []}
+    assert results["params"][biased.best_index_] == biased.best_params_
+    assert results["mean_test_score"][biased.best_index_] == biased.best_score_
+    assert {len(column) for column in results.values()} == {len(results["params"])}
+    X, y = recorded(Bias(level=0.1))
+    again = OperatorRegressor(**biased.best_params_).fit(X, y)
+    assert again.effects_.names == ["bias"]
+    assert biased.scorer_(again, X, y) == again.score(X, y)
+    np.testing.assert_array_equal(biased.plot().error_path["vaf"], path["vaf"])
+
+
+def test_text_json_and_the_notebook_tell_the_same(biased):
+    result = biased.result_
+    document = tell_search(result)
+    headline = "Missing: bias; with it the held-out VAF rises from"
+    assert document.title.startswith(headline)
+    assert biased.summary() == document.text()
+    assert document.title in biased._repr_html_()
+    found = json.loads(json.dumps(result.as_dict()))
+    assert found["verdict"] == "effects found"
+    assert found["best_effects"] == biased.best_effects_
+    assert found["parameters"][-1]["parameter"] == "bias__level"
+    assert tell_verdict(result)[0].text == "Verdict: effects found: bias"
+
+
+def test_the_candidates_of_a_step_are_a_table(biased):
+    table = tell_candidates(biased.result_, 1, 1)[0]
+    assert table.caption == (
+        "Search, step 1: 2 effects tried (1 does not apply), judged on held-out rows"
+    )
+    assert table.rows[0][0].startswith("1. bias")
+
+
+def test_where_no_form_passes_it_is_said(biased):
+    without = tell_text(biased.result_, verdict=Verdict.NOT_IN_CATALOGUE)
+    assert "No free form explains it at any place either." in without
+    shape = a_shape()
+    shown = tell_text(biased.result_, verdict=Verdict.NOT_TRIED, shape=shape)
+    assert shape.explains in shown
+    assert 'effects="all"' in shown
+    assert shape.explains not in tell_text(biased.result_, shape=shape)
+
+
+def tell_text(result, **changes):
+    changed = type(result)(**{**vars(result), **changes})
+    return " ".join(tell_search(changed).text().split())
+
+
+@pytest.mark.parametrize("effect", [Feedforward(), Preview(), OutputFeedback()])
+def test_nobody_says_what_a_display_showed_unless_told(effect):
+    assert EffectSearchCV(OperatorRegressor()).display is None
+    unknown = describe_effect(effect, None)
+    assert "cannot have seen" not in unknown
+    assert "if the display shows the error alone (set display=)" in unknown
+    assert "cannot have seen" in describe_effect(effect, "compensatory")
+    assert describe_effect(effect, "preview") == effect.physics
+    assert describe_effect(effect, None, "machine") == effect.physics_in("machine")
+
+
+def test_figures_of_the_closed_loop():
+    path = pd.DataFrame({"vaf_loop": [41.24, 55.0, np.nan]})
+    rows = [row for _, row in path.iterrows()]
+    assert in_loop_text(rows[0]) == "; in the closed loop VAF 41.2 %"
+    assert in_loop_text(*rows[:2]) == "; in the closed loop VAF 41.2 -> 55.0 %"
+    assert in_loop_text(*rows) == ""
+
+
+def test_what_was_not_tried_is_said():
+    row = {"step": 1, "effect": "motion_feedback", "status": Status.REFUSED, "reason": "no role"}
+    ranking = pd.DataFrame([row])
+    motion, tremor = map(str, note_untried([MotionFeedback(), Tremor()], ranking))
+    assert motion == "motion feedback was not tried: no role"
+    assert tremor.startswith("tremor was not tried in the model: it is noise")
+    assert note_untried([MotionFeedback()], ranking.assign(status=Status.NOT_BETTER)) == []
+
+
+@pytest.mark.slow
+def test_a_search_of_a_single_run_says_why_there_is_no_ceiling():
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias"])
+    search.fit(*recorded(Bias(level=0.1), n_runs=1))
+    assert "not periodic" in search.ceiling_note_
+    assert "The noise ceiling is not known" in search.summary()
+
+
+@pytest.mark.slow
+def test_what_has_no_name_is_in_the_json_with_its_curve():
+    X, y = make_tracking_runs(
+        "C1", n_runs=4, remnant_intensity=0.1, random_state=0, effects=Fechner(knee=0.15)
+    )
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(X, y)
+    found = json.loads(json.dumps(search.result_.as_dict()["shape"]))
+    assert found["sentence"] == search.shape_.sentence
+    assert len(found["curve"]) == len(search.shape_.curve)
+    assert search.shape_.explains in " ".join(search.summary().split())
