@@ -16,7 +16,7 @@ from support.shapes import a_shape
 from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs, report
 from skhoid.lab.report.content import Results, _facts, _next_steps, _shape, _verdict, _why
 from skhoid.lab.report.plots import Gallery
-from skhoid.search import Verdict
+from skhoid.search import SearchResult, Verdict
 
 
 @pytest.mark.parametrize(
@@ -58,10 +58,18 @@ def a_search(*added: str, **attributes: object) -> SimpleNamespace:
         "experiments_": [],
         "notes_": [],
         "verdict_": Verdict.FOUND,
-        "max_effects": 4,
-        "tries_all": False,
     }
-    return SimpleNamespace(**(given | attributes))
+    given |= attributes
+    nothing = pd.DataFrame()
+    result = SearchResult(
+        left_out=nothing,
+        parameters=nothing,
+        explainable_gap=0.0,
+        searched_runs=[],
+        max_effects=4,
+        **{name.rstrip("_"): value for name, value in given.items()},
+    )
+    return SimpleNamespace(**given, result_=result, tries_all=False)
 
 
 def test_the_figure_of_the_closed_loop_stands_beside_that_of_the_free_run() -> None:
