@@ -85,7 +85,8 @@ def candidates_of(searches: list[EffectSearchCV]) -> list[Effect]:
                 factor = log_factor(float(known.min()), float(row["vaf_gain"]))
                 total[row["effect"]] = total.get(row["effect"], 0.0) + factor
     suggested = {name for name, factor in total.items() if factor > 0.0}
-    return [one for one in searches[0].candidates() if one.name in named | suggested and not one.noise]
+    wanted = named | suggested
+    return [one for one in searches[0].candidates() if one.name in wanted and not one.noise]
 
 
 def weighed(
