@@ -179,6 +179,10 @@ class FreeForm(Effect):
         """Where it acts and on what it depends, in words."""
         raise NotImplementedError
 
+    def sentence_in(self, domain: str) -> str:
+        """The same of what was recorded: a machine has no error that it sees, and no command."""
+        return self.sentence
+
     def watched(self, record: Record) -> np.ndarray:
         """Samples of what the curve is a function of, for its knots."""
         raise NotImplementedError

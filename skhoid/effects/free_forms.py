@@ -35,12 +35,17 @@ OVER = {"error": "e", "command": "command", "output": "u", "spring": "u", "rate"
 NEAR_REST = (-0.2, -0.05, 0.0, 0.05, 0.2)  # knots of a force of the rate, in rms of the rate
 ONE_SIDED = 0.05  # of the range, by which a size may fall below zero
 OPPOSING = ("spring", "rate")  # places of forces against the command
+# What a machine answers is its input, and it has no command of its own.
+SIGNALS = {
+    "human": {"error": "error", "command": "command"},
+    "machine": {"error": "input", "command": "input"},
+}
 WORDS = {
-    "error": "it acts on the error, as a function of its size and sign",
-    "command": "it acts on the command before the limb, as a function of its size and sign",
+    "error": "it acts on the {error}, as a function of its size and sign",
+    "command": "it acts on the {command} before the limb, as a function of its size and sign",
     "output": "it acts on the output, as a function of its size and sign",
-    "spring": "it is a force against the command, as a function of the output",
-    "rate": "it is a force against the command, as a function of the output's rate",
+    "spring": "it is a force against the {command}, as a function of the output",
+    "rate": "it is a force against the {command}, as a function of the output's rate",
 }
 
 
@@ -115,7 +120,10 @@ class FreeMap(FreeForm):
 
     @property
     def sentence(self) -> str:
-        return WORDS[self.where]
+        return self.sentence_in("human")
+
+    def sentence_in(self, domain: str) -> str:
+        return WORDS[self.where].format(**SIGNALS.get(domain, SIGNALS["human"]))
 
     def alternatives(self, record: Record) -> list[Any]:
         """One for each place; a linear model without a limb has no command of its own."""
@@ -763,7 +771,11 @@ class FreeDynamics(_Remembering):
 
     @property
     def sentence(self) -> str:
-        return "the linear response to the error differs, as a function of how long ago it was"
+        return self.sentence_in("human")
+
+    def sentence_in(self, domain: str) -> str:
+        error = SIGNALS.get(domain, SIGNALS["human"])["error"]
+        return f"the linear response to the {error} differs, as a function of how long ago it was"
 
     def first_lag(self, record: Record) -> float:
         return 0.0

@@ -326,13 +326,6 @@ def labels_of(model: Model, name: str, units: dict[str, str | None]) -> tuple[st
     return _with_unit(over, x), _with_unit(effect.y_word, y)
 
 
-def sentence_of(effect: FreeForm, domain: str) -> str:
-    """Where a free form acts; a machine has no error that it sees, and no command."""
-    if domain != "machine":
-        return effect.sentence
-    return effect.sentence.replace("the error", "the input").replace("the command", "the input")
-
-
 def _with_unit(quantity: str, unit: str) -> str:
     """A quantity and its unit, where it has one that is known."""
     return quantity if unit == "-" or "[" in unit else f"{quantity}, {unit}"
@@ -357,7 +350,7 @@ def shape_of(
         place="rate" if effect.over == "du/dt" else effect.place,
         over=effect.over,
         channel=getattr(effect, "channel", None),
-        sentence=sentence_of(effect, model.simulator.record.domain),
+        sentence=effect.sentence_in(model.simulator.record.domain),
         curve=curve,
         x_label=x_label,
         y_label=y_label,

@@ -9,7 +9,6 @@ from support.shapes import a_shape, nothing_near
 
 from skhoid.effects import Bias, FreeMap, WrongDelay
 from skhoid.plotting import ShapeDisplay
-from skhoid.search.shape import sentence_of
 
 
 def test_sentences_say_place_gain_names_and_what_to_do():
@@ -86,9 +85,9 @@ def test_json_has_all_of_it():
 
 def test_a_machine_has_no_error():
     said = "it acts on the input, as a function of its size and sign"
-    assert sentence_of(FreeMap(), "machine") == said
-    assert sentence_of(FreeMap(), "human") == said.replace("input", "error")
-    spring = sentence_of(FreeMap(at="spring"), "machine")
+    assert FreeMap().sentence_in("machine") == said
+    assert FreeMap().sentence == said.replace("input", "error")
+    spring = FreeMap(at="spring").sentence_in("machine")
     assert spring == "it is a force against the input, as a function of the output"
 
 
