@@ -1,0 +1,512 @@
+"""Cells, methods, figures, alarms and losses of the tournament, where answers are known."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import mannwhitneyu
+from sklearn.base import clone
+
+from skhoid import CompensatoryTask, MonteCarloStudy, RecursiveARX, operator_parameters
+from skhoid.lab.studies import (
+    TOURNAMENT_METHODS,
+    TournamentCell,
+    TournamentMethod,
+    available_methods,
+    tournament_cells,
+)
+from skhoid.lab.studies.tournament_conditions import Change, shapes
+from skhoid.lab.studies.tournament_scores import (
+    ALARMS,
+    LAST,
+    PARAMETERS,
+    THRESHOLDS,
+    alarms,
+    at_instants,
+    detection_table,
+    lag,
+    losses,
+    method_figures,
+    ranked,
+    roc_area,
+    rows_of_path,
+    settling_time,
+    threshold_of,
+    total_delay,
+    tuning_scores,
+)
+
+HERE, _ = available_methods()
+RLS = TOURNAMENT_METHODS["rls"]
+TIME = np.arange(15.0, 81.92, 0.16)
+INSTANTS = TIME[TIME < 80.0]
+
+
+def test_all_cells_are_there_once():
+    cells = tournament_cells()
+    assert len({cell.name for cell in cells}) == len(cells) == 94
+    families = [cell.family for cell in cells]
+    assert [families.count(f) for f in ("condition", "shape", "50 Hz", "element")] == [72, 12, 6, 4]
+
+
+def test_kinds_are_those_of_the_tasks():
+    for cell in tournament_cells(intensities=[0.15], orders=[2]):
+        changes = Change.of(cell.task()).times is not None
+        assert changes == (cell.kind == "changing"), cell.name
+
+
+def test_every_kind_of_cell_can_be_simulated_with_its_remnant():
+    """P_n of four runs, each of which scatters by some 15 %: within five deviations of the mean."""
+    cells = tournament_cells(intensities=[0.15])[::3]
+    study = MonteCarloStudy(
+        lambda data, cell: {"P_n": float(data.record.intensity().mean())},
+        [cell.row() for cell in cells],
+        4,
+        simulation={"run_in": 20.0},
+        random_state=0,
+    )
+    mean = study.run().groupby("cell", sort=False)["P_n"].mean()
+    np.testing.assert_allclose(mean, [cell.remnant_intensity for cell in cells], rtol=0.4)
+
+
+def test_some_cells_only():
+    cells = tournament_cells(conditions=["C4", "relapse", "K/s²"], intensities=[0.15])
+    names = {cell.name for cell in cells}
+    assert "C4, P_n 0.15, order 1" in names
+    assert {"relapse, P_n 0.15", "K/s², P_n 0.15", "C4, P_n 0.15, 50 Hz"} <= names
+    assert len(cells) == 4 + 1 + 1 + 1
+    other = tournament_cells("small", conditions=["C1"], intensities=[0.1], orders=["nm"])
+    assert [(c.remnant_intensity, c.remnant_order) for c in other] == [(0.1, "nm")]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"size": "huge"}, "size must be one of"),
+        ({"conditions": ["C7"]}, "Unknown condition 'C7'; known are C1, .* Did you mean"),
+        ({"intensities": [0.0]}, "above 0"),
+    ],
+)
+def test_cells_that_are_none(options, message):
+    with pytest.raises(ValueError, match=message):
+        tournament_cells(**options)
+    with pytest.raises(ValueError, match="kind must be one of"):
+        TournamentCell("a", "C1", kind="odd")
+
+
+def change_of(condition):
+    return Change.of(CompensatoryTask.of_condition(condition))
+
+
+def test_nothing_changes():
+    change = change_of("C1")
+    time = np.arange(0, 81.92, 0.16)
+    assert change.times is None
+    assert list(change.windows(time)) == ["all"]
+    assert (change.windows(time)["all"] == (time >= 15)).all()
+    assert change.baseline == pytest.approx((15.0, 30.72))
+
+
+def test_a_sudden_change():
+    change = change_of("C4")
+    assert change.times == pytest.approx((40.96,) * 3, abs=0.1)
+    time = np.arange(0, 81.92, 0.16)
+    windows = change.windows(time)
+    parts = np.sum([windows[name] for name in ("before", "around", "after")], axis=0)
+    assert (parts == windows["all"]).all()
+    around = time[windows["around"]]
+    assert around[0] == pytest.approx(30.72, abs=0.2)
+    assert around[-1] == pytest.approx(51.2, abs=0.2)
+
+
+def test_a_sigmoid_has_gone_5_and_95_percent_where_its_formula_says():
+    """(1 + exp(-G (t - t_M)))^-1 = 0.05 at t_M - ln 19 / G."""
+    early, middle, late = change_of("C3").times
+    half = np.log(19) / 0.5
+    assert (early, middle, late) == pytest.approx((40.96 - half, 40.96, 40.96 + half), abs=0.15)
+
+
+def test_of_two_changes_the_window_holds_both():
+    change = change_of(shapes()["relapse"])
+    assert change.times[0] == pytest.approx(32.0, abs=0.1)
+    assert change.times[2] == pytest.approx(54.0, abs=0.1)
+    time = np.arange(0, 81.92, 0.16)
+    windows = change.windows(time)
+    around = time[windows["around"]]
+    assert around[0] == pytest.approx(32.0 - 5.12, abs=0.2)
+    assert around[-1] == pytest.approx(54.0 + 5.12, abs=0.2)
+    assert windows["before"].sum() * 0.16 > 10
+    assert windows["after"].sum() * 0.16 > 20
+
+
+def test_all_that_have_a_knob_try_as_many_settings():
+    assert {len(m.settings) for m in TOURNAMENT_METHODS.values() if m.knob} == {5}
+    assert {m.settings for m in TOURNAMENT_METHODS.values() if not m.knob} == {(None,)}
+
+
+def test_names_are_keys_and_settings_differ():
+    for name, method in TOURNAMENT_METHODS.items():
+        assert method.name == name
+        assert len({str(setting) for setting in method.settings}) == len(method.settings)
+        assert method.told in ("", "start", "delay", "schedule")
+        assert method.estimates_delay == (method.told == "")
+
+
+@pytest.mark.parametrize("method", HERE, ids=lambda m: m.name)
+def test_an_estimator_has_the_setting(method):
+    for setting in method.settings:
+        model = method.make(0.01, 29, setting)
+        clone(model)
+        if method.knob is not None:
+            last = model[-1] if hasattr(model, "steps") else model
+            assert getattr(last, method.knob) == setting
+
+
+def test_the_oracle_is_told_the_change_and_nothing_without_one():
+    t = np.arange(0.0, 4.0)
+    varies = pd.DataFrame({"K_edot": [1.0, 1.0, 3.0, 3.0]}, index=t)
+    method = TOURNAMENT_METHODS["lpv"]
+    model = method.estimator(0.01, 29, None, varies)
+    (schedule,) = model.basis
+    np.testing.assert_allclose(schedule(t), [0, 0, 1, 1])
+    still = method.estimator(0.01, 29, None, varies * 0 + 2.0)
+    assert type(still).__name__ == "ARXRegressor"
+
+
+def test_what_is_missing_is_said(monkeypatch):
+    lost = TournamentMethod("lost", "a", True, lambda dt, nk, s: None, package="no_such_package")
+    older = TournamentMethod("older", "b", True, lambda dt, nk, s: None, module="no_such_module")
+    monkeypatch.setitem(TOURNAMENT_METHODS, "lost", lost)
+    monkeypatch.setitem(TOURNAMENT_METHODS, "older", older)
+    methods, notes = available_methods(["rls", "lost", "older"])
+    assert [m.name for m in methods] == ["rls"]
+    assert notes == [
+        "lost needs the package no_such_package, which is not installed.",
+        "older is not part of this version of skhoid.",
+    ]
+    with pytest.raises(ValueError, match=r"No method is left to take part\. lost needs"):
+        available_methods(["lost"])
+
+
+def test_unknown_names():
+    with pytest.raises(ValueError, match=r"Unknown method 'rsl'; known are .* Did you mean 'rls'"):
+        available_methods(["rsl"])
+    with pytest.raises(ValueError, match="No method is left"):
+        available_methods(["rls"], causal=False)
+
+
+@pytest.fixture(scope="module")
+def data():
+    """A run of C4 with its truth."""
+    (cell,) = tournament_cells("small", conditions=["C4"])
+    study = MonteCarloStudy(
+        lambda data, cell: 0.0,
+        [cell.row()],
+        2,
+        n_validation_runs=1,
+        simulation={"run_in": 20.0},
+        random_state=0,
+    )
+    return study.data_set(0, 1)
+
+
+def path_from(data, factor=1.0, sd=0.0):
+    truth = data.truth.parameters[[*PARAMETERS]]
+    path = truth * factor
+    return path.join((truth * sd).add_prefix("sd_")) if sd else path
+
+
+def figures(data, path, vaf=80.0):
+    return rows_of_path(data, RLS, path, vaf, path).set_index("parameter")
+
+
+def test_the_truth_has_no_error(data):
+    found = figures(data, path_from(data, sd=0.1))
+    assert list(found.index) == ["K_e", "K_edot", "omega_nm", "zeta_nm"]  # it is told the delay
+    for window in ("all", "before", "around", "after"):
+        assert (found[f"rmse_{window}"] == 0).all()
+        assert (found[f"coverage_{window}"] == 100).all()
+    assert found.loc["K_edot", "settling"] < 0.2
+    assert found.loc["K_edot", "lag"] == pytest.approx(0.0, abs=1e-9)
+    assert not found["diverged"].any()
+
+
+def test_a_constant_factor_is_bias_alone(data):
+    found = figures(data, path_from(data, 1.1, sd=0.1))
+    assert found["bias_all"].to_numpy() == pytest.approx(10.0)
+    assert found["rmse_after"].to_numpy() == pytest.approx(10.0)
+    assert found["median_error_around"].to_numpy() == pytest.approx(10.0)
+    assert (found["coverage_all"] == 100).all()  # 0.1 of 1.96 * 0.1
+    narrow = figures(data, path_from(data, 1.1, sd=0.05))
+    assert (narrow["coverage_all"] == 0).all()
+    assert found.loc["K_edot", "lag"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_no_estimate_is_the_worst_and_is_told(data):
+    path = path_from(data, sd=0.1)
+    path.loc[path.index > 48.0] = np.nan
+    found = figures(data, path)
+    share = (TIME > 48.0).mean()
+    assert found["failed_all"].to_numpy() == pytest.approx(100 * share, abs=0.5)
+    assert found["rmse_all"].to_numpy() == pytest.approx(100 * np.sqrt(share), abs=0.5)
+    assert (found["rmse_after"] == 100).all()
+    assert found["bias_after"].isna().all()
+    assert found["coverage_all"].to_numpy() == pytest.approx(100 * (1 - share), abs=0.5)
+    assert np.isinf(found.loc["K_edot", "settling"])
+    none = rows_of_path(data, RLS, None, np.nan, None)
+    assert (none["rmse_all"] == 100).all()
+    assert none["diverged"].all()
+
+
+@pytest.mark.parametrize(
+    ("factor", "vaf", "diverged"),
+    [(1.0, 80.0, False), (101.5, 80.0, True), (np.inf, 80.0, True), (1.0, -101.0, True),
+     (1.0, np.nan, True), (50.0, -99.0, False)],
+)  # fmt: skip
+def test_divergence(data, factor, vaf, diverged):
+    assert (figures(data, path_from(data, factor), vaf)["diverged"] == diverged).all()
+
+
+def test_errors_beyond_100_percent_count_as_100(data):
+    found = figures(data, path_from(data, 9.0))
+    assert found["rmse_all"].to_numpy() == pytest.approx(100.0)
+    assert found["bias_all"].to_numpy() == pytest.approx(100.0)
+    assert found["coverage_all"].isna().all()  # nothing is stated
+
+
+def test_a_first_order_lag_is_its_time_constant():
+    """The area above the step response of 1 / (T s + 1) is T."""
+    truth = np.where(TIME >= 40.0, 2.0, 1.0)
+    T = 2.0
+    slow = np.where(TIME >= 40.0, 2.0 - np.exp(-(TIME - 40.0) / T), 1.0)
+    windows = {
+        "before": TIME < 30.0,
+        "around": (TIME >= 30.0) & (TIME <= 60.0),
+        "after": TIME > 60.0,
+    }
+    assert lag(TIME, 3.0 * slow, truth, windows) == pytest.approx(T, abs=0.1)
+    noisy = slow + 0.1 * np.random.default_rng(0).standard_normal(TIME.size)
+    # sd 0.1 / sqrt(1 / 0.16) * sqrt(30 s) = 0.22 s, and of the levels 0.25 s
+    assert lag(TIME, noisy, truth, windows) == pytest.approx(T, abs=4 * 0.33)
+    assert np.isnan(lag(TIME, slow, np.ones(TIME.size), windows))
+    assert np.isnan(lag(TIME, np.ones(TIME.size), truth, windows))
+
+
+def test_settling_of_an_exponential():
+    """|error| = exp(-t / T) falls to the 15 % of the band at T ln(1 / 0.15)."""
+    T = 3.0
+    error = np.where(TIME >= 40.0, -np.exp(-(TIME - 40.0) / T), 0.0)
+    after = TIME > 60.0
+    found = settling_time(TIME, error, 40.0, after)
+    assert found == pytest.approx(T * np.log(1 / 0.15), abs=0.17)
+    assert settling_time(TIME, error + 0.2, 40.0, after) == pytest.approx(found, abs=0.17)
+    assert np.isinf(settling_time(TIME, error + 0.6, 40.0, after))
+    swings = np.where(TIME >= 42.0, np.sin(TIME), 0.0)
+    swings[TIME > 60.0] = 0.0
+    assert settling_time(TIME, swings, 40.0, after) == pytest.approx(60 - 40, abs=2.0)
+
+
+def test_a_path_at_other_instants():
+    path = pd.DataFrame({"K": [0.0, 1.0, np.nan]}, index=pd.Index([10.0, 20.0, 30.0], name="time"))
+    time = np.array([0.0, 10.0, 14.0, 20.0, 24.0, 40.0])
+    offline = at_instants(path, time, causal=False)["K"].to_numpy()
+    np.testing.assert_allclose(offline, [0, 0, 0.4, 1, np.nan, np.nan])
+    causal = at_instants(path, time, causal=True)["K"].to_numpy()
+    np.testing.assert_allclose(causal, [0, 0, 0, 1, 1, np.nan])
+    constant = at_instants(pd.DataFrame({"K": [5.0]}), time, causal=True)
+    assert (constant["K"] == 5).all()
+    assert list(constant.index) == list(time)
+
+
+def test_figures_are_those_of_the_estimator(data):
+    """The study's function, against RecursiveARX and operator_parameters by hand."""
+    found = method_figures(
+        data, cell="c", method="rls", settings={"c": 2.56}, watching={"c": 2.56}
+    ).set_index("parameter")
+    model = RecursiveARX(nk=29, memory_time=2.56, store_covariance=True).fit(data.X, data.y)
+    path = operator_parameters(model)
+    truth = data.truth.parameters
+    judged = (truth.index >= 15) & (np.arange(len(truth)) % 16 == 0)
+    error = (path["K_edot"].to_numpy() / truth["K_edot"].to_numpy() - 1)[judged].clip(-1, 1)
+    assert found.loc["K_edot", "rmse_all"] == pytest.approx(100 * np.sqrt(np.mean(error**2)))
+    assert found.loc["K_edot", "bias_all"] == pytest.approx(100 * error.mean())
+    assert found["failure"].isna().all()
+    assert 70 < found["vaf"].iloc[0] < 95
+
+
+def test_alarms_are_of_the_setting_that_watches(data):
+    call = partial(method_figures, data, cell="c", method="rls", settings={"c": np.inf})
+    same, other = call(watching={"c": np.inf}), call(watching={"c": 2.56})
+    followed = same["parameter"] == "K_edot"
+    assert same.loc[followed, "rmse_all"].item() == other.loc[followed, "rmse_all"].item()
+    assert other.loc[followed, "peak"].item() > 1.5 * same.loc[followed, "peak"].item()
+
+
+def test_a_method_that_fails_is_a_row_with_the_reason(data, monkeypatch):
+    def broken(dt, nk, setting):
+        raise FloatingPointError("lost")
+
+    monkeypatch.setitem(TOURNAMENT_METHODS, "rls", replace(RLS, make=broken))
+    rows = tuning_scores(data, cell="c", method="rls")
+    assert {row["failure"] for row in rows} == {"FloatingPointError: lost"}
+    assert [row["vaf"] for row in rows] == [-100.0] * 5
+
+
+def test_the_delay_is_told_or_searched(data):
+    assert total_delay(data, "true") == 29
+    assert total_delay(data, "searched") == pytest.approx(29, abs=4)
+
+
+def test_a_step_is_found_when_the_mean_of_the_last_seconds_says_so():
+    """A step of size s in the logarithm: n samples of it among m give a difference of s n / m."""
+    size = 0.8
+    found = alarms(INSTANTS, np.exp(np.where(INSTANTS >= 40.0, size, 0.0)), (15.0, 30.0))
+    assert found["peak"] == pytest.approx(size)
+    m = round(LAST / 0.16)
+    first = INSTANTS[INSTANTS >= 40.0][0]
+    for name, threshold in zip(ALARMS, THRESHOLDS, strict=True):
+        if threshold > size:
+            assert np.isnan(found[name])
+        else:
+            n = int(np.ceil(threshold * m / size - 1e-9))
+            assert found[name] == pytest.approx(first + 0.16 * (n - 1))
+
+
+def test_scale_does_not_count_and_missing_estimates_give_no_alarm():
+    rng = np.random.default_rng(0)
+    K = np.exp(0.1 * rng.standard_normal(INSTANTS.size))
+    one, other = alarms(INSTANTS, K, (15.0, 30.0)), alarms(INSTANTS, 7 * K, (15.0, 30.0))
+    assert one["peak"] == pytest.approx(other["peak"])
+    K[INSTANTS > 31.0] = np.nan
+    assert alarms(INSTANTS, K, (15.0, 30.0))["peak"] < 0.3
+    assert np.isnan(alarms(INSTANTS, -K, (15.0, 30.0))["peak"])
+    assert np.isnan(alarms(INSTANTS, np.full(INSTANTS.size, np.nan), (15.0, 30.0))["alarm_00"])
+
+
+def test_the_area_is_that_of_mann_and_whitney():
+    rng = np.random.default_rng(1)
+    changed, constant = rng.normal(1, 1, 40).round(1), rng.normal(0, 1, 30).round(1)
+    expected = mannwhitneyu(changed, constant).statistic / (40 * 30)
+    assert roc_area(changed, constant) == pytest.approx(expected)
+    assert roc_area(np.array([np.nan]), np.array([np.nan])) == 0.5
+    assert np.isnan(roc_area(np.array([]), constant))
+
+
+def test_one_in_ten_is_a_false_alarm():
+    peaks = np.linspace(0.01, 1.0, 100)
+    at = threshold_of(peaks)
+    assert (peaks >= THRESHOLDS[at]).mean() <= 0.1 < (peaks >= THRESHOLDS[at - 1]).mean()
+    assert threshold_of(np.full(5, 1e9)) is None
+    assert threshold_of(np.array([])) is None
+
+
+def test_alarms_are_counted():
+    """Four changed runs: found after 3 s, too early, missed, found after 5 s."""
+    at = 5
+    rows = pd.DataFrame(
+        {
+            "method": "m",
+            "kind": ["changing"] * 4 + ["constant"] * 10,
+            "peak": [9.0] * 4 + [THRESHOLDS[at] * 0.99] * 9 + [9.0],
+            "change_begins": 38.0,
+            "change_time": 40.0,
+        }
+    )
+    for name in ALARMS:
+        rows[name] = np.nan
+    rows.loc[:3, ALARMS[at]] = [43.0, 30.0, np.nan, 45.0]
+    rows["P"] = 0.15
+    (found,) = detection_table(rows, ["P"]).to_dict("records")
+    assert found["threshold"] == pytest.approx(THRESHOLDS[at])
+    assert (found["found"], found["too_early"], found["missed"]) == (0.5, 0.25, 0.25)
+    assert found["delay"] == 4.0
+    assert (found["n_changed"], found["n_constant"]) == (4, 10)
+    assert detection_table(rows[rows["kind"] == "changing"], ["P"]).empty
+
+
+def table(n=3):
+    """Two methods, a constant and a changing cell; "good" is right, "bad" is not."""
+    rows = []
+    for method, error in (("bad", 30.0), ("good", 10.0)):
+        for kind in ("constant", "changing"):
+            for replication in range(n):
+                for parameter in ("K_edot", "tau_e") if method == "good" else ("K_edot",):
+                    rows.append(
+                        {
+                            "cell": kind,
+                            "kind": kind,
+                            "group": f"{kind}, P_n = 0.15",
+                            "replication": replication,
+                            "method": method,
+                            "parameter": parameter,
+                            "rmse_all": error + replication,
+                            "rmse_after": error / 2 if kind == "changing" else np.nan,
+                            "vaf": 90.0 - error,
+                            "peak": 0.05,
+                            "change_begins": 38.0,
+                            "change_time": 40.0,
+                            "change_left": 41.92,
+                        }
+                        | dict.fromkeys(ALARMS, 40.0 + error / 10)
+                    )
+    return pd.DataFrame(rows)
+
+
+def test_each_question_has_its_loss():
+    rows = table()
+    follow = losses(rows, "follow")
+    assert follow.loc[("constant", 1)].to_dict() == {"bad": 31.0, "good": 11.0}
+    assert losses(rows, "final").loc[("changing", 0)].to_dict() == {"bad": 15.0, "good": 5.0}
+    assert losses(rows, "predict").loc[("changing", 0)].to_dict() == {"bad": 40.0, "good": 20.0}
+    assert losses(rows, "detect").loc[("changing", 0)].to_dict() == {"bad": 3.0, "good": 1.0}
+    assert list(losses(rows, "delay").columns) == ["good"]
+    assert len(losses(rows, "final")) == 3
+
+
+def test_no_estimate_is_the_largest_loss():
+    rows = table()
+    rows.loc[rows["method"] == "good", ["rmse_all", "rmse_after", "vaf", *ALARMS]] = np.nan
+    assert (losses(rows, "follow")["good"] == 100).all()
+    assert (losses(rows, "final")["good"] == 100).all()
+    assert (losses(rows, "predict")["good"] == 200).all()
+    assert losses(rows, "detect")["good"].to_numpy() == pytest.approx(41.92)
+
+
+def test_an_alarm_too_early_is_none():
+    rows = table()
+    rows.loc[rows["method"] == "good", ALARMS] = 30.0
+    assert losses(rows, "detect")["good"].to_numpy() == pytest.approx(41.92)
+
+
+def test_the_threshold_is_that_of_the_method_s_own_constant_runs():
+    rows = table()
+    rows.loc[(rows["method"] == "good") & (rows["kind"] == "constant"), "peak"] = 2 * THRESHOLDS[-1]
+    assert losses(rows, "detect")["good"].to_numpy() == pytest.approx(41.92)  # no threshold left
+    assert losses(rows, "detect")["bad"].to_numpy() == pytest.approx(3.0)
+
+
+def test_ranking_counts_cells_alike():
+    """Medians in cells, then over cells; the share of cells won."""
+    index = pd.MultiIndex.from_tuples(
+        [("a", 0), ("a", 1), ("a", 2), ("b", 0), ("c", 0)], names=["cell", "replication"]
+    )
+    found = ranked(pd.DataFrame({"x": [1.0, 2, 9, 4, 5], "y": [3.0, 3, 3, 3, np.nan]}, index=index))
+    assert found["loss"].to_dict() == {"y": 3.0, "x": 4.0}
+    assert found["won"].to_dict() == pytest.approx({"x": 200 / 3, "y": 100 / 3})
+    assert found["n"].to_dict() == {"x": 5, "y": 4}
+    assert list(found.index) == ["y", "x"]
+
+
+def test_questions_without_an_answer():
+    rows = table()
+    with pytest.raises(ValueError, match=r"question must be one of .*; got 'folow'.*'follow'"):
+        losses(rows, "folow")
+    with pytest.raises(ValueError, match="parameter must be one of"):
+        losses(rows, "follow", "K_x")
+    still = rows[rows["kind"] == "constant"]
+    with pytest.raises(ValueError, match="nothing changes in them"):
+        losses(still, "final")
+    with pytest.raises(ValueError, match="needs cells in which nothing changes"):
+        losses(rows[rows["kind"] == "changing"], "detect")
