@@ -15,6 +15,7 @@ import platform
 import sys
 from collections.abc import Callable
 from statistics import median
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -29,19 +30,17 @@ from skhoid.diagnosis.signals import read_signals
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from skhoid import plotting
-
 REPEATS, PICTURE_REPEATS = 10, 3
 COMPARE = 1.5  # s
 PICTURES = (
-    "ComparisonDisplay",
-    "ResidualTimeDisplay",
-    "ResidualFrequencyDisplay",
-    "OperatingPointDisplay",
-    "ResidualCorrelationDisplay",
-    "ResidualMapDisplay",
-    "NoiseCeilingDisplay",
-    "RunComparisonDisplay",
+    "overview",
+    "time",
+    "frequency",
+    "amplitude",
+    "correlation",
+    "map",
+    "ceiling",
+    "runs",
 )
 
 
@@ -59,11 +58,11 @@ def experiment() -> tuple[ARXRegressor, pd.DataFrame, pd.Series]:
     return model, *select_runs(X, y, last=5)
 
 
-def drawn(name: str, comparison: object) -> Callable[[], None]:
+def drawn(name: str, comparison: Any) -> Callable[[], None]:
     """Draw a picture down to its pixels."""
 
     def draw() -> None:
-        display = getattr(plotting, name).from_comparison(comparison)
+        display = comparison.plot(name)
         display.figure_.canvas.draw()
         plt.close(display.figure_)
 

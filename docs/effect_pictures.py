@@ -1,4 +1,4 @@
-"""Pictures of effects for their cards: what `IdentifiedEffectDisplay` computes, as small SVGs.
+"""Pictures of effects for their cards: what `EffectDisplay` computes, as small SVGs.
 
 The curves come from the effect objects themselves, beside a model fitted to simulated runs.
 """

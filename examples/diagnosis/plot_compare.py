@@ -59,9 +59,7 @@ print(comparison.summary())
 # In the lower panel the grey band shows how the residual's power would vary by chance if nothing
 # changed. Dashed lines are changes that a test finds, corrected for having looked everywhere.
 
-from skhoid.plotting import ResidualTimeDisplay
-
-_ = ResidualTimeDisplay.from_comparison(comparison)
+_ = comparison.plot("time")
 
 # %%
 # ``by_time`` has the numbers; ``explainable`` is the part of ``share`` that repeats. ``gain`` is
@@ -80,17 +78,13 @@ print(windows[columns].round(2).to_string(index=False))
 # constant linear model. Below: the response of the person and of the model, estimated with the
 # target as the instrument.
 
-from skhoid.plotting import ResidualFrequencyDisplay
-
-_ = ResidualFrequencyDisplay.from_comparison(comparison)
+_ = comparison.plot("frequency")
 
 # %%
 # In which runs
 # -------------
 
-from skhoid.plotting import RunComparisonDisplay
-
-_ = RunComparisonDisplay.from_comparison(comparison)
+_ = comparison.plot("runs")
 
 # %%
 # Run 8 has the lowest VAF, but is not unlike the others: its rms error is as small as theirs, and
@@ -99,9 +93,7 @@ _ = RunComparisonDisplay.from_comparison(comparison)
 # The same over time and frequency together: red cells have more power than the average noise there,
 # blue ones less, and dots mark cells beyond chance.
 
-from skhoid.plotting import ResidualMapDisplay
-
-_ = ResidualMapDisplay.from_comparison(comparison)
+_ = comparison.plot("map")
 
 # %%
 # Do what the first finding says
@@ -133,7 +125,7 @@ print(truth.parameters["K_n"].loc[[0.0, 81.91]].round(4).to_string())
 # %%
 # So the windows after 41 s still lose more than those before, but hardly any of it repeats:
 
-_ = ResidualTimeDisplay.from_comparison(followed)
+_ = followed.plot("time")
 
 # %%
 # Run by run, both models against their ceilings:
@@ -141,8 +133,8 @@ _ = ResidualTimeDisplay.from_comparison(followed)
 import matplotlib.pyplot as plt
 
 fig, axes = plt.subplots(1, 2, figsize=(10, 3.6), sharey=True, layout="constrained")
-_ = RunComparisonDisplay.from_comparison(comparison, ax=axes[0])
-_ = RunComparisonDisplay.from_comparison(followed, ax=axes[1])
+_ = comparison.plot("runs", ax=axes[0])
+_ = followed.plot("runs", ax=axes[1])
 axes[0].set_title("constant")
 _ = axes[1].set_title("recursive")
 

@@ -96,40 +96,36 @@ print(search.summary())
 # All candidates of the first step, and how certain the first place is: the title says how far
 # behind the runner-up is. Effects whose channels were not recorded do not apply:
 
-from skhoid.plotting import EffectRankingDisplay
+from skhoid.plotting import SearchDisplay
 
-_ = EffectRankingDisplay.from_estimator(search, step=1)
+_ = SearchDisplay.from_estimator(search, "ranking", step=1)
 
 # %%
 # The error falls
 # ---------------
 # Step by step, on runs that the model has not seen, down to the remnant:
 
-from skhoid.plotting import ErrorPathDisplay
-
 print(search.error_path_[["effect", "vaf", "rmse", "explainable_gap"]].round(3))
-_ = ErrorPathDisplay.from_estimator(search)
+_ = SearchDisplay.from_estimator(search)
 
 # %%
 # Measured and simulated stick before and after, where the effects help most:
 
-from skhoid.plotting import EffectStepsDisplay
-
-_ = EffectStepsDisplay.from_estimator(search)
+_ = SearchDisplay.from_estimator(search, "steps")
 
 # %%
 # The effects themselves
 # ----------------------
 # Each has parameters with units and standard errors. The threshold, and the errors that occurred:
 
-from skhoid.plotting import IdentifiedEffectDisplay
+from skhoid.plotting import EffectDisplay
 
-_ = IdentifiedEffectDisplay.from_estimator(search, "dead_zone", X)
+_ = EffectDisplay.from_estimator(search, "dead_zone", X)
 
 # %%
 # And the gains, which change during the run:
 
-_ = IdentifiedEffectDisplay.from_estimator(search, "tv_gain", X)
+_ = EffectDisplay.from_estimator(search, "tv_gain", X)
 
 # %%
 # Against the truth

@@ -63,9 +63,7 @@ X, y, answer = record(range(5, 10), gain=1.2, threshold=0.4)
 linear = ARXRegressor(nk=21, inputs=["e"]).fit(X_fit, y_fit)
 comparison = compare(linear, X, y)
 
-from skhoid.plotting import OperatingPointDisplay
-
-_ = OperatingPointDisplay.from_comparison(comparison)
+_ = comparison.plot("amplitude")
 
 # %%
 # Each panel sorts the residual by the value of a signal, and shows its mean. If the model lacked
@@ -115,7 +113,7 @@ print(comparison.ceiling_note)
 # %%
 # The amplitude view of the right model is flat, and all other findings have gone with the first:
 
-_ = OperatingPointDisplay.from_comparison(by_threshold[0.4])
+_ = by_threshold[0.4].plot("amplitude")
 for finding in by_threshold[0.4].findings:
     print(finding.title)
 
@@ -128,7 +126,7 @@ X, y, _ = record(range(5, 10), gain=1.0, stop=0.8)
 linear = ARXRegressor(nk=21, inputs=["e"]).fit(X_fit, y_fit)
 comparison = compare(linear, X, y)
 print(f"VAF {comparison.vaf:.1f} %")
-_ = OperatingPointDisplay.from_comparison(comparison)
+_ = comparison.plot("amplitude")
 
 # %%
 # Now the zigzag is reversed: the response is weaker at large errors than at small ones. Saturation,

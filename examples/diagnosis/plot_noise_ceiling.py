@@ -109,9 +109,7 @@ for condition, c in comparisons.items():
 
 # %%
 
-from skhoid.plotting import NoiseCeilingDisplay
-
-_ = NoiseCeilingDisplay.from_comparison(comparisons["C2"])
+_ = comparisons["C2"].plot("ceiling")
 
 # %%
 # One run only

@@ -66,18 +66,16 @@ print(plausible.summary())
 # %%
 # The error at each step, on held-out parts of the run:
 
-from skhoid.plotting import ErrorPathDisplay
+from skhoid.plotting import SearchDisplay
 
-_ = ErrorPathDisplay.from_estimator(plausible)
+_ = SearchDisplay.from_estimator(plausible)
 
 # %%
 # With the pull, the responses after 8 s are closer to the measured ones. The response to the pull
 # before 5 s is still wrong, as if the rider had not responded at all: no constant response explains
 # both.
 
-from skhoid.plotting import EffectStepsDisplay
-
-_ = EffectStepsDisplay.from_estimator(plausible)
+_ = SearchDisplay.from_estimator(plausible, "steps")
 
 # %%
 # Both channels compared, each added alone to the roll angle:
@@ -119,9 +117,7 @@ print(search.fit(X, y).summary())
 # Every effect of the catalogue was added to the model in turn, and judged on a held-out recording.
 # The best two gain a point each, the others a few tenths at most:
 
-from skhoid.plotting import EffectRankingDisplay
-
-_ = EffectRankingDisplay.from_estimator(search, n_candidates=12)
+_ = SearchDisplay.from_estimator(search, "ranking", n_candidates=12)
 
 # %%
 # Yet something is missing. The recordings are repeats, so we know how much of the cursor's path

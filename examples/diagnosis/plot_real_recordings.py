@@ -76,15 +76,13 @@ verdict(delayed)
 # %%
 # 2.6 points are gained, 4 are left. Where?
 
-from skhoid.plotting import OperatingPointDisplay, ResidualFrequencyDisplay
-
-_ = ResidualFrequencyDisplay.from_comparison(delayed)
+_ = delayed.plot("frequency")
 
 # %%
 # At most frequencies of the target, and most clearly near 8 rad/s: there the hand moves more than
 # the target, and more than a second-order model can. And over amplitude:
 
-_ = OperatingPointDisplay.from_comparison(delayed)
+_ = delayed.plot("amplitude")
 
 # %%
 # In fast movements the hand does not reach the speed that the model says (right panel), in either
@@ -133,16 +131,14 @@ for finding in compare(model, *corrected, roles={"PullForce": "dist"}).findings:
 # And the model? It explains 80 %. Whether the other 20 % are noise, nobody can say: there is only
 # one run, no target, and the pulls do not repeat.
 
-from skhoid.plotting import NoiseCeilingDisplay, ResidualCorrelationDisplay
-
-_ = NoiseCeilingDisplay.from_comparison(comparison)
+_ = comparison.plot("ceiling")
 
 # %%
 # The pulls come from outside the loop, so a residual that followed them would prove that there is a
 # response that does not go through the roll angle, or that the modelled one is wrong. It does not
 # follow them by more than chance:
 
-_ = ResidualCorrelationDisplay.from_comparison(comparison)
+_ = comparison.plot("correlation")
 
 # %%
 # The answer

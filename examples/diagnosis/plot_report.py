@@ -45,9 +45,9 @@ page
 #
 # Each picture is also available on its own:
 
-from skhoid.plotting import ErrorPathDisplay
+from skhoid.plotting import SearchDisplay
 
-_ = ErrorPathDisplay.from_estimator(search)
+_ = SearchDisplay.from_estimator(search)
 
 # %%
 # The answer

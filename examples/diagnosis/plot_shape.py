@@ -70,9 +70,9 @@ print(search.summary())
 # act. One is left, with its place, and a band that holds the whole curve with a probability of
 # 95 %. The truth, which a real person would not tell, is drawn over it:
 
-from skhoid.plotting import ROLES, ShapeDisplay
+from skhoid.plotting import ROLES, EffectDisplay
 
-display = ShapeDisplay.from_estimator(search)
+display = EffectDisplay.from_shape(search)
 curve = search.shape_.curve
 wave = 1 + 0.6 * np.sin(2 * np.pi * curve.index.to_numpy() / 22.0)
 wave *= curve["value"].mean() / wave.mean()  # the level is that of the gains

@@ -75,9 +75,9 @@ lead.summary()
 # %%
 # The means over people, and people as thin lines:
 
-from skhoid.plotting import ConditionMeansDisplay
+from skhoid.plotting import GroupMeansDisplay
 
-_ = ConditionMeansDisplay.from_result(lead)
+_ = GroupMeansDisplay.from_result(lead)
 
 # %%
 # For others

@@ -42,9 +42,9 @@ print(over_time.loc[[20.0, 60.0], ["K_e", "K_edot", "T_L", "omega_nm", "zeta_nm"
 
 import matplotlib.pyplot as plt
 
-from skhoid.plotting import OperatorParametersDisplay
+from skhoid.plotting import ParametersDisplay
 
-OperatorParametersDisplay.from_frame({"windows of 10 s": over_time}, truth=truth)
+ParametersDisplay.from_frame({"windows of 10 s": over_time}, truth=truth)
 plt.show()
 
 # %%

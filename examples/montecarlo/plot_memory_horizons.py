@@ -36,9 +36,9 @@ print(found.table.iloc[8].dropna().to_string())
 # Fig. 13. A star marks the best horizon of a line, and the dashed line the best mean over all
 # cells.
 
-from skhoid.plotting import StudyTradeOffDisplay
+from skhoid.plotting import MemoryHorizonDisplay
 
-display = StudyTradeOffDisplay.from_table(found.table)
+display = MemoryHorizonDisplay.from_table(found.table)
 print(display.best_overall_)
 
 # %%
@@ -56,7 +56,7 @@ print(best.unstack("condition").to_string())
 # the person. It grows quickly as N0 falls below the best. (Some lines do not end at zero because
 # ten runs differ from five others, not because of overfit.)
 
-_ = StudyTradeOffDisplay.from_table(found.table, kind="overfit_difference")
+_ = MemoryHorizonDisplay.from_table(found.table, kind="overfit_difference")
 
 # %%
 # λ or Λ?

@@ -27,14 +27,14 @@ print(found.table.groupby(["remnant_intensity", "form"]).size().unstack())
 # single runs, orange shows the batch models, and dashed green is the truth.
 
 from skhoid import make_tracking_runs
-from skhoid.plotting import StudyPathDisplay
+from skhoid.plotting import EnsembleDisplay
 
 _, _, truth = make_tracking_runs("C4", n_runs=1, return_truth=True)
 arx = {"truth": truth.arx_parameters, "transition_time": 40.96}
-_ = StudyPathDisplay.from_table(found.table, form="lambda", **arx)
+_ = EnsembleDisplay.from_table(found.table, form="lambda", **arx)
 
 # %%
-_ = StudyPathDisplay.from_table(found.table, form="Lambda", **arx)
+_ = EnsembleDisplay.from_table(found.table, form="Lambda", **arx)
 
 # %%
 # b_0 and b_1 follow within a few seconds, towards nearly twice their true values: that is the bias
@@ -58,10 +58,10 @@ operator = {
     "parameters": "operator",
     "average": "median",
 }
-_ = StudyPathDisplay.from_table(found.table, form="lambda", **operator)
+_ = EnsembleDisplay.from_table(found.table, form="lambda", **operator)
 
 # %%
-_ = StudyPathDisplay.from_table(found.table, form="Lambda", **operator)
+_ = EnsembleDisplay.from_table(found.table, form="Lambda", **operator)
 
 # %%
 # What the thesis says, and whether it holds in these runs:

@@ -37,13 +37,13 @@ print(f"{len(X) // 16} samples, {batch[-1].dt_:.2f} s apart")
 # No forgetting, a start from zeros, and P0 = p0 I. All paths should converge to the batch model.
 # Two of the seven parameters are shown; without ``parameters=`` all are drawn.
 
-from skhoid.plotting import ParameterPathDisplay
+from skhoid.plotting import ParametersDisplay
 
 starts = {
     f"$P_0 = 10^{power}$ I": fitted(RecursiveARX(na=3, nb=4, init="zeros", p0=10.0**power))
     for power in (0, 2, 4, 6)
 }
-_ = ParameterPathDisplay.from_estimator({"batch": batch} | starts, parameters=["a1", "b0"])
+_ = ParametersDisplay.from_estimator({"batch": batch} | starts, parameters=["a1", "b0"])
 
 # %%
 # With a large P0 the first samples throw the estimates about, out of the panels; P0 = I holds them
@@ -76,7 +76,7 @@ memories = {
     f"λ = {factor:g}": fitted(RecursiveARX(na=3, nb=4, forgetting=factor, init="zeros", p0=1e4))
     for factor in (0.95, 0.99, 1.0)
 }
-_ = ParameterPathDisplay.from_estimator({"batch": batch} | memories, parameters=["a1", "b0"])
+_ = ParametersDisplay.from_estimator({"batch": batch} | memories, parameters=["a1", "b0"])
 
 # %%
 # Nothing changes in this person, so all movement of the path is noise. Its scatter in the second

@@ -50,10 +50,10 @@ print(found.round(1).to_string())
 # %%
 # All ten prefer to forget, nine of them clearly. The first one, with N0 = 256, 4.3 s:
 
-from skhoid.plotting import ParameterPathDisplay
+from skhoid.plotting import ParametersDisplay
 
 path = RecursiveARX(**ORDERS, memory_horizon=256, store_covariance=True)
-_ = ParameterPathDisplay.from_estimator(path.fit(*whole["difficulty 50"]))
+_ = ParametersDisplay.from_estimator(path.fit(*whole["difficulty 50"]))
 
 # %%
 # It looks like a person who learns for half a minute. The bands are narrow.
@@ -89,7 +89,7 @@ for ax in axes:
 # first two seconds of each run:
 
 later = recordings(start=2.0)
-_ = ParameterPathDisplay.from_estimator(path.fit(*later["difficulty 50"]))
+_ = ParametersDisplay.from_estimator(path.fit(*later["difficulty 50"]))
 
 # %%
 # The trend of the first half minute is gone. What is left comes and goes. (Before about 18 s the

@@ -42,9 +42,9 @@ print(references[["a1", "a2", "b0", "b1"]].round(3).to_string())
 # --------
 # First λ: single runs are thin lines under their mean.
 
-from skhoid.plotting import ParameterPathDisplay
+from skhoid.plotting import ParametersDisplay
 
-_ = ParameterPathDisplay.from_estimator(
+_ = ParametersDisplay.from_estimator(
     {"λ, $N_0$ = 256": each["λ"]}, truth, references, transition_time=T_M
 )
 
@@ -56,7 +56,7 @@ _ = ParameterPathDisplay.from_estimator(
 #
 # Now Λ:
 
-_ = ParameterPathDisplay.from_estimator(
+_ = ParametersDisplay.from_estimator(
     {"Λ, $N_0$ = (∞, ∞, 256, 256)": each["Λ"]}, truth, references, transition_time=T_M
 )
 
@@ -82,11 +82,11 @@ for name, model in each.items():
 # standard deviations.
 
 from skhoid import operator_parameters
-from skhoid.plotting import OperatorParametersDisplay
+from skhoid.plotting import ParametersDisplay
 
 pooled = RecursiveARX(nk=29, memory_horizon=MATRIX, store_covariance=True).fit(X, y)
-_ = OperatorParametersDisplay.from_estimator(
-    {"Λ, ten runs pooled": pooled}, truth, references=references, transition_time=T_M
+_ = ParametersDisplay.from_estimator(
+    {"Λ, ten runs pooled": pooled}, truth, references, kind="operator", transition_time=T_M
 )
 
 # %%
@@ -118,10 +118,11 @@ X_nm, y_nm, truth_nm = make_tracking_runs(
     random_state=0,
 )
 suited = RecursiveARX(nk=29, memory_horizon=MATRIX, store_covariance=True).fit(X_nm, y_nm)
-_ = OperatorParametersDisplay.from_estimator(
+_ = ParametersDisplay.from_estimator(
     {"Λ, ten runs pooled, suitable remnant": suited},
     truth_nm,
-    references=reference_fits(X_nm, y_nm, estimator=suited),
+    reference_fits(X_nm, y_nm, estimator=suited),
+    kind="operator",
     transition_time=T_M,
 )
 

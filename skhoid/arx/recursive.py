@@ -529,7 +529,7 @@ class RecursiveARX(FollowedPath, PartialFit):
     RecursiveARXCV : Chooses the memory horizon on validation runs.
     RecursiveBoxJenkins : A noise model of its own: coloured remnant does not bias it.
     RecursiveIV : Instruments: nor this one.
-    skhoid.plotting.ParameterPathDisplay : Plots the path.
+    skhoid.plotting.ParametersDisplay : Plots the path.
     reference_fits : Batch models of the constant parts to compare with.
 
     Notes

@@ -287,12 +287,14 @@ class Comparison(Told):
 
         return of_comparison(self)
 
-    def plot(self, ax: Any = None) -> Any:
-        """Draw the page of panels, :class:`skhoid.plotting.ComparisonDisplay`.
+    def plot(self, kind: str = "overview", *, ax: Any = None) -> Any:
+        """Draw, as :class:`skhoid.plotting.ComparisonDisplay` does.
 
         Parameters
         ----------
-        ax : sequence of Axes or None, default=None
+        kind : str, default="overview"
+            What to draw: overview, ceiling, runs, time, frequency, amplitude, map or correlation.
+        ax : Axes, sequence of Axes or None, default=None
             Axes to draw on; None makes a figure.
 
         Returns
@@ -301,7 +303,7 @@ class Comparison(Told):
         """
         from ..plotting import ComparisonDisplay
 
-        return ComparisonDisplay.from_comparison(self, ax=ax)
+        return ComparisonDisplay.from_comparison(self, kind, ax=ax)
 
 
 @checked(

@@ -309,7 +309,7 @@ def advise(c: Comparison, signals: Signals, of_channels: list[Finding]) -> list[
                 "of the controlled element returns the output. The VAF of such a model says "
                 "nothing.",
                 then.leak(),
-                "ResidualCorrelationDisplay",
+                "correlation",
             )
         )
     found += _runs(c, sure, words)
@@ -344,7 +344,7 @@ def _runs(c: Comparison, sure: dict[Any, Any], words: Words) -> Iterator[Finding
                 words.lost_control,
                 "Leave the stretch out of estimation and validation. EffectSearchCV and skhoid "
                 "identify do so.",
-                "RunComparisonDisplay",
+                "runs",
             )
         if name == "outlying run":
             yield Finding(
@@ -353,7 +353,7 @@ def _runs(c: Comparison, sure: dict[Any, Any], words: Words) -> Iterator[Finding
                 f"{_p(test)}, given how much remnant of this spectrum scatters between runs.",
                 words.outlying_run,
                 "Look at its traces. Validate with and without it.",
-                "RunComparisonDisplay",
+                "runs",
             )
         if name == "learning" and "outlying run" not in {other for other, _ in sure}:
             more = "grows" if test.size > 0 else "falls"
@@ -363,7 +363,7 @@ def _runs(c: Comparison, sure: dict[Any, Any], words: Words) -> Iterator[Finding
                 f"Trend of its logarithm over the runs, {_p(test)}.",
                 words.learning,
                 "Fit the last runs only, select_runs(X, y, last=5), or compare first and last.",
-                "RunComparisonDisplay",
+                "runs",
             )
 
 
@@ -380,7 +380,7 @@ def _effects(
             f"Mean residual, {_p(bias)}; it costs {_points(c, bias.cost)}.",
             words.bias,
             then.bias(),
-            "OperatingPointDisplay",
+            "amplitude",
             bias.cost,
         )
     yield from _over_amplitude(c, sure, then, words)
@@ -399,7 +399,7 @@ def _effects(
                 f"{_p(test)}; neighbouring levels hold far fewer.",
                 words.level,
                 then.level(),
-                "OperatingPointDisplay",
+                "amplitude",
             )
         if name == "outlier":
             yield Finding(
@@ -409,7 +409,7 @@ def _effects(
                 f"Largest whitened residual; {_p(test)} if the remnant is normal.",
                 words.outlier,
                 "Look at the traces there; set wrong samples to NaN (they are then left out).",
-                "ResidualTimeDisplay",
+                "time",
             )
 
 
@@ -427,7 +427,7 @@ def _distorted(c: Comparison, test: Any, signal: str) -> Finding:
         f"{test.size:.3g} times the power of the noise there, {_p(test)}; {_points(c, test.cost)}.",
         f"A nonlinearity{order}. No linear model can produce it.",
         "Look at the amplitude view for its shape; add the nonlinearity.",
-        "ResidualFrequencyDisplay",
+        "frequency",
         test.cost,
     )
 
@@ -448,7 +448,7 @@ def _response(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[
             f"{_points(c, delay.cost)}.",
             "The delay of the model is wrong, however much its lags make up for it.",
             then.delay(delay.size),
-            "ResidualFrequencyDisplay",
+            "frequency",
             delay.cost if lag is None else max(delay.cost, lag.cost),
         )
     if lag is not None and not (delay is not None and delay.size * lag.size > 0):
@@ -460,7 +460,7 @@ def _response(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[
             "The delay of the model is wrong, or its lag or lead: a fit biased by remnant in the "
             "loop does that too.",
             then.lag(lag.size),
-            "ResidualFrequencyDisplay",
+            "frequency",
             lag.cost,
         )
     if gain is not None:
@@ -473,7 +473,7 @@ def _response(c: Comparison, sure: dict[Any, Any], then: NextSteps) -> Iterator[
             "remnant in the loop or by a short memory.",
             "Fit on runs of the same condition; compare with Fourier coefficients or instruments "
             '(ARXRegressor(method="iv")).',
-            "ResidualFrequencyDisplay",
+            "frequency",
             gain.cost,
         )
 
@@ -491,7 +491,7 @@ def _in_time(
             f"it costs about {_points(c, change.cost)}.",
             words.change,
             then.change(),
-            "ResidualTimeDisplay",
+            "time",
             change.cost,
         )
     power = sure.get(("remnant power change", "residual"))
@@ -504,7 +504,7 @@ def _in_time(
             f"Largest of all single changes, {_p(power)} for the whole search.",
             words.power_change + ("" if known else " " + MAYBE_MISFIT),
             "Weight the parts of the run by it, or fit them separately; check the response there.",
-            "ResidualMapDisplay",
+            "map",
         )
     mean = sure.get(("mean change", "residual"))
     if mean is not None:
@@ -514,7 +514,7 @@ def _in_time(
             f"By {mean.size:.3g}{_unit(c)}; {_p(mean)} for the whole search.",
             words.mean_change,
             then.drift(),
-            "ResidualTimeDisplay",
+            "time",
         )
 
 
@@ -545,7 +545,7 @@ def _over_amplitude(
             f"at least {_points(c, best.cost)}.",
             meaning,
             then.nonlinearity(harder, words.range),
-            "OperatingPointDisplay",
+            "amplitude",
             best.cost,
         )
     if asymmetric:
@@ -558,7 +558,7 @@ def _over_amplitude(
             f"{_p(best)}.",
             words.asymmetry,
             then.asymmetry(),
-            "OperatingPointDisplay",
+            "amplitude",
             best.cost,
         )
 
@@ -588,7 +588,7 @@ def _follows(
         f"{signal} comes from outside the loop, so remnant cannot cause it.",
         meaning,
         then.follow(signal),
-        "ResidualCorrelationDisplay",
+        "correlation",
         max(test.cost - sum(sure[name, c.output].cost for name in linear), 0.0),
     )
 
@@ -604,7 +604,7 @@ def _model(c: Comparison, signals: Signals, then: NextSteps) -> Iterator[Finding
             "the limit is 1.1.",
             meaning,
             then.overfit(could),
-            "RunComparisonDisplay",
+            "runs",
         )
     if c.one_step_vaf > GOOD_ONE_STEP and c.vaf < POOR:
         yield Finding(
@@ -614,7 +614,7 @@ def _model(c: Comparison, signals: Signals, then: NextSteps) -> Iterator[Finding
             "The next sample is close to the last one, whatever the model. Only a free run shows "
             "whether it has the response.",
             "Judge by the free run; lower the sampling rate (Decimator), or search the orders.",
-            "ComparisonDisplay",
+            "overview",
         )
 
 
@@ -655,7 +655,7 @@ def _not_located(
             "Several small misfits (order, lag, second mode), or an effect that these views do "
             "not separate.",
             then.unknown(),
-            "ResidualFrequencyDisplay",
+            "frequency",
             gap.cost,
         )
     elif not any_located and not sure and not several and c.ceiling.route is not Route.NONE:
@@ -667,7 +667,7 @@ def _not_located(
             "What the model does not explain does not repeat: as far as these runs can tell, it "
             "is remnant.",
             "Stop here, or record more runs to see smaller effects.",
-            "ComparisonDisplay",
+            "overview",
         )
 
 
@@ -680,7 +680,7 @@ def _design(c: Comparison, signals: Signals) -> Iterator[Finding]:
             "A low VAF may be due to remnant or to misfit: these runs cannot tell.",
             "Record runs that share the target and the disturbance, or a whole number of periods "
             "of a multisine.",
-            "NoiseCeilingDisplay",
+            "ceiling",
         )
     several = [group for group in signals.groups if group.n_runs > 1]
     if len(signals.groups) == 1 and several and "f_t" in signals.channels:

@@ -437,7 +437,7 @@ def operator_parameters(
 
     See Also
     --------
-    skhoid.plotting.OperatorParametersDisplay : Plots them.
+    skhoid.plotting.ParametersDisplay : Plots them.
 
     Notes
     -----

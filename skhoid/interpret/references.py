@@ -73,7 +73,7 @@ def reference_fits(
 
     See Also
     --------
-    skhoid.plotting.ParameterPathDisplay : Plots them with a path.
+    skhoid.plotting.ParametersDisplay : Plots them with a path.
 
     Examples
     --------

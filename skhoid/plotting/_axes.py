@@ -1,4 +1,4 @@
-"""Colours, labels, limits, notes and legends of single panels.
+"""What is written in and beside single panels: labels, ticks, notes, legends, limits, names.
 
 Open it for what is drawn the same way in plots that have nothing else in common.
 """
@@ -17,6 +17,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import (
+    FixedLocator,
     LogLocator,
     MaxNLocator,
     NullFormatter,
@@ -24,17 +25,27 @@ from matplotlib.ticker import (
     StrMethodFormatter,
 )
 
-from ._layout import KEPT, kept_whole
-from ._roles import background
+from ._roles import GREY, background, dimmed, scaled, veil
 
 LETTER = 0.523  # mean width of a letter, of the size of its font
 HANDLE = 9  # letters that a handle takes in a legend
 TITLE = 1.1  # of the width of a panel before layout, which widens it
 MARKERS = "os^Dv<>"
 FEW_DECADES = 300.0  # from one end of an axis to the other
+KEPT = "\N{NO-BREAK SPACE}"  # for blanks inside of formulas, at which no line breaks
+LINEAR = 1.5  # decades that half of the linear part of a bent axis is as high as
+SYMBOLS = {
+    "K_e": "$K_e$",
+    "T_L": "$T_L$",
+    "K_edot": r"$K_{\dot e}$",
+    "omega_nm": r"$\omega_{nm}$",
+    "zeta_nm": r"$\zeta_{nm}$",
+    "tau_e": r"$\tau_e$",
+}
 
 
 def with_unit(quantity: str, unit: str | None) -> str:
+    """A quantity and its unit as the label of an axis."""
     return f"{quantity}, {unit}" if unit else quantity
 
 
@@ -48,13 +59,24 @@ def letters_across(width: float, size: float | None = None) -> int:
     return int(72.0 * width / (LETTER * (size or mpl.rcParams["font.size"])))
 
 
+def letters_along(panel: Axes) -> int:
+    """Letters in a line beside a panel, from its bottom to its top."""
+    return letters_across(panel.get_window_extent().height / panel.figure.dpi)
+
+
 def letters_above(panel: Axes) -> int:
     """Letters in a line of a title of medium size above a panel."""
     share = panel.get_window_extent().width / panel.figure.bbox.width
     return max(int(TITLE * share * letters(panel.figure)), 12)
 
 
+def kept_whole(text: str) -> str:
+    """A text in which no line breaks inside of a formula or before a percent sign."""
+    return re.sub(r"\$[^$]*\$| %", lambda found: found[0].replace(" ", KEPT), text)
+
+
 def wrapped(text: str, width: int) -> str:
+    """A text in lines of at most so many letters; formulas stay whole."""
     lines = "\n".join(textwrap.wrap(kept_whole(text), max(width, 1), break_on_hyphens=False))
     return lines if KEPT in text else lines.replace(KEPT, " ")
 
@@ -70,10 +92,10 @@ def legend_columns(labels: Iterable[str], width: int, most: int | None = None) -
 
 
 def parameter_symbol(name: str) -> str:
-    """Name of an ARX parameter, such as b0 or b0(e), as mathematics."""
+    """Name of a parameter of the operator, or of an ARX model such as b0 or b0(e), as a formula."""
     found = re.fullmatch(r"([ab])(\d+)(?:\((.*)\))?", name)
     if found is None:
-        return name
+        return SYMBOLS.get(name, name)
     letter, number, channel = found.groups()
     return f"${letter}_{{{number}}}$" + (f" ({channel})" if channel else "")
 
@@ -110,6 +132,22 @@ def corner_note(panel: Axes, text: str, corner: tuple[str, str], edge: float = 0
     )
 
 
+def say_instead(panel: Axes, text: str, width: int = 46) -> None:
+    """What is not available, in the place where it would be drawn."""
+    # Not set_xticks([]), which panels that share the axis would lose their ticks by.
+    panel.tick_params(which="both", length=0, labelbottom=False, labelleft=False)
+    middle: dict[str, Any] = {"transform": panel.transAxes, "ha": "center", "va": "center"}
+    panel.text(0.5, 0.5, wrapped(text, width), color=dimmed(), fontsize="small", **middle)
+
+
+def draw_band(
+    panel: Axes, x: Any, low: Any, high: Any, colour: Any, label: str | None = None, **more: Any
+) -> Any:
+    """A band of this colour from ``low`` to ``high``, through which lines are seen."""
+    look: dict[str, Any] = {"color": colour, "alpha": veil(0.25), "lw": 0, "label": label}
+    return panel.fill_between(x, low, high, **(look | more))
+
+
 def limits_of(
     inner: Any, outer: Any, much: float, margin: float, least: float = 1e-12
 ) -> tuple[float, float]:
@@ -136,6 +174,44 @@ def plain_logarithmic(axis: Axis, few: float = FEW_DECADES, *, minor_ticks: bool
 def phase_ticks(axis: Axis) -> None:
     """Ticks of a phase in degrees, at parts of a turn."""
     axis.set_major_locator(MaxNLocator(7, steps=[1.8, 3.6, 4.5, 9]))
+
+
+def bend_axes(panels: Any, bend: float, every: np.ndarray) -> None:
+    """Axes that are linear within ``bend`` of zero."""
+    low, high = min(every.min(), -0.5 * bend), max(every.max(), 0.5 * bend)
+    bottom, top = _further(low, bend), _further(high, bend)
+    inner = bend * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
+    ticks = np.array([*-_beyond(-bottom, bend)[::-1], *inner, *_beyond(top, bend)])
+    ticks = ticks[(ticks >= bottom) & (ticks <= top)]
+    for panel in panels:
+        panel.set_yscale("symlog", linthresh=bend, linscale=LINEAR)
+        panel.set_ylim(bottom, top)
+        panel.yaxis.set_major_locator(FixedLocator(ticks.tolist()))
+        panel.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        panel.yaxis.set_minor_locator(NullLocator())
+        for edge in (-bend, bend):
+            panel.axhline(edge, color=GREY, lw=scaled(0.6), alpha=0.6, zorder=1)
+
+
+def round_up(value: float) -> float:
+    """The next of 1, 2, 5, 10 ... that is not below."""
+    if value <= 0:
+        return 0.0
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * power for step in (1, 2, 5, 10) if step * power >= 0.999 * value))
+
+
+def _further(value: float, bend: float) -> float:
+    """A limit a little beyond a value of a bent axis."""
+    return 1.25 * value if abs(value) > bend else value + 0.15 * float(np.sign(value)) * bend
+
+
+def _beyond(limit: float, bend: float) -> np.ndarray:
+    """Ticks of the logarithmic part: its decades, or one where there is none."""
+    decades = bend * 10.0 ** np.arange(1, 12)
+    if (decades <= limit).any():
+        return decades[decades <= limit]
+    return bend * np.array([step for step in (5.0, 2.0) if step * bend <= limit][:1])
 
 
 def legend_entries(panels: Any) -> dict[str, Any]:
@@ -183,3 +259,35 @@ def names_as_they_are(figure: Figure, names: Iterable[str]) -> None:
     for text in figure.findobj(Text):
         if any(part in text.get_text() for part in parts):
             text.set_parse_math(False)
+
+
+def short_names(names: Iterable[Any], most: int) -> list[str]:
+    """Names of at most so many letters; what all have in common is left out where one is longer."""
+    whole = [str(name) for name in names]
+    if all(len(name) <= most for name in whole):
+        return whole
+    if len(set(whole)) > 1:
+        start = _in_common(whole)
+        end = _in_common([name[start:][::-1] for name in whole])
+        if start > most // 2:
+            whole = ["…" + name[start:] for name in whole]
+        if end > 2:
+            whole = [name[: len(name) - end] + "…" for name in whole]
+    return [cut(name, most) for name in whole]
+
+
+def cut(text: str, most: int) -> str:
+    """A text of at most so many letters."""
+    return text if len(text) <= most else f"{text[: most - 1].rstrip()}…"
+
+
+def _in_common(names: list[str]) -> int:
+    """Letters at the start that are the same in all names, but not a part of a number."""
+    same = 0
+    for letters in zip(*names, strict=False):
+        if len(set(letters)) > 1:
+            break
+        same += 1
+    while same and names[0][same - 1].isdigit():
+        same -= 1
+    return same

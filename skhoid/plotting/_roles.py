@@ -162,6 +162,11 @@ def outlined() -> dict[str, Any]:
     return {"markeredgecolor": foreground(), "markeredgewidth": scaled(0.6)}
 
 
+def star(size: float = 15.0) -> dict[str, Any]:
+    """Keywords of the mark of what is best."""
+    return {"marker": "*", "ms": sized(size), "ls": "none", "zorder": 4, **outlined()}
+
+
 def styled(
     default: Mapping[str, Any], given: Mapping[str, Any] | None, artist: Any = Line2D
 ) -> dict[str, Any]:

@@ -14,13 +14,12 @@ import pandas as pd
 
 from ..interpret.conversion import FROM_POLES, UNITS
 from ._axes import parameter_symbol, with_unit
-from .operator_parameters import SYMBOLS
 
 REPLICATION = "replication"
 LISTED = 8  # values in a message
 # Results, wherever they stand in a table.
 RESULT = re.compile(r"[ab]\d+|bias_\w+|vaf_\w+|nk|P_n|H_(real|imag)|\w+_sd|weight_ratio")
-OPERATOR = {name: (SYMBOLS[name], UNITS[name]) for name in FROM_POLES}
+OPERATOR = tuple(FROM_POLES)
 QUANTITIES = {
     "condition": "condition",
     "remnant_order": "remnant filter",
@@ -155,7 +154,7 @@ def cell_text(name: str, value: Any) -> str:
 def quantity(name: str) -> str:
     """A column of results as the label of an axis, with its unit."""
     if name in OPERATOR:
-        return with_unit(*OPERATOR[name])
+        return with_unit(parameter_symbol(name), UNITS[name])
     if name.startswith("bias_"):
         return f"relative bias of {parameter_symbol(name.removeprefix('bias_'))}"
     if re.fullmatch(r"[ab]\d+", name):

@@ -1,8 +1,7 @@
-"""Overview of a comparison: a model against measured runs, in several panels on one page."""
+"""A model against measured runs: how good it is, where it fails, what is left to explain."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -15,34 +14,48 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from ..diagnosis.comparison import Comparison, compare
 from ..runs import read_layout, run_name
 from ._axes import (
     LETTER,
+    draw_band,
     legend_above,
     legend_entries,
     legend_inside,
     letters,
     letters_above,
     letters_across,
+    say_instead,
     with_unit,
     wrapped,
 )
-from ._comparison import (
-    ComparisonBaseDisplay,
+from ._display import FittingLayout, add_lines, check_option, figure_size, letter_size
+from ._roles import GREY, ROLES, dimmed, foreground, readable_on, scaled, sized, veil
+from .residual import (
+    ResidualPanels,
     beyond,
     chance,
+    changes_in_time,
+    draw_lost_points,
     exceeding,
+    failing,
     is_of_all_runs,
-    residual_label,
-    say_instead,
+    knows_repeats,
+    mark_changes,
+    percent,
 )
-from ._layout import FittingLayout, figure_size
-from ._roles import GREY, ROLES, foreground
-from .noise_ceiling import ceiling_text, draw_ceiling_bar
-from .operating_point import draw_bins
-from .residual_frequency import draw_spectra
-from .residual_time import changes_in_time, draw_lost_points, failing, knows_repeats, mark_changes
 
+KINDS = (
+    "overview",
+    "ceiling",
+    "runs",
+    "time",
+    "frequency",
+    "amplitude",
+    "map",
+    "correlation",
+)
+# Overview
 AROUND = 1.5  # windows shown to either side of the worst
 SIZE = (8.4, 7.6)  # inches
 # Panels side by side, by the letters across the figure.
@@ -56,57 +69,106 @@ ABOVE_TRACES = 0.18  # of their height, for the name of the worst window
 ABOVE_BARS = 0.6  # of the panel at most, for the names of changes
 BETWEEN = 0.75  # inches that titles and labels take for each row of panels
 SPEAKS = {"gain change": "gain changes", "mean change": "mean changes"}
+# Ceiling
+SMALL = 1.2  # letters of the small size to one of the medium size
+FROM_THE_TOP = 1.15  # top of the panel; the bar ends at 0.4, the text about the ceiling is above
+# Runs
+PARTS = {"validation": "simulated", "estimation": "remnant"}
+MOST_NAMED = 16  # runs that get a tick label each
+MOST_SAID = 4
+MANY = 100  # runs, whose marks are small
+LONG = 4  # letters of a label; longer ones stand upright where there are many
+LOWEST = -20.0  # percent; runs below it are named at the edge
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
-class ComparisonDisplay(ComparisonBaseDisplay):
+class ComparisonDisplay(ResidualPanels):
     """How good a model is, where it fails, and how much is left to explain.
 
-    From above: the output as explained, misfit and remnant, with the noise ceiling; the measured
-    and the simulated output around the worst window of the worst run; where the misfit is: the VAF
-    points lost over time, the spectra of output, residual and remnant, and the mean residual over
-    the channel with the clearest nonlinearity. Misfit is what exceeds chance; in time, if runs
-    share the target, what repeats over them. One key of colours serves all panels.
+    ``kind`` says what is drawn of a comparison. Misfit, in vermilion, is what exceeds chance; what
+    chance gives is grey.
+
+    overview
+        From above: the output as explained, misfit and remnant, with the noise ceiling; the
+        measured and the simulated output around the worst window of the worst run; where the misfit
+        is: the VAF points lost over time, the spectra, and the mean residual over the channel with
+        the clearest nonlinearity. One key of colours serves all panels.
+    ceiling
+        The measured output as a bar. The first part is what the model explains (its VAF), the
+        second what a better model could explain beyond it (up to the noise ceiling, a dotted line
+        with its 95 % interval), the third what no model driven by the measured error can. Without a
+        ceiling the bar has two parts, and the figure says why.
+    runs
+        VAF by run, in validation and estimation, with the ceiling of the validation runs together.
+        Runs whose residual power exceeds chance are ringed. A run far below zero is named at the
+        lower edge.
+    time
+        Above, the VAF points that each window costs, all runs together: the bars add up to
+        100 - VAF. What repeats over runs is misfit, drawn where it is beyond chance; the rest is
+        remnant, which may grow without a fault of the model. Where no runs share the target,
+        windows with more than chance have the colour of misfit. Below, the power of the residual
+        relative to that of the whole run; thin lines are single runs, of more than 50 those that
+        exceed chance most, beside a band that holds 90 % of all. Changes in time that cost
+        something are dashed.
+    frequency
+        Above, spectra of the measured output, of the residual and of what does not repeat (noise):
+        residual above the noise is structure that a better model could explain. Marks are single
+        lines or harmonics of a periodic target, curves what lies between. Below, magnitude (and
+        phase) of the response from the error to the output, with 95 % intervals. The axis ends
+        where the output holds next to nothing.
+    amplitude
+        The mean residual over the level of each channel, so much earlier than the residual as its
+        label says. The band holds all means of a panel if the residual does not depend on the
+        channel. A slope is a wrong gain, a bend at zero an asymmetry or a dead zone, a bend at the
+        ends a limit. The levels of the output are those simulated; a level at which the measured
+        one is held, such as that of a stop, is a dashed line among them.
+    map
+        Power of the residual over time and frequency, relative to the mean remnant of the frequency
+        (white). Dots mark cells with more than chance gives any cell of the map if the remnant does
+        not change: a column of red and dots at all frequencies is remnant that grows, red and dots
+        at some frequencies are misfit.
+    correlation
+        Correlation of the residual with signals, over the lag; at positive lags the residual
+        follows the signal. The band holds a whole curve if the residual has nothing to do with the
+        signal. Signals inside the loop, which the remnant enters, are grey: even the exact model's
+        residual correlates with them.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.
 
     Parameters
     ----------
-    model_name : str
-        Name of the model.
-    output : str
-        Name of the output.
-    unit : str or None
-        Its unit.
-    false_alarm : float
-        Rate of false alarms of what is called misfit.
-    vaf : float
-        Free-run VAF in percent.
-    noise_ceiling : float
-        The highest VAF that a model can reach, in percent; NaN if it is not known.
-    noise_ceiling_interval : (float, float)
-        Its 95 % interval.
-    explainable_gap : float
-        VAF points up to the ceiling.
-    traces, by_run, by_time, by_frequency, by_operating_point, tests : DataFrame
-        The tables of these names in a :class:`Comparison <skhoid.Comparison>`.
-    findings : list of Finding
-        The title of the first stands above the traces.
+    comparison : Comparison
+        Result of :func:`skhoid.compare`, or whatever has the attributes that are drawn.
+    kind : str, default="overview"
+        One of the kinds above.
+    phase : bool, default=False
+        Draw the phase of the response too (kind "frequency").
 
     Attributes
     ----------
-    axes_ : ndarray of Axes, shape (5,)
-        Traces, time, frequency, amplitude and the bar.
-    figure_ : Figure
-        The figure that holds them.
-    run_ : str
-        Name of the run shown.
-    window_ : (float, float) or None
-        Its worst window, in s.
+    %(panels)
     lines_ : dict of Line2D
-        The traces, ``"measured"`` and ``"simulated"``.
+        Lines by name: ``"measured"`` and ``"simulated"``; ``"validation"`` and ``"estimation"``;
+        the power of ``"all"`` runs and of each; spectra (``"output"``, ``"residual"``, ``"noise"``)
+        and responses (``"measured gain"``, ``"model gain"``); one for each channel or signal.
+    bands_ : dict of FillBetweenPolyCollection
+        What chance gives, by the same.
+    exceeding_ : list of Line2D
+        Marks of what exceeds chance.
     parts_ : dict of Rectangle
-        The parts of the bar.
+        The parts of the bar (overview, ceiling).
+    ceiling_, interval_ : Artist or None
+        The noise ceiling (ceiling, runs), and its interval (ceiling).
+    run_, window_ : str, and (float, float) or None
+        The run shown in the overview, and its worst window in s.
+    bars_, misfit_ : BarContainer or None
+        VAF points lost over time, and the part of them that is misfit.
+    changes_ : dict {str: float}
+        Instants marked, in s, by the name of the test (time).
+    levels_ : dict {str: list of float}
+        Levels marked, by channel (amplitude).
+    mesh_, colorbar_ : QuadMesh and Colorbar, or None
+        The ratio in dB, and its scale (map).
 
     Examples
     --------
@@ -115,118 +177,165 @@ class ComparisonDisplay(ComparisonBaseDisplay):
     >>> X, y = make_tracking_runs(
     ...     "C1", n_runs=5, remnant_intensity=0.15, channels=["e", "f_t"], random_state=0
     ... )
-    >>> model = ARXRegressor(nk=29).fit(X, y)
-    >>> display = ComparisonDisplay.from_estimator(model, X, y)
+    >>> comparison = compare(ARXRegressor(nk=29).fit(X, y), X, y)
+    >>> display = ComparisonDisplay.from_comparison(comparison)
     >>> len(display.axes_)
     5
+    >>> display = ComparisonDisplay.from_comparison(comparison, "correlation")
+    >>> list(display.lines_)
+    ['f_t', 'e']
     """
 
-    model_name: str
-    output: str
-    unit: str | None
-    false_alarm: float
-    vaf: float
-    noise_ceiling: float
-    noise_ceiling_interval: tuple[float, float]
-    explainable_gap: float
-    traces: pd.DataFrame
-    by_run: pd.DataFrame
-    by_time: pd.DataFrame
-    by_frequency: pd.DataFrame
-    by_operating_point: pd.DataFrame
-    tests: pd.DataFrame
-    findings: Sequence[Any]
-
-    def plot(
-        self,
-        ax: Any = None,
+    @classmethod
+    def from_comparison(
+        cls,
+        comparison: Comparison,
+        kind: str = "overview",
         *,
-        measured_kw: dict[str, Any] | None = None,
-        simulated_kw: dict[str, Any] | None = None,
+        phase: bool = False,
+        ax: Any = None,
+        **kwargs: Any,
     ) -> Self:
+        """Draw a comparison.
+
+        Parameters
+        ----------
+        comparison : Comparison
+            Result of :func:`skhoid.compare`.
+        kind : str, default="overview"
+            What to draw: overview, ceiling, runs, time, frequency, amplitude, map or correlation.
+        phase : bool, default=False
+            Draw the phase of the response too (kind "frequency").
+        %(keywords)
+
+        %(display)
+        """
+        if not isinstance(comparison, Comparison):
+            raise TypeError(
+                f"{cls.__name__}.from_comparison draws a result of skhoid.compare; got "
+                f"{type(comparison).__name__}. from_estimator(model, X, y) compares first."
+            )
+        return cls(comparison=comparison, kind=kind, phase=phase).plot(ax, **kwargs)
+
+    @classmethod
+    def from_estimator(
+        cls,
+        model: Any,
+        X: Any,
+        y: Any,
+        kind: str = "overview",
+        *,
+        estimation: tuple[Any, Any] | None = None,
+        ax: Any = None,
+        **kwargs: Any,
+    ) -> Self:
+        """Compare a fitted model with measured runs, and draw that.
+
+        Parameters
+        ----------
+        model : fitted estimator
+            With ``predict``.
+        X : DataFrame of shape (n_rows, n_channels)
+            Channels of the validation runs.
+        y : Series of shape (n_rows,)
+            The operator's measured output.
+        kind : str, default="overview"
+            What to draw: overview, ceiling, runs, time, frequency, amplitude, map or correlation.
+        estimation : (X, y) or None, default=None
+            Data that the model was fitted on; with other options, call :func:`skhoid.compare`.
+        %(keywords)
+
+        %(display)
+        """
+        comparison = compare(model, X, y, estimation=estimation)
+        return cls.from_comparison(comparison, kind, ax=ax, **kwargs)
+
+    def plot(self, ax: Any = None, **kwargs: Any) -> Self:
         """Draw.
 
         Parameters
         ----------
-        ax : sequence of five Axes or None, default=None
-            Where to draw traces, time, frequency, amplitude and the bar. None makes a figure.
-        measured_kw : dict or None, default=None
-            Keywords of matplotlib for the measured output.
-        simulated_kw : dict or None, default=None
-            Keywords of matplotlib for the simulated output.
+        %(keywords)
 
-        Returns
-        -------
-        self : ComparisonDisplay
+        %(self)
         """
-        own = ax is None
-        key: Axes | None = None
-        if own:
-            ax, key = _own_panels()
-        shows = "traces, time, frequency, amplitude and the bar"
-        self.axes_ = self._take_axes(ax, shows, (5, 1))
-        self._own = own
-        traces, time, frequency, amplitude, bar = self.axes_
-        self.parts_ = draw_ceiling_bar(bar, self).parts
-        self._draw_traces(traces)
-        self._restyle(
-            {"measured": measured_kw, "simulated": simulated_kw},
-            measured=self.lines_["measured"],
-            simulated=self.lines_["simulated"],
-        )
-        self._draw_time(time)
-        self._draw_frequency(frequency)
-        self._draw_amplitude(amplitude)
-        title = f"{self.model_name}: {ceiling_text(self)}"
-        finding = "\n".join(
-            wrapped(f"{finding.title}", letters_above(traces)) for finding in self.findings[:1]
-        )
-        if own:
-            across = letters(self.figure_)
-            size = "large" if 1.2 * len(title) < across else "medium"
-            self.figure_.suptitle(title, fontsize=size)
-            traces.set_title(finding, fontsize="medium")
-            self._draw_key(key)
-            return self
-        traces.set_title(f"{wrapped(title, letters_above(traces))}\n{finding}", fontsize="small")
-        legend_above(traces)
-        for panel in self.axes_[1:4]:
-            entries = legend_entries([panel])
-            legend_inside(panel, list(entries.values()), list(entries))
+        check_option("kind", self.kind, KINDS)
+        self._forget()
+        main = getattr(self, f"_draw_{self.kind}")(ax)
+        self._restyle(kwargs, main)
+        if self.kind == "overview":
+            self._explain_overview()
+        else:
+            self._legend_of_panels()
         return self
 
-    def _draw_key(self, place: Axes | None) -> None:
-        """What the colours mean, in all panels; in a place of its own, or below the figure."""
-        entries: dict[str, Any] = {
+    # The overview
+
+    def _draw_overview(self, ax: Any) -> Any:
+        self._key: Axes | None = None
+        own = ax is None
+        if own:
+            ax, self._key = _own_panels()
+        self._take_axes(ax, "traces, time, frequency, amplitude and the bar", (5, 1))
+        self._own = own
+        traces, time, frequency, amplitude, bar = self.axes_
+        self._draw_bar(bar)
+        self._draw_traces(traces)
+        main = dict(self.lines_)
+        self._draw_where_in_time(time)
+        frequency.set_title("where in frequency", fontsize="medium")
+        self._draw_spectra(frequency)
+        if frequency.get_lines():
+            frequency.set_xlabel("frequency, rad/s")
+        self._draw_strongest(amplitude)
+        return main
+
+    def _explain_overview(self) -> None:
+        """Titles, and what the colours mean."""
+        traces, found = self.ax_, self.comparison
+        title = f"{found.model_name}: {_ceiling_text(found)}"
+        finding = "\n".join(wrapped(f.title, letters_above(traces)) for f in found.findings[:1])
+        if not self._own:
+            title = wrapped(title, letters_above(traces))
+            traces.set_title(f"{title}\n{finding}", fontsize="small")
+            legend_above(traces)
+            for panel in self.axes_[1:4]:
+                entries = legend_entries([panel])
+                legend_inside(panel, list(entries.values()), list(entries))
+            return
+        size = "large" if 1.2 * len(title) < letters(self.figure_) else "medium"
+        self.figure_.suptitle(title, fontsize=size)
+        traces.set_title(finding, fontsize="medium")
+        entries = {
             ROLES[name].word: Line2D([], [], **ROLES[name].style(1.6))
             for name in ("measured", "simulated", "residual")
         }
-        entries[f"misfit: {beyond(self.false_alarm)}"] = Patch(color=ROLES["misfit"].colour)
+        entries[f"misfit: {beyond(found.false_alarm)}"] = Patch(color=ROLES["misfit"].colour)
         entries["remnant"] = Patch(color=ROLES["remnant"].colour)
-        entries[chance(self.false_alarm)] = Patch(color=GREY, alpha=0.35, lw=0)
-        if place is None:
+        entries[chance(found.false_alarm)] = Patch(color=GREY, alpha=0.35, lw=0)
+        if self._key is None:
             self._legend(list(entries.values()), list(entries))
         else:
-            place.set_axis_off()
-            place.legend(
-                entries.values(), entries.keys(), loc="center", frameon=False, fontsize="medium"
-            )
+            self._key.set_axis_off()
+            place: dict[str, Any] = {"loc": "center", "frameon": False, "fontsize": "medium"}
+            self._key.legend(entries.values(), entries.keys(), **place)
 
     def _draw_traces(self, panel: Axes) -> None:
-        self.lines_: dict[str, Any] = {}
+        """Measured and simulated output around the worst window of the worst run."""
+        found = self.comparison
         self.window_: tuple[float, float] | None = None
-        layout = read_layout(self.traces)
-        validation = self.by_run[self.by_run["data"] == "validation"]
+        layout = read_layout(found.traces)
+        validation = found.by_run[found.by_run["data"] == "validation"]
         names = [run_name(label) for label in layout.labels]
         self.run_ = names[0]
         if validation["vaf"].notna().any():
             self.run_ = str(validation["run"].iloc[int(np.nanargmin(validation["vaf"]))])
-        windows = self.by_time[self.by_time["run"] == self.run_]
+        windows = found.by_time[found.by_time["run"] == self.run_]
         if windows.empty:  # the only run is all runs
-            windows = self.by_time
+            windows = found.by_time
         number = names.index(self.run_)
         rows = slice(layout.run_starts[number], layout.run_starts[number + 1])
-        time, table = layout.time[rows], self.traces.iloc[rows]
+        time, table = layout.time[rows], found.traces.iloc[rows]
         begin, end = time[0], time[-1]
         if windows["rmse"].notna().any():
             worst = windows.loc[windows["rmse"].idxmax()]
@@ -237,15 +346,13 @@ class ComparisonDisplay(ComparisonBaseDisplay):
             self._shade(panel, windows[inside], self.window_)
         shown = (time >= begin) & (time <= end)
         for name, column in (("measured", "measured"), ("simulated", "predicted")):
+            look = ROLES[name].style(1.2)
             (self.lines_[name],) = panel.plot(
-                time[shown],
-                table[column].to_numpy()[shown],
-                **ROLES[name].style(1.2),
-                label=ROLES[name].word,
+                time[shown], table[column].to_numpy()[shown], label=ROLES[name].word, **look
             )
         panel.set_xlim(begin, end)
         panel.set_xlabel(f"time in run {self.run_}, s")
-        panel.set_ylabel(with_unit(self.output, self.unit))
+        panel.set_ylabel(with_unit(found.output, found.unit))
         panel.grid(alpha=0.3)
         if self.window_ is not None:  # room for its name
             low, high = panel.get_ylim()
@@ -253,52 +360,44 @@ class ComparisonDisplay(ComparisonBaseDisplay):
 
     def _shade(self, panel: Axes, windows: pd.DataFrame, worst: tuple[float, float]) -> None:
         """The worst window, in the colour of misfit if the model fails there."""
-        together = self.by_time[is_of_all_runs(self.by_time)]
+        by_time = self.comparison.by_time
+        together = by_time[is_of_all_runs(by_time)]
         rule = windows
         if knows_repeats(together):  # over runs, so it is not known of one alone
             rule = together[together["start"].isin(windows["start"])]
-        raised = rule[failing(rule, self.false_alarm)]
+        raised = rule[failing(rule, self.comparison.false_alarm)]
         fails = worst in set(zip(raised["start"], raised["stop"], strict=True))
-        colour = ROLES["misfit"].colour if fails else GREY
-        panel.axvspan(*worst, color=colour, alpha=0.2, lw=0)
-        panel.annotate(
-            f"worst {worst[1] - worst[0]:.2g} s",
-            (sum(worst) / 2, 1.0),
-            (0, -2),
-            xycoords=("data", "axes fraction"),
-            textcoords="offset points",
-            ha="center",
-            va="top",
-            fontsize="medium",
-        )
+        panel.axvspan(*worst, color=ROLES["misfit"].colour if fails else GREY, alpha=0.2, lw=0)
+        place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "top"}
+        text, at = f"worst {worst[1] - worst[0]:.2g} s", (sum(worst) / 2, 1.0)
+        panel.annotate(text, at, (0, -2), textcoords="offset points", fontsize="medium", **place)
 
-    def _draw_time(self, panel: Axes) -> None:
+    def _draw_where_in_time(self, panel: Axes) -> None:
         panel.set_title("where in time", fontsize="medium")
-        together = self.by_time[is_of_all_runs(self.by_time)]
-        if draw_lost_points(panel, together, self.false_alarm, even=False)[0] is None:
+        found = self.comparison
+        together = found.by_time[is_of_all_runs(found.by_time)]
+        if draw_lost_points(panel, together, found.false_alarm, even=False)[0] is None:
             return
-        self._mark_changes(panel)
+        changes = changes_in_time(found.tests)
+        mark_changes(panel, changes)
+        if self._own and changes:
+            self._name_changes(panel, changes)
         panel.set_xlim(together["start"].min(), together["stop"].max())
         panel.set_xlabel("time in the run, s")
 
-    def _mark_changes(self, panel: Axes) -> None:
-        """Changes in time, named where they are."""
-        changes = changes_in_time(self.tests)
-        mark_changes(panel, changes)
-        if not (self._own and changes):
-            return
+    def _name_changes(self, panel: Axes, changes: dict[str, float]) -> None:
+        """Names of changes in time beside their lines."""
         names = {name: SPEAKS.get(name, name) for name in changes}
         box, points = panel.get_window_extent(), 72.0 / panel.figure.dpi
         size = FontProperties(size="x-small").get_size_in_points()
-        taken = min(
-            size * LETTER * (max(map(len, names.values())) + 4) / (points * box.height), ABOVE_BARS
-        )
+        longest = max(map(len, names.values())) + 4
+        taken = min(size * LETTER * longest / (points * box.height), ABOVE_BARS)
         low, high = panel.get_ylim()
         panel.set_ylim(low, low + (high - low) / (1.0 - taken))
         start, stop = panel.dataLim.intervalx
         near = 1.5 * size * (stop - start) / (points * box.width)
         for line, (name, at) in zip(panel.get_lines(), changes.items(), strict=False):
-            line.set_label("_")  # named beside it
+            line.set_label("_")
             # Before its line, if the next line is where the name would be.
             later = [(t, n) for n, t in changes.items() if (t, n) > (at, name)]
             before = any(t < at + near for t, _ in later)
@@ -314,24 +413,150 @@ class ComparisonDisplay(ComparisonBaseDisplay):
                 fontsize="x-small",
             )
 
-    def _draw_frequency(self, panel: Axes) -> None:
-        panel.set_title("where in frequency", fontsize="medium")
-        if draw_spectra(panel, self.by_frequency, self.unit, self.false_alarm)[0]:
-            panel.set_xlabel("frequency, rad/s")
-
-    def _draw_amplitude(self, panel: Axes) -> None:
-        title = "where in amplitude"
-        channel = _strongest(self.by_operating_point, self.tests)
+    def _draw_strongest(self, panel: Axes) -> None:
+        """The mean residual over the channel with the clearest nonlinearity."""
+        title, table = "where in amplitude", self.comparison.by_operating_point
+        channel = _strongest(table, self.comparison.tests)
         if channel is None:
             say_instead(panel, "Where in amplitude: not available.", 28)
         else:
-            table = self.by_operating_point
             bins = table[table["channel"] == channel]
-            unit = table.attrs.get("units", {}).get(channel)
-            draw_bins(panel, bins, self.false_alarm, self.output, unit)
-            panel.set_ylabel(residual_label(self.unit))
+            self._draw_bins(panel, channel, bins, table.attrs.get("units", {}).get(channel))
+            panel.set_ylabel(with_unit("mean residual", self.comparison.unit))
             title += "" if bins["valid"].all() else " (not a test)"
         panel.set_title(title, fontsize="medium", color=foreground())
+
+    # The noise ceiling
+
+    def _draw_ceiling(self, ax: Any) -> Any:
+        self._take_axes(ax, "the bar", figsize=(6.4, 2.2))
+        note = self.comparison.ceiling_note
+        if not np.isnan(self.comparison.noise_ceiling):
+            note = f"noise ceiling {note}"
+        note = wrapped(note[:1].upper() + note[1:], letters(self.figure_))
+        if self._own:
+            add_lines(self.figure_, note.count("\n") + 2, mpl.rcParams["font.size"])
+        self._draw_bar(self.ax_, note if self.comparison.ceiling_note else "")
+        self.ax_.set_title(_ceiling_text(self.comparison), fontsize="medium")
+        return self.parts_
+
+    def _draw_bar(self, panel: Axes, note: str = "") -> None:
+        """The bar, its parts named in it, or below the panel where they are too small for that."""
+        panel.set_xlim(0.0, 100.0)
+        panel.set_ylim(-0.5, FROM_THE_TOP)
+        panel.set_yticks([])
+        panel.xaxis.set_major_formatter("{x:g} %")
+        panel.spines[["left", "right", "top"]].set_visible(False)
+        self.parts_: dict[str, Any] = {}
+        small = []
+        room = letters_above(panel) / 100.0
+        for name, colour, low, high, size in _spans(self.comparison):
+            (self.parts_[name],) = panel.barh(0, high - low, left=low, height=0.8, color=colour)
+            if max(len(name), len(size)) + 1 > room * (high - low):
+                small += [f"{name} {size}"] if size else []
+                continue
+            look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small"}
+            box = {"facecolor": colour, "edgecolor": "none", "pad": 0.0}
+            middle, text = (low + high) / 2, f"{name}\n{size}"
+            panel.text(middle, 0, text, color=readable_on(colour), bbox=box, **look)
+        self._draw_ceiling_line(panel)
+        below = [", ".join(small)] if small else []
+        panel.set_xlabel("\n".join([*below, note] if note else below), fontsize="small")
+
+    def _draw_ceiling_line(self, panel: Axes) -> None:
+        """The ceiling as a line across the bar, named above it, and its interval."""
+        ceiling, role = self.comparison.noise_ceiling, ROLES["ceiling"]
+        self.ceiling_: Any = None
+        self.interval_: Any = None
+        if np.isnan(ceiling):
+            _write_above(panel, 100.0, "noise ceiling not known")
+            return
+        at = float(np.clip(ceiling, 0.0, 100.0))
+        (self.ceiling_,) = panel.plot(
+            [at, at], [-0.5, 0.62], **role.style(2.4), solid_capstyle="butt", zorder=3
+        )
+        low, high = np.clip(self.comparison.noise_ceiling_interval, 0.0, 100.0)
+        text = f"{role.word} {percent(ceiling)}"
+        if np.isfinite([low, high]).all():
+            text += f" (95 % interval {low:.1f} to {high:.1f} %)"
+            inside = float(np.clip(at, low, high))
+            ends = [[inside - low], [high - inside]]
+            look: dict[str, Any] = {"lw": scaled(1.4), "capsize": 3, "capthick": scaled(1.4)}
+            self.interval_ = panel.errorbar(inside, 0.52, xerr=ends, color=foreground(), **look)
+        _write_above(panel, at, text)
+
+    # The runs
+
+    def _draw_runs(self, ax: Any) -> Any:
+        self._take_axes(ax, "the VAF of the runs", figsize=(6.4, 4.2))
+        self.ceiling_ = None
+        by_run = self.comparison.by_run
+        parts = [by_run[by_run["data"] == name] for name in PARTS]
+        table = pd.concat(parts, ignore_index=True)
+        if not np.isfinite(table["vaf"].to_numpy(dtype=float)).any():
+            say_instead(self.ax_, "VAF by run: not available.")
+            return []
+        n_validation = len(parts[0])
+        # A gap between validation and estimation.
+        at = np.arange(len(table)) + np.where(np.arange(len(table)) < n_validation, 0.0, 0.6)
+        self._draw_levels(n_validation)
+        self._draw_vaf(table, at)
+        names = table["run"].tolist()
+        every = -(-len(names) // MOST_NAMED)
+        upright = len(names) > 6 and max(map(len, names)) > LONG
+        self.ax_.set_xticks(at[::every], names[::every], rotation=90 if upright else 0)
+        self.ax_.set_xlim(at[0] - 0.7, at[-1] + 0.7)
+        self.ax_.set_xlabel("run")
+        self.ax_.set_ylabel("VAF, %")
+        self.ax_.set_title(_runs_text(table), fontsize="medium")
+        self.ax_.grid(alpha=0.3, axis="y")
+        return self.lines_
+
+    def _draw_levels(self, n_validation: int) -> None:
+        """The ceiling and the VAF of all validation runs, over these runs only."""
+        span, role = np.array([-0.5, n_validation - 0.5]), ROLES["ceiling"]
+        ceiling, vaf = self.comparison.noise_ceiling, self.comparison.vaf
+        if not np.isnan(ceiling):
+            low, high = self.comparison.noise_ceiling_interval
+            if np.isfinite([low, high]).all():
+                draw_band(self.ax_, span, low, high, role.colour, alpha=veil(0.2))
+            label = f"noise ceiling {percent(ceiling)}, 95 % interval"
+            (self.ceiling_,) = self.ax_.plot(span, [ceiling] * 2, **role.style(1.6), label=label)
+        look: dict[str, Any] = {"color": ROLES["simulated"].colour, "lw": scaled(1.2), "ls": "--"}
+        label = f"validation runs together {percent(vaf)}"
+        self.ax_.plot(span, [vaf] * 2, label=label, **look)
+
+    def _draw_vaf(self, table: pd.DataFrame, at: np.ndarray) -> None:
+        vaf = table["vaf"].to_numpy(dtype=float)
+        below, raised = vaf < LOWEST, exceeding(table)
+        size = 6.0 if len(table) <= MANY else 2.5
+        for name, role in PARTS.items():
+            rows = (table["data"] == name).to_numpy()
+            if rows.any():
+                look: dict[str, Any] = {"marker": "o", "ms": size, "ls": "none"}
+                (self.lines_[name],) = self.ax_.plot(
+                    at[rows], vaf[rows], color=ROLES[role].colour, label=name, **look
+                )
+        if raised.any():
+            look = {"mfc": "none", "mec": ROLES["misfit"].colour, "mew": scaled(1.8)}
+            self._mark(self.ax_, at[raised], vaf[raised], ms=sized(2) * size, **look)
+        if not below.any():
+            self.ax_.margins(y=0.15)
+            return
+        self.ax_.set_ylim(LOWEST, 100.0)
+        lowest = np.flatnonzero(below)[np.argsort(vaf[below], kind="stable")][:MOST_NAMED]
+        for x, value, red in zip(at[lowest], vaf[lowest], raised[lowest], strict=True):
+            colour = ROLES["misfit"].colour if red else foreground()
+            self.ax_.annotate(
+                f"{value:.0f} %",
+                (x, LOWEST),
+                xytext=(0, 18),
+                textcoords="offset points",
+                ha="center",
+                fontsize="small",
+                color=colour,
+                arrowprops={"arrowstyle": "->", "color": colour},
+            )
 
 
 def _strongest(bins: pd.DataFrame, tests: pd.DataFrame) -> str | None:
@@ -356,10 +581,63 @@ def _own_panels() -> tuple[list[Axes], Axes | None]:
     across = letters_across(width)
     rows: Any = next(rows for least, rows in LAYOUTS.items() if across >= least)
     heights = [HEIGHTS[row[0]] for row in rows]
-    letter = mpl.rcParams["font.size"] / 10.0
-    least = letter * (sum(heights) * 0.85 + BETWEEN * len(rows))
+    least = letter_size() * (sum(heights) * 0.85 + BETWEEN * len(rows))
     figure = plt.figure(figsize=(width, max(height, least)), layout=FittingLayout())
     panels = figure.subplot_mosaic(rows, height_ratios=heights)
     key = panels.pop("key", None)
     names = ("traces", "time", "frequency", "amplitude", "bar")
     return [panels[name] for name in names], key
+
+
+def _ceiling_text(comparison: Any) -> str:
+    """VAF and ceiling, for a title; of a comparison or whatever has its attributes."""
+    found = f"VAF {percent(comparison.vaf)}"
+    if np.isnan(comparison.noise_ceiling):
+        return f"{found}, noise ceiling not known"
+    gap = comparison.explainable_gap
+    left = f"{gap:.1f} points left to explain" if gap > 0 else "nothing left to explain"
+    return f"{found}, noise ceiling {percent(comparison.noise_ceiling)}: {left}"
+
+
+def _spans(comparison: Any) -> list[tuple[str, str, float, float, str]]:
+    """Name, colour, begin and end in percent, and size in words, of each part of the bar."""
+    ceiling, known = comparison.noise_ceiling, not np.isnan(comparison.noise_ceiling)
+    # Where not all runs share their target, the ceiling and the gap are of those that do.
+    left = max(comparison.explainable_gap, 0.0) if known else 0.0
+    explained = ceiling - left if left > 0 else comparison.vaf
+    end = float(np.clip(explained, 0.0, 100.0))
+    size = percent(explained) + (": worse than no model" if explained < 0 else "")
+    spans = [("explained", ROLES["simulated"].colour, 0.0, end, size)]
+    if not known:
+        rest = percent(100.0 - explained)
+        return [*spans, ("not explained", dimmed(0.15), end, 100.0, rest)]
+    top = float(np.clip(ceiling, end, 100.0))
+    gap = f"{left:.1f} points" if left >= 0.05 else ""
+    remnant = percent(max(100.0 - ceiling, 0.0))
+    return [
+        *spans,
+        ("misfit", ROLES["misfit"].colour, end, top, gap),
+        ("remnant", ROLES["remnant"].colour, top, 100.0, remnant),
+    ]
+
+
+def _write_above(panel: Axes, at: float, text: str) -> None:
+    """Text above the bar, on that side of ``at`` where there is more room."""
+    left = at > 50.0
+    # From the edge of the panel where the text is longer than the room to that side.
+    room = SMALL * letters_above(panel) * (at if left else 100.0 - at) / 100.0
+    if len(text) > room:
+        at = 100.0 if left else 0.0
+    panel.text(at, 0.68, text, ha="right" if left else "left", va="bottom", fontsize="small")
+
+
+def _runs_text(table: pd.DataFrame) -> str:
+    """Which runs exceed chance, for a title."""
+    if table["p"].isna().all():
+        return "Too few runs to test one against the others"
+    raised = table.loc[exceeding(table), "run"].tolist()
+    if not raised:
+        return "No run differs from the others by more than chance"
+    more = f" and {len(raised) - MOST_SAID} more" if len(raised) > MOST_SAID else ""
+    runs = "run" if len(raised) == 1 else "runs"
+    return f"Beyond chance: {runs} {', '.join(raised[:MOST_SAID])}{more}"

@@ -53,7 +53,7 @@ class Finding:
     next_step : str
         What to do about it.
     picture : str, default=""
-        Name of the Display class that shows it; empty if there is none.
+        What ``plot(kind)`` of the comparison draws to show it; empty if there is none.
     severity : float, default=nan
         VAF points that it costs; NaN if unknown.
     about : str, default=""

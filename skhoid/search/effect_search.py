@@ -515,22 +515,27 @@ class EffectSearchCV(
         check_is_fitted(self)
         return tell_search(self.result_).text()
 
-    def plot(self, ax: Any = None) -> Any:
-        """Draw the error at each step, with the noise ceiling.
+    def plot(self, kind: str = "path", *, ax: Any = None, **options: Any) -> Any:
+        """Draw the search, as :class:`skhoid.plotting.SearchDisplay` does.
 
         Parameters
         ----------
-        ax : Axes or None, default=None
+        kind : {"path", "steps", "ranking"}, default="path"
+            The error at each step with the noise ceiling, simulations before and after, or the
+            candidates of a step.
+        ax : Axes, sequence of Axes or None, default=None
             Where to draw. None makes a figure.
+        **options : dict
+            Of :meth:`skhoid.plotting.SearchDisplay.from_estimator`.
 
         Returns
         -------
-        display : ErrorPathDisplay
+        display : SearchDisplay
         """
         check_is_fitted(self)
-        from ..plotting import ErrorPathDisplay
+        from ..plotting import SearchDisplay
 
-        return ErrorPathDisplay.from_estimator(self, ax=ax)
+        return SearchDisplay.from_estimator(self, kind, ax=ax, **options)
 
     def explore(self, X: Any = None, y: Any = None) -> Any:
         """Try the effects by hand, in a notebook: add, move parameters, see the error fall.

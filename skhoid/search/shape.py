@@ -285,11 +285,11 @@ class Shape:
 
         Returns
         -------
-        display : ShapeDisplay
+        display : EffectDisplay
         """
-        from ..plotting import ShapeDisplay
+        from ..plotting import EffectDisplay
 
-        return ShapeDisplay.from_shape(self, ax=ax)
+        return EffectDisplay.from_shape(self, ax=ax)
 
     def as_dict(self) -> dict[str, Any]:
         """The same as numbers and names, for JSON.

@@ -9,7 +9,7 @@ import pytest
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import CoreKind, catalogue
 from skhoid.effects.registry import effect
-from skhoid.plotting import IdentifiedEffectDisplay
+from skhoid.plotting import EffectDisplay
 from skhoid.testing import synthetic_record
 from skhoid.testing.records import parts_of, signal_at
 
@@ -69,4 +69,4 @@ def test_a_model_of_columns_with_roles(name):
     model = OperatorRegressor(0.28, effects=name, roles={OWN[c]: c for c in X}).fit(renamed, y)
     np.testing.assert_array_equal(model.predict(renamed), plain.predict(X))
     pd.testing.assert_frame_equal(model.parameters_, plain.parameters_)
-    assert IdentifiedEffectDisplay.from_estimator(model, name, renamed, y).figure_
+    assert EffectDisplay.from_estimator(model, name, renamed, y).figure_

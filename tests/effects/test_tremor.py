@@ -9,7 +9,7 @@ import pytest
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import Bias, Dimension, Effect, Parameter, Signature, Tremor
 from skhoid.effects.catalogue import CLASSES
-from skhoid.plotting import IdentifiedEffectDisplay
+from skhoid.plotting import EffectDisplay
 from skhoid.search.judges import noises_in, without_noise
 from skhoid.testing import check_effect, synthetic_record
 
@@ -126,7 +126,7 @@ def test_noise_of_a_user_is_drawn_and_not_simulated(humming):
     with pytest.raises(ValueError, match="hum is noise; add a hum of your own to y"):
         make_tracking_runs("C1", effects=Hum(amplitude=0.1), random_state=0)
     model = OperatorRegressor(effects=Hum(amplitude=0.1)).fit(*humming)
-    display = IdentifiedEffectDisplay.from_estimator(model, "hum").plot()
+    display = EffectDisplay.from_estimator(model, "hum").plot()
     wave = display.ax_.get_lines()
     assert any(np.abs(line.get_ydata()).max() == pytest.approx(0.1, rel=1e-3) for line in wave)
 

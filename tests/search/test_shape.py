@@ -8,7 +8,7 @@ import pytest
 from support.shapes import a_shape, nothing_near
 
 from skhoid.effects import Bias, FreeMap, WrongDelay
-from skhoid.plotting import ShapeDisplay
+from skhoid.plotting import EffectDisplay
 
 
 def test_sentences_say_place_gain_names_and_what_to_do():
@@ -94,5 +94,5 @@ def test_a_machine_has_no_error():
 def test_it_draws_itself():
     shape = a_shape()
     display = shape.plot()
-    assert isinstance(display, ShapeDisplay)
-    np.testing.assert_array_equal(display.line_.get_ydata(), shape.curve["value"])
+    assert isinstance(display, EffectDisplay)
+    np.testing.assert_array_equal(display.lines_["curve"].get_ydata(), shape.curve["value"])

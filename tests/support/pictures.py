@@ -5,6 +5,8 @@ Run as a script, it writes all of them as PNG into a folder, to be looked at.
 
 import doctest
 import sys
+from dataclasses import replace
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 
@@ -16,6 +18,21 @@ from matplotlib.transforms import Bbox
 from skhoid import plotting
 
 DISPLAYS = [name for name in plotting.__all__ if name.endswith("Display")]
+KINDS = {  # that the example of a docstring can be drawn as
+    "ComparisonDisplay": [
+        "overview",
+        "ceiling",
+        "runs",
+        "time",
+        "frequency",
+        "amplitude",
+        "map",
+        "correlation",
+    ],
+    "SearchDisplay": ["path", "steps", "ranking"],
+    "GroupMeansDisplay": ["conditions", "forest"],
+}
+PICTURES = [(name, kind) for name in DISPLAYS for kind in KINDS.get(name, [None])]
 COLUMN = {"figure.figsize": (3.4, 2.5)}  # of a journal
 STYLES = {
     "screen": {},
@@ -26,17 +43,24 @@ STYLES = {
 TOUCH = 1.0  # points by which boxes may overlap: they hold air above and below the letters
 
 
+@cache
 def example(name):
     """The Display that the example of its docstring makes."""
     cls = getattr(plotting, name)
     (test,) = doctest.DocTestFinder(recurse=False).find(cls, name, globs={})
     names = {}
     for step in test.examples:
-        if step.source.strip().startswith(("display.", "list(", "[")):
+        if step.source.strip().startswith(("display.", "list(", "[", "float(", "len(")):
             continue  # what it shows
         exec(compile(step.source, name, "exec"), names)
     plt.close("all")
     return names["display"]
+
+
+def picture(name, kind):
+    """The same, to be drawn as a kind."""
+    display = example(name)
+    return display if kind is None else replace(display, kind=kind)
 
 
 def legend_texts(display):
@@ -101,14 +125,17 @@ def faults_of(figure):
 
 
 def main(folder, *names):
-    for name in names or DISPLAYS:
-        display = example(name)
+    for name, kind in PICTURES:
+        if names and name not in names:
+            continue
+        display = picture(name, kind)
         for style, settings in STYLES.items():
             with mpl.rc_context(settings):
                 figure = display.plot().figure_
                 for fault in faults_of(figure):
-                    print(f"{name}, {style}: {fault}")
-                figure.savefig(Path(folder) / f"{name[:-7]}-{style.replace(' ', '-')}.png", dpi=150)
+                    print(f"{name}, {kind}, {style}: {fault}")
+                file = "-".join([name[:-7], *[kind] * (kind is not None), *style.split()])
+                figure.savefig(Path(folder) / f"{file}.png", dpi=150)
                 plt.close("all")
 
 

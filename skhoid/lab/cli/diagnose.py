@@ -726,15 +726,15 @@ def _draw(found: Searched, folder: Path, command: str, form: str) -> list[str]:
     if found.comparison is not None:
         figures["comparison.png"] = found.comparison.plot().figure_
     for step in search.ranking_["step"].unique():
-        display = show.EffectRankingDisplay.from_estimator(search, step=step, n_candidates=12)
+        display = show.SearchDisplay.from_estimator(search, "ranking", step=step, n_candidates=12)
         figures[f"ranking-{step}.png"] = display.figure_
-    figures["error-path.png"] = show.ErrorPathDisplay.from_estimator(search).figure_
-    figures["before-and-after.png"] = show.EffectStepsDisplay.from_estimator(search).figure_
+    figures["error-path.png"] = show.SearchDisplay.from_estimator(search).figure_
+    figures["before-and-after.png"] = show.SearchDisplay.from_estimator(search, "steps").figure_
     for name in search.best_estimator_.effects_.names:
-        display = show.IdentifiedEffectDisplay.from_estimator(search, name, found.X, found.y)
+        display = show.EffectDisplay.from_estimator(search, name, found.X, found.y)
         figures[f"{name}.png"] = display.figure_
     if search.shape_ is not None:
-        figures["shape.png"] = show.ShapeDisplay.from_estimator(search).figure_
+        figures["shape.png"] = show.EffectDisplay.from_shape(search).figure_
     known = list(skhoid.effects.catalogue().index)
     steps = [f"ranking-{step}" for step in range(1, len(known) + 2)]
     others = [f"{name}.png" for name in ("comparison", "shape", *known, *steps)]

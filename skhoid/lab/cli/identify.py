@@ -340,7 +340,7 @@ def _draw(found: Any, folder: Path, form: str | None) -> list[str]:
     if found.order_search is not None:
         displays["orders.png"] = show.VAFContourDisplay.from_estimator(found.order_search)
     if found.adapting is not None:
-        displays["parameters.png"] = show.ParameterPathDisplay.from_estimator(
+        displays["parameters.png"] = show.ParametersDisplay.from_estimator(
             {m.name: m.model for m in (found.adapting, found.best)}
         )
     figures = {name: d.figure_ for name, d in displays.items()}

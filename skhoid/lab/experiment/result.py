@@ -72,7 +72,7 @@ class ExperimentResult:
 
     See Also
     --------
-    skhoid.plotting.experiment.ExperimentDisplay : The figure that :meth:`plot` makes.
+    skhoid.plotting.EnsembleDisplay : The figure that :meth:`plot` makes.
 
     Notes
     -----
@@ -186,11 +186,11 @@ class ExperimentResult:
 
         Returns
         -------
-        display : ExperimentDisplay
+        display : EnsembleDisplay
         """
-        from ...plotting import ExperimentDisplay
+        from ...plotting import EnsembleDisplay
 
-        return ExperimentDisplay.from_result(
+        return EnsembleDisplay.from_result(
             self, condition, form=form, parameters=parameters, subjects=subjects, ax=ax
         )
 

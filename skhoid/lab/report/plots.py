@@ -68,7 +68,7 @@ class Gallery:
 
     def svg(self, figure: Figure, label: str) -> str:
         """The figure as an SVG element that scales with the page."""
-        from ...plotting._axes import names_as_they_are
+        from ...plotting import names_as_they_are
 
         names_as_they_are(figure, self._names)
         text = io.StringIO()
@@ -86,7 +86,7 @@ class Gallery:
 
     def comparison(self, found: Comparison) -> list[Plot]:
         """Where a model fails: one plot for each view."""
-        from ...plotting import ComparisonDisplay, ResidualMapDisplay, RunComparisonDisplay
+        from ...plotting import ComparisonDisplay
 
         with self._drawing() as new:
             panels = [new(size) for size in (WIDE, TILE, TILE, TILE, BAR)]
@@ -103,7 +103,7 @@ class Gallery:
             traces, time, frequency, amplitude, bar = panels
             channel = _plain(amplitude.axes[0].get_xlabel()) or "the signals"
             runs = new(TILE)
-            RunComparisonDisplay.from_comparison(found, ax=runs.axes[0])
+            ComparisonDisplay.from_comparison(found, "runs", ax=runs.axes[0])
             runs.axes[0].set_title("")
             _without_validation(runs.axes[0])
             _slanted_if_long(runs.axes[0])
@@ -123,7 +123,7 @@ class Gallery:
                 self._plot(amplitude, f"Where in amplitude: mean residual over {channel}"),
             ]
             panel = new(TILE)
-            ResidualMapDisplay.from_comparison(found, ax=panel.axes[0])
+            ComparisonDisplay.from_comparison(found, "map", ax=panel.axes[0])
             _rasterised(panel)
             _legend_below(panel)
             plots.append(self._plot(panel, "Where in time and frequency: residual power"))
@@ -131,10 +131,10 @@ class Gallery:
 
     def steps(self, search: Any) -> list[Plot]:
         """Measured against held-out simulation at each step, all in the same window."""
-        from ...plotting import EffectStepsDisplay
+        from ...plotting import SearchDisplay
 
         with self._drawing() as new:
-            place = EffectStepsDisplay.from_estimator(search, ax=new((4, 4), 2).axes)
+            place = SearchDisplay.from_estimator(search, "steps", ax=new((4, 4), 2).axes)
             added = search.error_path_["effect"].iloc[1:]
             if not place.lines_:  # nothing could be simulated
                 return []
@@ -146,8 +146,13 @@ class Gallery:
                 for size in (WIDE, TALL):
                     figure = new(size, 2, sharex=True, height_ratios=[1.6, 1.0])
                     panels = figure.axes
-                    display = EffectStepsDisplay.from_estimator(
-                        search, run=place.run_, window=place.window_, steps=shown, ax=panels
+                    display = SearchDisplay.from_estimator(
+                        search,
+                        "steps",
+                        run=place.run_,
+                        window=place.window_,
+                        steps=shown,
+                        ax=panels,
                     )
                     for panel, limit in zip(panels, limits, strict=True):
                         panel.set_ylim(limit)
@@ -166,13 +171,13 @@ class Gallery:
 
     def shape(self, shape: Any) -> Plot:
         """The curve of what has no name."""
-        from ...plotting import ShapeDisplay
+        from ...plotting import EffectDisplay
 
         with self._drawing() as new:
             drawn = []
             for size in (WIDE, TILE):
                 figure = new(size)
-                ShapeDisplay.from_shape(shape, ax=figure.axes[0])
+                EffectDisplay.from_shape(shape, ax=figure.axes[0])
                 figure.axes[0].set(title="", ylabel="")
                 _legend_below(figure)
                 drawn.append(figure)
@@ -181,15 +186,13 @@ class Gallery:
 
     def effects(self, model: Any, X: Any, y: Any) -> list[Plot]:
         """Each identified effect itself."""
-        from ...plotting import IdentifiedEffectDisplay
+        from ...plotting import EffectDisplay
 
         plots = []
         with self._drawing() as new:
             for name in model.effects_.names:
                 panel = new(TILE)
-                display = IdentifiedEffectDisplay.from_estimator(
-                    model, name, X, y, ax=panel.axes[0]
-                )
+                display = EffectDisplay.from_estimator(model, name, X, y, ax=panel.axes[0])
                 panel.axes[0].set_title("")
                 _legend_below(panel)
                 caption = f"{title_of(name)}: {display.physics}".rstrip(".")
@@ -209,11 +212,11 @@ class Gallery:
 
     def paths(self, model: Any) -> list[Plot]:
         """Parameters over time, of a model that follows the data."""
-        from ...plotting import ParameterPathDisplay
+        from ...plotting import ParametersDisplay
 
         return self._stacked(
             len(model.parameter_names_),
-            lambda axes: ParameterPathDisplay.from_estimator(model, ax=axes),
+            lambda axes: ParametersDisplay.from_estimator(model, ax=axes),
             "Parameters over the time in a run",
         )
 
@@ -267,7 +270,7 @@ def _name_above(panel: Axes, letters: int) -> None:
 
 def _legend_below(figure: Figure) -> None:
     """One legend below the panels, where no data can be."""
-    from ...plotting._axes import legend_entries
+    from ...plotting import legend_entries
 
     entries = legend_entries(figure.axes)
     for panel in figure.axes:
@@ -339,7 +342,7 @@ class ExperimentGallery(Gallery):
 
     def group_effects(self, group: Any, prevalence: Any) -> Plot:
         """Who has which effect, and the prevalences of those to be shown."""
-        from ...plotting.group_effects import GroupEffectsDisplay
+        from ...plotting import GroupEffectsDisplay
 
         display = GroupEffectsDisplay(
             prevalence=prevalence,
@@ -349,44 +352,33 @@ class ExperimentGallery(Gallery):
         )
         return self._display(
             display,
-            2,
             "Who has which effect (the darker, the more probable), and the share of people who "
             "have it, with its 95 % interval",
         )
 
     def people(self, people: Any) -> Plot:
         """VAF of everybody's runs against the ceiling."""
-        from ...plotting.people import PeopleDisplay
+        from ...plotting import PeopleDisplay
 
         display = PeopleDisplay(runs=people.runs, groups=people.groups, outlying=people.outlying)
         return self._display(
             display,
-            max(people.groups["subject"].nunique(), 1),
             "How well each person is modelled: VAF of each run and of all runs in one fit, against "
             "the noise ceiling; red names and rings look wrong",
         )
 
-    def _display(self, display: Any, n_panels: int, caption: str) -> Plot:
+    def _display(self, display: Any, caption: str) -> Plot:
         """A display with a shape of its own, in a figure that no window shows."""
         from matplotlib.figure import Figure
 
         with self._drawing():
-            wanted = display._wanted()
-            rows, columns = wanted.pop("shape", (1, 2))
-            size = WIDE[0], wanted.pop("figsize")[1]  # as wide as the page: letters stay small
-            figure = Figure(figsize=size, layout="constrained")
-            ratios = {"width_ratios": wanted.pop("width_ratios", None)}
-            panels = figure.subplots(rows, columns, squeeze=False, gridspec_kw=ratios, **wanted)
-            for spare in panels.flat[n_panels:]:
-                spare.remove()
-            display.plot(panels.flat[:n_panels])
-            _legend_below(figure)
-            return self._plot(figure, caption)
+            # As wide as the page: letters stay small.
+            figure = Figure(figsize=WIDE, layout="constrained")
+            return self._plot(display.plot(figure).figure_, caption)
 
     def stretch(self, stretch: Stretch, who: str, condition: Any) -> Plot:
         """Measured and simulated output."""
-        from ...plotting._axes import with_unit
-        from ...plotting._roles import ROLES
+        from ...plotting import ROLES, with_unit
 
         with self._drawing():
             from matplotlib.figure import Figure
@@ -413,19 +405,18 @@ class ExperimentGallery(Gallery):
 
     def parameter(self, result: Any, name: str) -> list[Plot]:
         """Everybody's estimates, and the means of conditions."""
-        from ...plotting.condition_means import ConditionMeansDisplay
-        from ...plotting.parameter_forest import ParameterForestDisplay
+        from ...plotting import GroupMeansDisplay
 
         n, people = len(result.effects), result.people["subject"].nunique()
         plots = []
         with self._drawing() as new:
             figure = self._beside(n, 1.4 + 0.2 * people)
-            ParameterForestDisplay.from_result(result, ax=figure.axes)
+            GroupMeansDisplay.from_result(result, "forest", ax=figure.axes)
             caption = f"{name}: each person with the 95 % interval, and below the mean over people"
             plots.append(replace(self._plot(figure, caption), wide=n > 2))
             if n > 1:
                 panel = new(TILE)
-                ConditionMeansDisplay.from_result(result, ax=panel.axes[0])
+                GroupMeansDisplay.from_result(result, ax=panel.axes[0])
                 _slanted_if_long(panel.axes[0])
                 _legend_below(panel)
                 caption = f"{name}: people (thin) and their mean over conditions"

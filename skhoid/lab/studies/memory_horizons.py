@@ -290,9 +290,9 @@ def _claims_of_cells(best: pd.DataFrame, gain: pd.DataFrame) -> list[Claim]:
 
 def _figures(table: pd.DataFrame) -> dict[str, Any]:
     def draw(kind: str) -> Any:
-        from ...plotting import StudyTradeOffDisplay
+        from ...plotting import MemoryHorizonDisplay
 
-        return StudyTradeOffDisplay.from_table(table, kind=kind)
+        return MemoryHorizonDisplay.from_table(table, kind=kind)
 
     kinds = {
         "fig13": "gain",
@@ -421,19 +421,19 @@ class ForgettingAdvice:
         Parameters
         ----------
         kind : str, default="gain"
-            As in :class:`skhoid.plotting.StudyTradeOffDisplay`.
+            As in :class:`skhoid.plotting.MemoryHorizonDisplay`.
 
         Returns
         -------
-        display : StudyTradeOffDisplay
+        display : MemoryHorizonDisplay
         """
-        from ...plotting import StudyTradeOffDisplay
+        from ...plotting import MemoryHorizonDisplay
 
         good = succeeded(self.table)
         cell = ["remnant_intensity", "replication", *SETTING]
         table = good.groupby(cell)[["vaf_estimation", "vaf_validation"]].mean().reset_index()
         table.insert(0, "condition", "this task")
-        return StudyTradeOffDisplay.from_table(table, kind=kind)
+        return MemoryHorizonDisplay.from_table(table, kind=kind)
 
 
 def recommend_forgetting(

@@ -167,9 +167,9 @@ def _lead_claims(table: pd.DataFrame) -> list[Claim]:
 
 def _figures(table: pd.DataFrame) -> dict[str, Any]:
     def draw(condition: str, form: str, parameters: str) -> Any:
-        from ...plotting import StudyPathDisplay
+        from ...plotting import EnsembleDisplay
 
-        return StudyPathDisplay.from_table(
+        return EnsembleDisplay.from_table(
             table,
             condition=condition,
             form=form,

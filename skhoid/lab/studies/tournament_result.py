@@ -367,26 +367,15 @@ class TournamentResult:
             The best method by cell; bias against standard deviation by method; error before and
             settling time after the change.
         **options
-            Of ``from_result`` of the display.
+            Of :meth:`skhoid.plotting.TournamentDisplay.from_result`.
 
         Returns
         -------
-        display : TournamentWinnersDisplay, TournamentBiasDisplay or TournamentSettlingDisplay
+        display : TournamentDisplay
         """
-        from ...plotting import (
-            TournamentBiasDisplay,
-            TournamentSettlingDisplay,
-            TournamentWinnersDisplay,
-        )
+        from ...plotting import TournamentDisplay
 
-        displays: dict[str, Any] = {
-            "winners": TournamentWinnersDisplay,
-            "bias": TournamentBiasDisplay,
-            "settling": TournamentSettlingDisplay,
-        }
-        if kind not in displays:
-            raise ValueError(f"kind must be one of {list(displays)}; got {kind!r}.")
-        return displays[kind].from_result(self, **options)
+        return TournamentDisplay.from_result(self, kind, **options)
 
     def save(
         self, folder: str | os.PathLike[str], *, figures: bool = True, table_format: str = "csv"

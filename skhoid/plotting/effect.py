@@ -1,4 +1,4 @@
-"""Plot of one identified effect: what it does, with its uncertainty."""
+"""What one effect does: a curve with its uncertainty, of an effect with a name or without one."""
 
 from __future__ import annotations
 
@@ -6,31 +6,40 @@ import re
 from dataclasses import dataclass
 from typing import Any, Self
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from sklearn.utils.validation import check_is_fitted
 
 from ..effects.registry import title_of
-from ..model.effect_curves import EffectCurves, effect_curves
+from ..model.effect_curves import Curve, EffectCurves, effect_curves
 from ..model.parameters import parameter_text
-from ._axes import letters, letters_above, letters_across, plain_logarithmic, wrapped
-from ._display import Display
-from ._roles import GREY, PALETTE, dimmed, foreground, scaled, veil
-from .operator_parameters import SYMBOLS
+from ..search import EffectSearchCV, Shape
+from ._axes import (
+    SYMBOLS,
+    draw_band,
+    letters,
+    letters_above,
+    letters_along,
+    plain_logarithmic,
+    wrapped,
+)
+from ._display import Display, check_search, letter_size
+from ._roles import GREY, PALETTE, dimmed, foreground, scaled, series_colour
 
 WITHOUT = "without the effect"
+BANDS = {"shape": "95 % band, of the whole curve"}
 BAND = "95 % band"
 BINS = 60
 LEAST_GAIN = 1.5  # up and down on the axis, so that a small effect looks small
 LINE = 0.17  # inches of a line of the text below, of a font of 10 points
 CURVE, DENSITY = 2.3, 0.8  # inches that the panels take at least
+KNOT = 0.035  # of the height of the panel
 SYMBOL = re.compile(r"\b(" + "|".join(SYMBOLS) + r")\b")
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
-class IdentifiedEffectDisplay(Display):
-    """What an identified effect does, with a band that holds 95 % of its uncertainty.
+class EffectDisplay(Display):
+    """What an effect does, with a band that holds 95 % of its uncertainty.
 
     An effect on the error or the output is a curve from what goes in to what comes out (a loop
     where it depends on the past), with the density of the values met in the runs below. Gains and
@@ -40,18 +49,30 @@ class IdentifiedEffectDisplay(Display):
     are of draws from the covariance of the estimates. Dashed lines are the model without it. Below
     the figure stands what the effect is, and its parameters with standard errors.
 
-    Make it with :meth:`from_estimator`, which draws effects of your own too.
+    Of an effect that has no name, the curve is what the data show, and the band holds the whole of
+    it with a probability of 95 %. Ticks at the bottom are the knots, most of which are at quantiles
+    of the data: between two of them lie as many rows as between two others. The dashed curve is the
+    named effect that comes nearest, where one has half of its power in common.
+
+    Make it with :meth:`from_estimator`, which draws effects of your own too, or
+    :meth:`from_shape`.
 
     Parameters
     ----------
-    name : str
-        Name of the effect in the model.
+    title : str
+        What it is called.
     curves : EffectCurves
         Its curves.
     physics : str, default=""
         The effect in a sentence.
     parameters : str, default=""
         Its parameters as text.
+    knots : sequence of float, default=()
+        Where a curve without a name is given.
+    nearest : Series or None, default=None
+        Curve of a named effect, over the abscissa.
+    nearest_title : str, default=""
+        What it is called.
 
     Attributes
     ----------
@@ -61,35 +82,38 @@ class IdentifiedEffectDisplay(Display):
         The first of them.
     figure_ : Figure
         The figure that holds them.
-    lines_ : dict of Line2D
-        The curves.
-    bands_ : dict of FillBetweenPolyCollection
-        Their bands, where the uncertainty is known.
+    lines_, bands_ : dict of Artist
+        The curves, which are the main artists, and their bands, where the uncertainty is known.
     without_ : Line2D
         What there would be without the effect.
     density_ : StepPatch or None
         The density.
+    nearest_, knots_ : Line2D or None
+        The named effect, and the ticks at the knots.
 
     See Also
     --------
-    EffectStepsDisplay : What the effect does to the simulation.
+    SearchDisplay : What effects do to the simulation.
 
     Examples
     --------
     >>> from skhoid import OperatorRegressor, make_tracking_runs
     >>> from skhoid.effects import DeadZone
-    >>> from skhoid.plotting import IdentifiedEffectDisplay
+    >>> from skhoid.plotting import EffectDisplay
     >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.05, random_state=1)
     >>> model = OperatorRegressor(effects=DeadZone(form="gap")).fit(X, y)
-    >>> display = IdentifiedEffectDisplay.from_estimator(model, "dead_zone", X)
+    >>> display = EffectDisplay.from_estimator(model, "dead_zone", X)
     >>> display.curves.kind
     'map'
     """
 
-    name: str
+    title: str
     curves: EffectCurves
     physics: str = ""
     parameters: str = ""
+    knots: Any = ()
+    nearest: Any = None
+    nearest_title: str = ""
 
     @classmethod
     def from_estimator(
@@ -102,13 +126,13 @@ class IdentifiedEffectDisplay(Display):
         n_draws: int = 300,
         random_state: Any = 0,
         ax: Any = None,
-        **styles: Any,
+        **kwargs: Any,
     ) -> Self:
         """Draw an effect of a fitted model.
 
         Parameters
         ----------
-        model : fitted OperatorRegressor, ARXRegressor or EffectSearchCV
+        model : fitted OperatorRegressor, SimulatedARX or EffectSearchCV
             The model; of a search, the best.
         effect : str or None, default=None
             Name of the effect in ``model.effects_``. None takes the first.
@@ -121,14 +145,9 @@ class IdentifiedEffectDisplay(Display):
             Draws of the parameters that bands are made of; 0 draws no bands.
         random_state : int, Generator or None, default=0
             Of these draws.
-        ax : Axes, sequence of two Axes or None, default=None
-            Where to draw, see :meth:`plot`. None makes a figure.
-        **styles : dict
-            Keywords of :meth:`plot` whose names end in ``_kw``.
+        %(keywords)
 
-        Returns
-        -------
-        display : IdentifiedEffectDisplay
+        %(display)
 
         Raises
         ------
@@ -148,42 +167,73 @@ class IdentifiedEffectDisplay(Display):
         name = next(iter(effects)) if effect is None else effect
         if name not in effects:
             raise ValueError(f"This model has no effect {name!r}; it has {', '.join(effects)}.")
+        title = title_of(name)
         return cls(
-            name=name,
+            title=title[:1].upper() + title[1:],
             curves=effect_curves(model, name, X, y, n_draws=n_draws, random_state=random_state),
             physics=effects[name].physics_in("human"),
             parameters=parameter_text(model.parameters_, name),
-        ).plot(ax, **styles)
+        ).plot(ax, **kwargs)
 
-    def plot(
-        self,
-        ax: Any = None,
-        *,
-        line_kw: dict[str, Any] | None = None,
-        band_kw: dict[str, Any] | None = None,
-        without_kw: dict[str, Any] | None = None,
-    ) -> Self:
+    @classmethod
+    def from_shape(cls, shape: Any, *, ax: Any = None, **kwargs: Any) -> Self:
+        """Draw the shape of what has no name.
+
+        Parameters
+        ----------
+        shape : Shape or fitted EffectSearchCV
+            What a search found, or the search, whose ``shape_`` is drawn.
+        %(keywords)
+
+        %(display)
+
+        Raises
+        ------
+        ValueError
+            If the search has no shape.
+        """
+        if not isinstance(shape, Shape):
+            check_search(shape, EffectSearchCV, cls.__name__)
+            if shape.shape_ is None:
+                raise ValueError(
+                    f"This search has no shape to draw: {shape.verdict_}. There is one where "
+                    "something has no name (best_effects_ ends in 'unknown') and a free form "
+                    "explains it."
+                )
+            shape = shape.shape_
+        x = shape.curve.index.to_numpy(dtype=float)
+        value, low, high = (shape.curve[n].to_numpy(dtype=float) for n in ("value", "low", "high"))
+        sentence = shape.sentence[:1].upper() + shape.sentence[1:]
+        gain = f"\n{shape.gain:+.1f} points of held-out VAF" if np.isfinite(shape.gain) else ""
+        named = shape.nearest_curve is not None and shape.is_near
+        return cls(
+            title=sentence + gain,
+            curves=EffectCurves(
+                "shape",
+                {"curve": Curve(x, value, low, high)},
+                shape.x_label,
+                shape.y_label,
+                Curve(x, np.full(x.size, shape.effect.at_rest)),
+            ),
+            knots=shape.effect.knots or (),
+            nearest=shape.nearest_curve if named else None,
+            nearest_title=str(shape.nearest["title"].iloc[0]) if named else "",
+        ).plot(ax, **kwargs)
+
+    def plot(self, ax: Any = None, **kwargs: Any) -> Self:
         """Draw.
 
         Parameters
         ----------
-        ax : Axes, sequence of two Axes or None, default=None
+        ax : Axes, sequence of two Axes, Figure or None, default=None
             Where to draw the curve, and the density. One leaves the density out. None makes a
             figure.
-        line_kw : dict or None, default=None
-            Keywords of matplotlib for the curves.
-        band_kw : dict or None, default=None
-            Keywords of matplotlib for their bands.
-        without_kw : dict or None, default=None
-            Keywords of matplotlib for what there would be without the effect.
+        %(kwargs)
 
-        Returns
-        -------
-        self : IdentifiedEffectDisplay
+        %(self)
         """
-        found = self.curves
-        with_density = found.measured is not None
-        self.axes_ = self._take_axes(
+        with_density = self.curves.measured is not None
+        self._take_axes(
             ax,
             "the curve, and the density below",
             (1 + with_density, 1),
@@ -192,21 +242,17 @@ class IdentifiedEffectDisplay(Display):
             figsize=(6.4, 4.8 if with_density else 4.0),
             height_ratios=[3.2, 1.0] if with_density else None,
         )
-        self.ax_ = self.axes_[0]
         self.lines_: dict[str, Any] = {}
         self.bands_: dict[str, Any] = {}
         self.density_: Any = None
         self._draw_curves(self.ax_)
-        self._restyle(
-            {"line": line_kw, "band": band_kw, "without": without_kw},
-            line=self.lines_,
-            band=self.bands_,
-            without=self.without_,
-        )
+        self._draw_nearest(self.ax_)
+        self._restyle(kwargs, self.lines_)
         if with_density and len(self.axes_) == 2:
             self._draw_density(self.axes_[1])
-        self.axes_[-1].set_xlabel(found.xlabel)
-        title = wrapped(self._title_text(), letters_above(self.ax_))
+        self.axes_[-1].set_xlabel(self.curves.xlabel)
+        width = letters_above(self.ax_)
+        title = "\n".join(wrapped(line, width) for line in self._title_text().splitlines())
         self.ax_.set_title(title, fontsize="medium")
         self._legend_of_panels()
         if self._own:
@@ -215,13 +261,11 @@ class IdentifiedEffectDisplay(Display):
 
     def _title_text(self) -> str:
         """What the effect is called, with all that is said of it in one line."""
-        title = title_of(self.name)
-        title = title[:1].upper() + title[1:]
         if not self._own:  # there is no room below
-            return f"{title}: {self.parameters}" if self.parameters else title
-        whole = f"{title}: {self.physics}".rstrip(".")
+            return f"{self.title}: {self.parameters}" if self.parameters else self.title
+        whole = f"{self.title}: {self.physics}".rstrip(".")
         fits = self.physics and len(whole) <= letters_above(self.ax_)
-        return whole if fits else title
+        return whole if fits else self.title
 
     def _say_below(self, title: str) -> None:
         """Physics, estimates and a note, small, below the figure."""
@@ -234,8 +278,7 @@ class IdentifiedEffectDisplay(Display):
         (legend,) = self.figure_.legends
         n_lines = text.count("\n") + 1 + 1.4 * len(legend.get_texts()) / legend._ncols
         least = CURVE + DENSITY * (len(self.axes_) - 1) + LINE * (n_lines + 2)
-        letter = mpl.rcParams["font.size"] / 10.0
-        self.figure_.set_figheight(max(self.figure_.get_figheight(), least * letter))
+        self.figure_.set_figheight(max(self.figure_.get_figheight(), least * letter_size()))
         legend.set_title(text, {"size": "small"})
         legend.get_title().set(color=dimmed(0.75), multialignment="center")
 
@@ -246,17 +289,13 @@ class IdentifiedEffectDisplay(Display):
         )
         for (label, curve), colour in zip(found.curves.items(), PALETTE, strict=False):
             if curve.low is not None and curve.high is not None:
-                self.bands_[label] = panel.fill_between(
-                    curve.x,
-                    curve.low,
-                    curve.high,
-                    color=colour,
-                    alpha=veil(0.25),
-                    lw=0,
-                    label=BAND if len(self.bands_) == 0 else None,
+                meaning = None if self.bands_ else BANDS.get(found.kind, BAND)
+                self.bands_[label] = draw_band(
+                    panel, curve.x, curve.low, curve.high, colour, meaning
                 )
+            symbols = SYMBOL.sub(lambda known: SYMBOLS[known[0]], label)
             (self.lines_[label],) = panel.plot(
-                curve.x, curve.y, color=colour, lw=scaled(1.8), label=_with_symbols(label)
+                curve.x, curve.y, color=colour, lw=scaled(1.8), label=symbols
             )
         if found.kind == "gain":
             panel.set_xscale("log")
@@ -271,9 +310,22 @@ class IdentifiedEffectDisplay(Display):
         else:
             panel.axhline(0.0, color=foreground(), lw=scaled(0.6))
         panel.margins(x=0.0)
-        height = panel.get_window_extent().height / panel.figure.dpi
-        panel.set_ylabel(wrapped(found.ylabel, letters_across(height)))
+        panel.set_ylabel(wrapped(found.ylabel, letters_along(panel)))
         panel.grid(alpha=0.3)
+
+    def _draw_nearest(self, panel: Axes) -> None:
+        """The named effect that comes nearest to one without a name, and the knots of that."""
+        self.nearest_: Any = None
+        self.knots_: Any = None
+        if self.nearest is not None:
+            look: dict[str, Any] = {"color": series_colour(1), "ls": "--", "lw": scaled(1.4)}
+            label = f"nearest name: {self.nearest_title}"
+            (self.nearest_,) = panel.plot(self.nearest.index, self.nearest, label=label, **look)
+        knots = np.asarray(self.knots, dtype=float)
+        if knots.size:
+            x, y = np.repeat(knots, 3), np.tile([0.0, KNOT, np.nan], knots.size)
+            look = {"color": dimmed(), "lw": scaled(1.0), "label": "knots"}
+            (self.knots_,) = panel.plot(x, y, transform=panel.get_xaxis_transform(), **look)
 
     def _draw_density(self, panel: Axes) -> None:
         values = np.asarray(self.curves.measured, dtype=float)
@@ -284,8 +336,3 @@ class IdentifiedEffectDisplay(Display):
         self.density_ = panel.stairs(heights, edges, fill=True, color=GREY, alpha=0.7)
         panel.set_yticks([])
         panel.set_ylabel("density\nin the runs", fontsize="small")
-
-
-def _with_symbols(label: str) -> str:
-    """The same with parameters as symbols."""
-    return SYMBOL.sub(lambda found: SYMBOLS[found[0]], label)

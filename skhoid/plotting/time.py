@@ -1,4 +1,4 @@
-"""Measured and simulated output over time."""
+"""Signals over time: those of the loop, and the output measured and simulated."""
 
 from __future__ import annotations
 
@@ -7,19 +7,30 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from ..metrics import layout_of_output, vaf_score
 from ..pipelines import raw_layout, trimmed_rows
 from ..preprocessing.gate import as_output, unmasked
 from ..preprocessing.transformers import run_in_rows
-from ..runs import GAP, RunLayout, check_alignment, run_name
+from ..runs import GAP, RunLayout, check_alignment, output_name, read_layout, run_name
 from ..text import vaf_name
 from ._axes import with_unit
 from ._display import Display
-from ._roles import GREY, ROLES, scaled
+from ._roles import GREY, ROLES, dimmed, scaled
 
 MAX_RUNS = 5
+CHANNELS = {
+    "e": "error e",
+    "x": "output x",
+    "f_t": "target $f_t$",
+    "dist": "disturbance $f_d$",
+    "u": "control u",
+    "n": "remnant n",
+}
+TRUTH = "truth, without remnant"
+MOST_SHOWN = 20  # single runs, beside the first
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -63,7 +74,8 @@ class SimulationDisplay(Display):
     figure_ : Figure
         The figure that holds them.
     measured_, simulated_, residual_ : list of Line2D
-        The lines, one per run; ``residual_`` is empty where residuals are not drawn.
+        The lines, one per run; ``residual_`` is empty where residuals are not drawn. The simulated
+        ones are the main artists.
 
     See Also
     --------
@@ -102,10 +114,10 @@ class SimulationDisplay(Display):
         runs: Any = None,
         window: tuple[float, float] | None = None,
         centered: bool = False,
-        ax: Any = None,
         dt: float | None = None,
         run: Any = None,
-        **styles: Any,
+        ax: Any = None,
+        **kwargs: Any,
     ) -> Self:
         """Simulate with a fitted estimator and draw.
 
@@ -118,25 +130,15 @@ class SimulationDisplay(Display):
             Channels, one row per sample.
         y : Series or array of shape (n_rows,)
             Measured output; its unit is read from ``y.attrs["units"]``.
-        runs : label, list of labels or None, default=None
-            Runs to show. None means all, but no more than the first five; the figure says so.
-        window : (float, float) or None, default=None
-            Show, and score, only rows with ``window[0] <= time < window[1]``, in seconds.
-        centered : bool, default=False
-            Take VAF about the mean of each run.
-        ax : Axes, sequence of Axes or None, default=None
-            Where to draw, see :meth:`plot`.
+        %(what_of_runs)
         dt : float or None, default=None
             Sampling time in seconds of data without a time index. None means that of the
             estimator.
         run : column name or position, or None, default=None
             Run column of data without a run index. None means that of the estimator.
-        **styles : dict
-            Keywords of :meth:`plot` whose names end in ``_kw``.
+        %(keywords)
 
-        Returns
-        -------
-        display : SimulationDisplay
+        %(display)
         """
         if not hasattr(estimator, "predict"):
             raise TypeError(
@@ -146,11 +148,9 @@ class SimulationDisplay(Display):
         layout = raw_layout(estimator, X, dt=dt, run=run)
         check_alignment(X, y)
         check_consistent_length(X, y)
-        measured = as_output(y)
-        prediction = np.asarray(estimator.predict(X), dtype=float).ravel()
+        both = as_output(y), np.asarray(estimator.predict(X), dtype=float).ravel()
         run_in = trimmed_rows(estimator, X)
-        display = cls._of(layout, measured, prediction, run_in, runs, window, centered, y)
-        return display.plot(ax, **styles)
+        return cls._of(layout, both, run_in, runs, window, centered, y).plot(ax, **kwargs)
 
     @classmethod
     def from_predictions(
@@ -162,10 +162,10 @@ class SimulationDisplay(Display):
         window: tuple[float, float] | None = None,
         centered: bool = False,
         run_in: float | None = None,
-        ax: Any = None,
         dt: float | None = None,
         run: Any = None,
-        **styles: Any,
+        ax: Any = None,
+        **kwargs: Any,
     ) -> Self:
         """Draw a simulated output that is already there.
 
@@ -176,47 +176,36 @@ class SimulationDisplay(Display):
             ``y_true.attrs["units"]``.
         y_pred : array-like of shape (n_rows,)
             Simulated output, row by row, such as that of ``cross_val_predict``.
-        runs : label, list of labels or None, default=None
-            Runs to show. None means all, but no more than the first five; the figure says so.
-        window : (float, float) or None, default=None
-            Show, and score, only rows with ``window[0] <= time < window[1]``, in seconds.
-        centered : bool, default=False
-            Take VAF about the mean of each run.
+        %(what_of_runs)
         run_in : float or None, default=None
             Shade this many seconds at the start of each run and do not score them.
-        ax : Axes, sequence of Axes or None, default=None
-            Where to draw, see :meth:`plot`.
         dt : float or None, default=None
             Sampling time in seconds of data without a time index (None: 1).
         run : array of shape (n_rows,) or None, default=None
             Run label of each row, for data without a run index.
-        **styles : dict
-            Keywords of :meth:`plot` whose names end in ``_kw``.
+        %(keywords)
 
-        Returns
-        -------
-        display : SimulationDisplay
+        %(display)
         """
         check_consistent_length(y_true, y_pred)
-        measured = as_output(y_true, "y_true")
         prediction = column_or_1d(np.asarray(unmasked(y_pred), dtype=float), warn=False)
+        both = as_output(y_true, "y_true"), prediction
         layout = layout_of_output(y_true, dt, run)
         trimmed = run_in_rows(layout, run_in=run_in)
-        display = cls._of(layout, measured, prediction, trimmed, runs, window, centered, y_true)
-        return display.plot(ax, **styles)
+        return cls._of(layout, both, trimmed, runs, window, centered, y_true).plot(ax, **kwargs)
 
     @classmethod
     def _of(
         cls,
         layout: RunLayout,
-        measured: np.ndarray,
-        prediction: np.ndarray,
+        both: tuple[np.ndarray, np.ndarray],
         run_in: np.ndarray,
         runs: Any,
         window: tuple[float, float] | None,
         centered: bool,
         y: Any,
     ) -> Self:
+        measured, prediction = both
         if layout.trimmed is not None:
             run_in = run_in | layout.trimmed
         chosen = _chosen_runs(layout, runs)
@@ -251,33 +240,18 @@ class SimulationDisplay(Display):
             n_runs_in_data=len(layout.labels) if runs is None else None,
         )
 
-    def plot(
-        self,
-        ax: Any = None,
-        *,
-        measured_kw: dict[str, Any] | None = None,
-        simulated_kw: dict[str, Any] | None = None,
-        residual_kw: dict[str, Any] | None = None,
-    ) -> Self:
+    def plot(self, ax: Any = None, **kwargs: Any) -> Self:
         """Draw.
 
         Parameters
         ----------
-        ax : Axes, sequence of Axes or None, default=None
+        ax : Axes, sequence of Axes, Figure or None, default=None
             One Axes per run for the signals alone, or two per run, for the signals and the
             residual of the first run, of the second, and so on. None makes a figure with both.
-        measured_kw : dict or None, default=None
-            Keywords of matplotlib for the measured output.
-        simulated_kw : dict or None, default=None
-            Keywords of matplotlib for the simulated output.
-        residual_kw : dict or None, default=None
-            Keywords of matplotlib for the residual.
+        %(kwargs)
 
-        Returns
-        -------
-        self : SimulationDisplay
+        %(self)
         """
-        styles = {"measured": measured_kw, "simulated": simulated_kw, "residual": residual_kw}
         n_runs = len(self.runs)
         panels = self._take_axes(
             ax,
@@ -288,16 +262,16 @@ class SimulationDisplay(Display):
             height_ratios=[3, 1.4] * n_runs,
         )
         self.axes_ = panels.reshape(n_runs, -1)
-        self.ax_ = panels[0]
         self.measured_: list[Any] = []
         self.simulated_: list[Any] = []
         self.residual_: list[Any] = []
         for number, row in enumerate(self.axes_):
             self._draw_run(number, row)
-        self.axes_[-1, -1].set_xlabel("time, s" + self._note())
-        self._restyle(
-            styles, measured=self.measured_, simulated=self.simulated_, residual=self.residual_
-        )
+        note = ""
+        if self.n_runs_in_data is not None and self.n_runs_in_data > n_runs:
+            note = f"\n(the first {n_runs} of {self.n_runs_in_data} runs; name others in runs=)"
+        panels[-1].set_xlabel("time, s" + note)
+        self._restyle(kwargs, self.simulated_)
         self._legend_of_panels()
         if self._own:
             self.figure_.align_ylabels(panels)
@@ -305,13 +279,12 @@ class SimulationDisplay(Display):
 
     def _draw_run(self, number: int, panels: np.ndarray) -> None:
         time, true, pred = self.time[number], self.y_true[number], self.y_pred[number]
-        top = panels[0]
+        top, first, last = panels[0], time[0], time[-1]
         step = np.diff(time)
         at_gaps = (
-            np.flatnonzero(step > GAP * np.median(step)) + 1 if step.size else step.astype(int)
+            np.flatnonzero(step > GAP * np.median(step)) + 1 if step.size else np.array([], int)
         )
-        time = np.insert(time, at_gaps, np.nan)
-        true, pred = np.insert(true, at_gaps, np.nan), np.insert(pred, at_gaps, np.nan)
+        time, true, pred = (np.insert(v, at_gaps, np.nan) for v in (time, true, pred))
         self.measured_ += top.plot(time, true, label="measured", **ROLES["measured"].style(1.2))
         self.simulated_ += top.plot(time, pred, label="simulated", **ROLES["simulated"].style(1.2))
         top.set_ylabel(with_unit(self.output_name, self.unit))
@@ -319,18 +292,15 @@ class SimulationDisplay(Display):
         if len(panels) == 2:
             bottom = panels[1]
             bottom.axhline(0.0, color=GREY, lw=scaled(0.8))
-            self.residual_ += bottom.plot(
-                time, true - pred, label="residual", **ROLES["residual"].style(1.0)
-            )
+            look = ROLES["residual"].style(1.0)
+            self.residual_ += bottom.plot(time, true - pred, label="residual", **look)
             bottom.set_ylabel(with_unit("residual", self.unit))
             top.tick_params(labelbottom=False)
         end = np.nan if self.run_in_end is None else self.run_in_end[number]
-        first, last = self.time[number][0], self.time[number][-1]
         for panel in panels:
             if not np.isnan(end):
-                panel.axvspan(
-                    first, end, color=GREY, alpha=0.3, lw=0, label="run-in, not scored", zorder=0
-                )
+                look = {"color": GREY, "alpha": 0.3, "lw": 0, "zorder": 0}
+                panel.axvspan(first, end, label="run-in, not scored", **look)
             if last > first:
                 panel.set_xlim(first, last)
 
@@ -342,12 +312,6 @@ class SimulationDisplay(Display):
         if self.window is not None:
             where = f" from {self.window[0]:.4g} to {self.window[1]:.4g} s"
         return f"{self.runs[number]}: {text}{where}"
-
-    def _note(self) -> str:
-        shown = len(self.runs)
-        if self.n_runs_in_data is None or self.n_runs_in_data <= shown:
-            return ""
-        return f"\n(the first {shown} of {self.n_runs_in_data} runs; name others in runs=)"
 
 
 def _run_name(label: Any) -> str:
@@ -385,3 +349,165 @@ def _vaf_or_nan(y_true: np.ndarray, y_pred: np.ndarray, centered: bool) -> float
     if undefined or np.isnan(y_pred).any():
         return float("nan")
     return float(vaf_score(y_true, y_pred, centered=centered))
+
+
+@dataclass(kw_only=True, eq=False, repr=False)
+class TrackingDisplay(Display):
+    """Signals of tracking runs over time, a panel each (Figs. 7 and E.2-E.14 of the thesis).
+
+    The first run stands out, the others are thin and grey. The operator's response without
+    remnant, where it is known, is green and dashed; instants at which something changes are
+    dotted.
+
+    Make it with :meth:`from_runs`.
+
+    Parameters
+    ----------
+    time : ndarray of shape (n_samples,)
+        Time in s.
+    signals : dict of ndarray of shape (n_runs, n_samples)
+        Signals by name.
+    response : ndarray of shape (n_samples,) or None, default=None
+        The operator's response without remnant in the first run.
+    transition : float or None, default=None
+        Instant to mark, in s.
+    units : dict or None, default=None
+        Units by signal.
+
+    Attributes
+    ----------
+    %(panels)
+    lines_ : dict of Line2D
+        The first run's line, by signal: the main artists.
+    runs_, truth_ : list of Line2D
+        The other runs, and the response without remnant.
+
+    Examples
+    --------
+    >>> from skhoid import make_tracking_runs
+    >>> from skhoid.plotting import TrackingDisplay
+    >>> X, y = make_tracking_runs("C3", n_runs=2, channels=["e", "x"])
+    >>> display = TrackingDisplay.from_runs(X, y, window=(30.72, 51.2))
+    >>> [ax.get_ylabel() for ax in display.axes_]
+    ['error e, deg', 'output x, deg', 'control u, deg']
+    """
+
+    time: np.ndarray
+    signals: dict[str, np.ndarray]
+    response: np.ndarray | None = None
+    transition: float | None = None
+    units: dict[str, str] | None = None
+
+    @classmethod
+    def from_runs(
+        cls,
+        X: pd.DataFrame,
+        y: pd.Series,
+        *,
+        truth: Any = None,
+        window: tuple[float, float] | None = None,
+        transition: float | None = None,
+        units: dict[str, str] | None = None,
+        ax: Any = None,
+        **kwargs: Any,
+    ) -> Self:
+        """Draw runs that share their times.
+
+        Parameters
+        ----------
+        X : DataFrame of shape (n_rows, n_channels)
+            Channels, with the row index levels ``run`` and ``time``.
+        y : Series of shape (n_rows,)
+            The operator's output.
+        truth : Bunch or None, default=None
+            Third result of :func:`skhoid.make_tracking_runs`: draws the response without remnant
+            too, and marks the instant at which the controlled element changes.
+        window : tuple of float or None, default=None
+            Begin and end of the times to draw, in s; the end is left out.
+        transition : float or None, default=None
+            Instant to mark, in s; known from ``truth`` where it is given.
+        units : dict or None, default=None
+            Units by channel; None takes ``X.attrs["units"]``.
+        %(keywords)
+
+        %(display)
+        """
+        layout = read_layout(X)
+        n_runs = len(layout.labels)
+        time = layout.time[: layout.n_rows // n_runs]
+        if layout.n_rows % n_runs or not np.array_equal(layout.time, np.tile(time, n_runs)):
+            raise ValueError(
+                "TrackingDisplay draws runs that share their times; choose among them with "
+                "skhoid.select_runs(X, y, ...)."
+            )
+        table = X.assign(**{output_name(y): y})
+        begin, end = (-np.inf, np.inf) if window is None else window
+        shown = (time >= begin) & (time < end)
+        if not shown.any():
+            raise ValueError(
+                f"window={window} holds no sample; the runs go from {time[0]:g} to {time[-1]:g} s."
+            )
+        signals = {
+            name: table[name].to_numpy(dtype=float).reshape(n_runs, -1)[:, shown]
+            for name in table.columns
+        }
+        response = None
+        if truth is not None:
+            if truth.remnant.any():
+                response = truth.u_without_remnant.to_numpy().reshape(n_runs, -1)[0, shown]
+            element = truth.parameters[["K_c", "omega_b"]]
+            transition = _transition_time(element) if transition is None else transition
+        return cls(
+            time=time[shown],
+            signals=signals,
+            response=response,
+            transition=transition,
+            units=units or {**X.attrs.get("units", {}), **y.attrs.get("units", {})},
+        ).plot(ax, **kwargs)
+
+    def plot(self, ax: Any = None, **kwargs: Any) -> Self:
+        """Draw.
+
+        Parameters
+        ----------
+        %(keywords)
+
+        %(self)
+        """
+        n = len(self.signals)
+        size = 6.4, 1.0 + 1.5 * n
+        self._take_axes(ax, "one for each signal", (n, 1), sharex=True, figsize=size)
+        several = any(len(signal) > 1 for signal in self.signals.values())
+        first = "first run" if several else ROLES["measured"].word
+        self.lines_: dict[str, Any] = {}
+        self.runs_: list[Any] = []
+        self.truth_: list[Any] = []
+        for panel, (name, signal) in zip(self.axes_, self.signals.items(), strict=True):
+            others = signal[1 : 1 + MOST_SHOWN]
+            if len(others):
+                look = {"color": GREY, "lw": scaled(0.4), "alpha": 0.6}
+                self.runs_ += panel.plot(self.time, others.T, zorder=1, label="other runs", **look)
+            look = ROLES["measured"].style(0.9)
+            (self.lines_[name],) = panel.plot(self.time, signal[0], label=first, **look)
+            if self.response is not None and name == list(self.signals)[-1]:
+                look = ROLES["truth"].style(1.1)
+                self.truth_ += panel.plot(self.time, self.response, zorder=3, label=TRUTH, **look)
+            if self.transition is not None and self.time[0] < self.transition < self.time[-1]:
+                look = {"color": dimmed(), "ls": ":", "lw": scaled(1.2)}
+                panel.axvline(self.transition, label="change", **look)
+            panel.set_ylabel(with_unit(CHANNELS.get(name, name), (self.units or {}).get(name)))
+            panel.grid(alpha=0.3)
+        self.axes_[-1].set_xlabel("time, s")
+        self.axes_[-1].set_xlim(self.time[0], self.time[-1])
+        self.figure_.align_ylabels(self.axes_)
+        self._restyle(kwargs, self.lines_)
+        if self.runs_ or self.truth_ or self.transition is not None:
+            self._legend_of_panels()
+        return self
+
+
+def _transition_time(parameters: pd.DataFrame) -> float | None:
+    """Where parameters change most between two instants, in s; None where they do not."""
+    change = parameters.diff().abs() / (parameters.max() - parameters.min()).replace(0.0, np.nan)
+    total = change.max(axis=1)
+    return float(total.idxmax()) if total.max() > 0 else None

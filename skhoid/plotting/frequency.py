@@ -14,8 +14,8 @@ from scipy.stats import t as student
 
 from ..interpret import FrequencyResponse
 from ..pipelines import taken_apart
-from ._axes import legend_entries, phase_ticks, with_unit
-from ._display import Display
+from ._axes import draw_band, legend_entries, phase_ticks, with_unit
+from ._display import Display, check_option
 from ._roles import GREY, PALETTE, ROLES, scaled, sized, veil
 
 SYMBOLS = "osD^vPX"
@@ -42,17 +42,13 @@ class BodeDisplay(Display):
         What to draw, each of shape (n_lines,).
     view : {"operator", "open_loop"}, default="operator"
         ``"open_loop"`` marks crossover frequency and phase margin.
-    confidence : float, default=0.95
-        Of the intervals, for normally distributed errors.
+    %(confidence)
 
     Attributes
     ----------
-    axes_ : ndarray of Axes, shape (2,)
-        Magnitude and phase.
-    figure_ : Figure
-        The figure that holds them.
+    %(panels)
     magnitude_, phase_ : dict {label: Line2D}
-        The curves or markers.
+        The curves or markers: the main artists.
     intervals_ : dict {label: list of artists}
         Bands or error bars, of magnitude and phase.
     nyquist_ : dict {label: float}
@@ -89,7 +85,7 @@ class BodeDisplay(Display):
         view: str = "operator",
         confidence: float = 0.95,
         ax: Any = None,
-        **styles: Any,
+        **kwargs: Any,
     ) -> Self:
         """Draw frequency responses.
 
@@ -101,22 +97,16 @@ class BodeDisplay(Display):
             Multiplies every response, for ``view="open_loop"``. None takes them as they are.
         view : {"operator", "open_loop"}, default="operator"
             ``"open_loop"`` marks crossover frequency and phase margin.
-        confidence : float, default=0.95
-            Of the intervals, for normally distributed errors.
-        ax : sequence of two Axes or None, default=None
-            Where to draw. None makes a figure.
-        **styles : dict
-            Keywords of :meth:`plot` whose names end in ``_kw``.
+        %(confidence)
+        %(keywords)
 
-        Returns
-        -------
-        display : BodeDisplay
+        %(display)
         """
         if controlled_element is not None and view == "operator":
             raise ValueError(
                 "controlled_element makes open loops of the responses; say view='open_loop' too."
             )
-        named = {}
+        named: dict[str, FrequencyResponse] = {}
         for label, response in _named(responses).items():
             if not isinstance(response, FrequencyResponse):
                 raise TypeError(
@@ -133,7 +123,7 @@ class BodeDisplay(Display):
                 else:
                     response = response.select_run(response.labels[0])
             named[label] = response
-        return cls(responses=named, view=view, confidence=confidence).plot(ax, **styles)
+        return cls(responses=named, view=view, confidence=confidence).plot(ax, **kwargs)
 
     @classmethod
     def from_estimator(
@@ -147,7 +137,7 @@ class BodeDisplay(Display):
         compare: Any = None,
         confidence: float = 0.95,
         ax: Any = None,
-        **styles: Any,
+        **kwargs: Any,
     ) -> Self:
         """Draw the frequency response of a fitted ARX model, alone or in a pipeline or search.
 
@@ -165,16 +155,10 @@ class BodeDisplay(Display):
             Name in the legend. None means the name of the class.
         compare : FrequencyResponse, list or dict of them, or None, default=None
             Other responses of the operator, or models of it, drawn first.
-        confidence : float, default=0.95
-            Of the intervals, for normally distributed errors.
-        ax : sequence of two Axes or None, default=None
-            Where to draw. None makes a figure.
-        **styles : dict
-            Keywords of :meth:`plot` whose names end in ``_kw``.
+        %(confidence)
+        %(keywords)
 
-        Returns
-        -------
-        display : BodeDisplay
+        %(display)
         """
         _, last = taken_apart(model)
         if omega is None:
@@ -193,39 +177,22 @@ class BodeDisplay(Display):
             view="operator" if controlled_element is None else "open_loop",
             confidence=confidence,
             ax=ax,
-            **styles,
+            **kwargs,
         )
 
-    def plot(
-        self,
-        ax: Any = None,
-        *,
-        line_kw: dict[str, Any] | None = None,
-        band_kw: dict[str, Any] | None = None,
-    ) -> Self:
+    def plot(self, ax: Any = None, **kwargs: Any) -> Self:
         """Draw.
 
         Parameters
         ----------
-        ax : sequence of two Axes or None, default=None
-            Where to draw magnitude and phase. None makes a figure.
-        line_kw : dict or None, default=None
-            Keywords of matplotlib for the responses.
-        band_kw : dict or None, default=None
-            Keywords of matplotlib for the intervals.
+        %(keywords)
 
-        Returns
-        -------
-        self : BodeDisplay
+        %(self)
         """
-        styles = {"line": line_kw, "band": band_kw}
-        if self.view not in ("operator", "open_loop"):
-            raise ValueError(f"view must be 'operator' or 'open_loop'; got {self.view!r}.")
+        check_option("view", self.view, ("operator", "open_loop"))
         if not 0 < self.confidence < 1:
             raise ValueError(f"confidence must lie between 0 and 1; got {self.confidence!r}.")
-        self.axes_ = self._take_axes(
-            ax, "magnitude and phase", (2, 1), sharex=True, figsize=(6.4, 7.0)
-        )
+        self._take_axes(ax, "magnitude and phase", (2, 1), sharex=True, figsize=(6.4, 7.0))
         self.magnitude_: dict[str, Any] = {}
         self.phase_: dict[str, Any] = {}
         self.intervals_: dict[str, list[Any]] = {}
@@ -250,9 +217,12 @@ class BodeDisplay(Display):
         bottom.set_xlabel("frequency, rad/s")
         if self._own or top.get_shared_x_axes().joined(top, bottom):
             top.tick_params(labelbottom=False)
-        drawn = [*self.magnitude_.values(), *self.phase_.values()]
-        self._restyle(styles, line=drawn, band=self.intervals_)
-        self._explain()
+        self._restyle(kwargs, self.magnitude_, self.phase_)
+        entries = legend_entries(self.axes_)
+        if any(self.intervals_.values()):
+            what = f"{100 * self.confidence:g} % intervals"
+            entries[what] = Patch(color=GREY, alpha=0.4, lw=0)
+        self._legend(list(entries.values()), list(entries))
         return self
 
     def _phase_reference(self) -> tuple[np.ndarray, np.ndarray] | None:
@@ -296,7 +266,7 @@ class BodeDisplay(Display):
                 true = label == ROLES["truth"].word
                 style = {"ls": ROLES["truth"].line if true else "-", "lw": scaled(1.4)}
                 if bound is not None:
-                    band = panel.fill_between(omega, *bound, color=colour, alpha=veil(0.2), lw=0)
+                    band = draw_band(panel, omega, *bound, colour, alpha=veil(0.2))
                     self.intervals_[label].append(band)
             lines += panel.plot(omega, values, color=colour, label=label, **style)
         self.magnitude_[label], self.phase_[label] = lines
@@ -378,15 +348,6 @@ class BodeDisplay(Display):
                 label=f"{label}: $\\omega_c$ = {omega_c:.2f} rad/s, $\\varphi_m$ = {margin:.0f}°",
             )
         return pd.DataFrame(rows).T
-
-    def _explain(self) -> None:
-        entries = legend_entries(self.axes_)
-        if what := self._what_intervals_are():
-            entries[what] = Patch(color=GREY, alpha=0.4, lw=0)
-        self._legend(list(entries.values()), list(entries))
-
-    def _what_intervals_are(self) -> str | None:
-        return f"{100 * self.confidence:g} % intervals" if any(self.intervals_.values()) else None
 
 
 def _named(responses: Any) -> dict[str, FrequencyResponse]:
