@@ -10,19 +10,20 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import least_squares
 
 from .._sklearn import Interval, StrOptions, checked
 from ..human.operator import check_dt, check_order, held_filter, pade
 from ..human.variation import as_floats
 from ..pipelines import taken_apart
 from .arx_channel import ARXChannel, delay_before, response_and_gradient
+from .response_fit import ResponseFit, stacked
 
 NAMES = ("K_e", "T_L", "K_edot", "tau_e", "omega_nm", "zeta_nm")
 N_FREQUENCIES = 60
 FILTER = slice(2, 4)  # log omega_nm and log zeta_nm among the fitted parameters
 ZETA = (0.02, 5.0)  # bounds; an estimate at a bound counts as no fit
-FAR = 3.0  # times the rms misfit of its neighbour, beyond which an instant starts anew
+N_REFINED = 3  # best starts of the grid that are refined
+BLOCK = 2048  # instants at a time, for memory
 DIFFERENCE = 1e-6  # of logarithms, for derivatives of the neuromuscular filter
 
 
@@ -89,8 +90,8 @@ def fit_operator(
     The relative error weighs gain and phase, and every octave, equally: the neuromuscular peak
     counts as much as low frequencies where the gain is ten times lower. (An absolute error would
     hardly see anything but the peak.) The gains enter linearly, so only delay and neuromuscular
-    filter need starting values: 36 are tried and the best three refined. Along a path, each instant
-    starts from its neighbour, and anew where that gives three times the misfit; it takes 3 to 7 ms.
+    filter need starting values: 36 are tried and the best three refined, for all instants of a path
+    side by side.
 
     References
     ----------
@@ -140,23 +141,27 @@ def _fit_path(
     P: np.ndarray | None,
     band: tuple[float, float],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Values, standard deviations (columns as ``NAMES``) and misfit, instant by instant."""
+    """Values, standard deviations (columns as ``NAMES``) and misfit of each instant."""
     table, deviations = np.full((2, len(response), 6), np.nan)
     misfit = np.full(len(response), np.nan)
     bounds = np.full((2, 5), [[-np.inf], [np.inf]])
     bounds[:, FILTER] = np.log([[band[0] / 2, ZETA[0]], [2 * band[1], ZETA[1]]])
     known = np.flatnonzero(np.isfinite(response).all(axis=1) & (response != 0).all(axis=1))
-    previous: tuple[np.ndarray, float] | None = None
-    for row in known:
-        p, misfit[row] = _fit(hold, response[row], previous, bounds)
-        previous = None
-        if np.any((p < bounds[0] + 1e-6) | (p > bounds[1] - 1e-6)):
-            continue
-        previous = (p, misfit[row])
-        omega_nm, zeta_nm = np.exp(p[FILTER])
-        table[row] = p[0], p[1] / p[0], p[1], p[4], omega_nm, zeta_nm
+    for rows in np.array_split(known, -(-known.size // BLOCK)) if known.size else []:
+        target = response[rows]
+        fit = ResponseFit(hold, target, 1 / np.abs(target), *bounds)
+        p, squares = fit.best_of(fit.starts(_filters(hold, bounds), N_REFINED))
+        misfit[rows] = np.sqrt(squares / target.shape[1])
+        inside = ~np.any((p < bounds[0] + 1e-6) | (p > bounds[1] - 1e-6), axis=1)
+        rows, p, target = rows[inside], p[inside], target[inside]
+        omega_nm, zeta_nm = np.exp(p[:, FILTER]).T
+        columns = [p[:, 0], p[:, 1] / p[:, 0], p[:, 1], p[:, 4], omega_nm, zeta_nm]
+        table[rows] = np.stack(columns, axis=1)
         if P is not None:
-            deviations[row] = _deviations(hold, p, response[row], slopes[row], P[row])
+            jacobian = stacked(hold.slopes(p) / target[..., None], axis=1)
+            gradient = stacked(slopes[rows] / target[..., None], axis=1)
+            for row, one, J, G in zip(rows, p, jacobian, gradient, strict=True):
+                deviations[row] = _deviations(one, J, G, P[row])
     return table, deviations, misfit
 
 
@@ -172,11 +177,12 @@ class OperatorUnderHold:
     def gains(self, p: np.ndarray) -> np.ndarray:
         """Responses to which K_e and K_edot are the gains; two columns."""
         z = np.exp(-1j * self.omega * self.dt)
-        a1, a2, step, rate = held_filter(np.exp(p[2]), np.exp(p[3]), self.dt)
-        filtered = self.lag(p[4])[0] / (1 + a1 * z + a2 * z**2)
-        return np.stack([step + (1 + a1 + a2 - step) * z, rate * (1 - z)], -1) * filtered[:, None]
+        a1, a2, step, rate = held_filter(np.exp(p[:, 2:3]), np.exp(p[:, 3:4]), self.dt)
+        filtered = self.lag(p[:, 4:5])[0] / (1 + a1 * z + a2 * z**2)
+        columns = [step + (1 + a1 + a2 - step) * z, rate * (1 - z)]
+        return np.stack(columns, -1) * filtered[..., None]
 
-    def lag(self, tau: float) -> tuple[np.ndarray, np.ndarray]:
+    def lag(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Response of the delay with the sample of zero-order hold, and its derivative to tau."""
         s = 1j * self.omega
         total = tau + self.dt
@@ -190,81 +196,39 @@ class OperatorUnderHold:
         whole = np.exp(-s * self.known_delay)
         return whole * n / d, whole * s * slope
 
-    def response(self, p: np.ndarray) -> np.ndarray:
-        return self.gains(p) @ p[:2]
+    def slopes(self, p: np.ndarray) -> np.ndarray:
+        """Derivatives to p, of shape (n, n_frequencies, 5)."""
 
-    def jacobian(self, p: np.ndarray) -> np.ndarray:
-        """Derivatives to p, of shape (n_frequencies, 5)."""
+        def response(q: np.ndarray) -> np.ndarray:
+            return np.einsum("nfi,ni->nf", self.gains(q), q[:, :2])
+
         gains = self.gains(p)
-        columns = [gains[:, 0], gains[:, 1]]
+        columns = [gains[..., 0], gains[..., 1]]
         for step in DIFFERENCE * np.eye(5)[FILTER]:
-            columns.append((self.response(p + step) - self.response(p - step)) / (2 * DIFFERENCE))
-        value, slope = self.lag(p[4])
-        columns.append(gains @ p[:2] * slope / value)
+            columns.append((response(p + step) - response(p - step)) / (2 * DIFFERENCE))
+        value, slope = self.lag(p[:, 4:5])
+        columns.append(response(p) * slope / value)
         return np.stack(columns, axis=-1)
 
 
-def _fit(
-    hold: OperatorUnderHold,
-    target: np.ndarray,
-    previous: tuple[np.ndarray, float] | None,
-    bounds: np.ndarray,
-) -> tuple[np.ndarray, float]:
-    """Parameters and the rms relative error, from the neighbour or from several starts."""
-    if previous is not None:
-        p, error = _refine(hold, target, previous[0], bounds)
-        if error <= FAR * previous[1] + 1e-9:
-            return p, error
-    found = [_refine(hold, target, start, bounds) for start in _starts(hold, target, bounds)]
-    return min(found, key=lambda result: result[1])
-
-
-def _starts(hold: OperatorUnderHold, target: np.ndarray, bounds: np.ndarray) -> list[np.ndarray]:
-    """The best three of a coarse grid, each with its best gains."""
+def _filters(hold: OperatorUnderHold, bounds: np.ndarray) -> list[np.ndarray]:
+    """A coarse grid of neuromuscular filters and delays to start from."""
     own = hold.known_delay - hold.dt
     low, high = np.exp(bounds[:, 2])
-    filters = product(np.geomspace(3 * low, high / 2, 4), (0.15, 0.4, 1.0))
-    candidates = []
-    for (omega_nm, zeta_nm), later in product(filters, (0.0, 0.1, 0.25)):
-        p = np.array([0.0, 0.0, np.log(omega_nm), np.log(zeta_nm), own + later])
-        relative = _stacked(hold.gains(p) / target[:, None])
-        ones = _stacked(np.ones_like(target))
-        p[:2], *_ = np.linalg.lstsq(relative, ones, rcond=None)
-        candidates.append((float(np.sum((relative @ p[:2] - ones) ** 2)), p))
-    return [p for _, p in sorted(candidates, key=lambda candidate: candidate[0])[:3]]
-
-
-def _refine(
-    hold: OperatorUnderHold, target: np.ndarray, start: np.ndarray, bounds: np.ndarray
-) -> tuple[np.ndarray, float]:
-    result = least_squares(
-        lambda p: _stacked(hold.response(p) / target - 1),
-        np.clip(start, bounds[0] + 1e-5, bounds[1] - 1e-5),
-        lambda p: _stacked(hold.jacobian(p) / target[:, None]),
-        bounds=tuple(bounds),
-        x_scale="jac",
-        xtol=1e-10,
-        ftol=1e-14,
-        gtol=1e-12,
-    )
-    return result.x, float(np.sqrt(2 * result.cost / target.size))
+    grid = product(np.geomspace(3 * low, high / 2, 4), (0.15, 0.4, 1.0), (0.0, 0.1, 0.25))
+    return [np.array([np.log(omega), np.log(zeta), own + later]) for omega, zeta, later in grid]
 
 
 def _deviations(
-    hold: OperatorUnderHold, p: np.ndarray, target: np.ndarray, slopes: np.ndarray, P: np.ndarray
+    p: np.ndarray, jacobian: np.ndarray, slopes: np.ndarray, P: np.ndarray
 ) -> np.ndarray:
     """Standard deviations of K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm."""
-    jacobian = _stacked(hold.jacobian(p) / target[:, None])
-    gain = np.linalg.lstsq(jacobian, _stacked(slopes / target[:, None]), rcond=None)[0]
+    gain = np.linalg.lstsq(jacobian, slopes, rcond=None)[0]
     K_e, K_edot = p[:2]
     lead = (gain[1] - K_edot / K_e * gain[0]) / K_e
     omega_nm, zeta_nm = np.exp(p[FILTER])
     outputs = np.stack([gain[0], lead, gain[1], gain[4], omega_nm * gain[2], zeta_nm * gain[3]])
     return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", outputs, P, outputs), 0.0))
-
-
-def _stacked(values: np.ndarray) -> np.ndarray:
-    return np.concatenate([values.real, values.imag])
 
 
 def _frequencies(band: tuple[float, float], dt: float) -> np.ndarray:

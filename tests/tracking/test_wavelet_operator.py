@@ -13,7 +13,6 @@ from skhoid.tracking.operator_fitting import read_limits
 from skhoid.tracking.wavelet_operator import (
     Blocks,
     WaveletOperator,
-    _Problem,
     fit_responses,
     peak_bins,
 )
@@ -181,17 +180,6 @@ def test_fit_of_exact_responses_is_exact():
     expected = np.stack([K_e, K_e * T_L, tau, natural, zeta, T_L], axis=1)
     np.testing.assert_allclose(fits.values, expected, rtol=1e-4)
     assert not fits.stuck.any()
-
-
-def test_slopes_of_the_fit_are_derivatives():
-    omega = np.geomspace(0.3, 18, 7)
-    H = np.ones((2, 7), dtype=complex)
-    problem = _Problem(omega, H, np.full((2, 7), 3.0), DT, np.full(5, -9.0), np.full(5, 9.0))
-    p = np.array([[0.09, 0.04, 2.4, -1.0, 0.28], [0.2, -0.04, 1.9, -0.3, 0.11]])
-    slopes = problem.slopes(p)
-    for i, step in enumerate(1e-6 * np.eye(5)):
-        difference = (problem.residuals(p - step) - problem.residuals(p + step)) / 2e-6
-        np.testing.assert_allclose(slopes[:, :, i], difference, atol=1e-6)
 
 
 def test_standard_errors_of_the_fit_are_the_spread_of_its_estimates():
