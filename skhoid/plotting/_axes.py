@@ -45,7 +45,25 @@ SYMBOLS = {
 
 
 def with_unit(quantity: str, unit: str | None) -> str:
-    """A quantity and its unit as the label of an axis."""
+    """A quantity and its unit as the label of an axis.
+
+    Parameters
+    ----------
+    quantity : str
+        What it is.
+    unit : str or None
+        Its unit, if it has one.
+
+    Returns
+    -------
+    label : str
+
+    Examples
+    --------
+    >>> from skhoid.plotting import with_unit
+    >>> with_unit("output", "deg")
+    'output, deg'
+    """
     return f"{quantity}, {unit}" if unit else quantity
 
 
@@ -215,7 +233,27 @@ def _beyond(limit: float, bend: float) -> np.ndarray:
 
 
 def legend_entries(panels: Any) -> dict[str, Any]:
-    """Handles by label, each label once."""
+    """Handles for a legend of several panels by label, each label once.
+
+    Parameters
+    ----------
+    panels : iterable of Axes
+        The panels.
+
+    Returns
+    -------
+    entries : dict {str: artist}
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> from skhoid.plotting import legend_entries
+    >>> figure, panels = plt.subplots(2)
+    >>> for panel in panels:
+    ...     _ = panel.plot([0, 1], label="measured")
+    >>> list(legend_entries(panels))
+    ['measured']
+    """
     entries: dict[str, Any] = {}
     for panel in panels:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
@@ -248,6 +286,23 @@ def names_as_they_are(figure: Figure, names: Iterable[str]) -> None:
     """Show names from the data as such: matplotlib takes what is between dollars for formulas.
 
     Its setting ``text.parse_math`` would also spoil the labels of logarithmic axes.
+
+    Parameters
+    ----------
+    figure : Figure
+        With all texts in it.
+    names : iterable of str
+        Names of channels, runs, people and units.
+
+    Examples
+    --------
+    >>> import matplotlib.pyplot as plt
+    >>> from skhoid.plotting import names_as_they_are
+    >>> figure, panel = plt.subplots()
+    >>> title = panel.set_title("run $1 of $2")
+    >>> names_as_they_are(figure, ["run $1 of $2"])
+    >>> title.get_parse_math()
+    False
     """
     # Texts may quote or wrap a name, so its parts are looked for.
     parts = [part for name in names for part in re.split(r"[\s\\'\"]+", name) if "$" in part]

@@ -14,7 +14,7 @@ ALLOWED = {
     "diagnosis/over_amplitude.py": "a quantity is a channel or its rate",
     "lab/explore/script.py": "lines of a script",
     "lab/report/plots.py": "labels of the artists of a plot",
-    "plotting/tournament_winners.py": "names of cells, made of their conditions",
+    "plotting/tournament.py": "names of cells, made of their conditions",
 }
 
 
