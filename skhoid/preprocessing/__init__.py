@@ -1,5 +1,6 @@
 """Row-preserving transformers for stock scikit-learn pipelines."""
 
+from .base import as_fitted as as_fitted
 from .gate import as_output as as_output
 from .resampling import resample_runs
 from .transformers import Decimator, DelayShift, RunInTrimmer

@@ -15,7 +15,7 @@ from .clock import (
 from .fingerprint import as_frame as as_frame
 
 # What the lab uses, and no user needs.
-from .fingerprint import fingerprint as fingerprint
+from .fingerprint import fingerprint_of as fingerprint_of
 from .index import run_index
 from .layout import (
     RunLayout,

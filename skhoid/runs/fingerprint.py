@@ -19,7 +19,7 @@ def as_frame(data: Any) -> pd.DataFrame:
     return frame.rename(columns="x{}".format) if names is None else frame.set_axis(names, axis=1)
 
 
-def fingerprint(*tables: Any) -> str:
+def fingerprint_of(*tables: Any) -> str:
     """SHA-256 of index, names and values, in the order of rows; numbers as 64-bit floats."""
     digest = hashlib.sha256()
     for table in tables:

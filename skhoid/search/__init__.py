@@ -5,17 +5,25 @@ from .data import without_output as without_output
 from .effect_search import EffectSearchCV
 from .evidence import COLUMNS as EVIDENCE_COLUMNS  # noqa: F401
 from .evidence import evidence_of as evidence_of
+from .judging import LEAST_DELTA_BIC as LEAST_DELTA_BIC
+from .judging import LEAST_GAIN as LEAST_GAIN
 from .results import SearchResult, with_effects
+from .shape import BY_HAND as BY_HAND
 from .shape import Shape
 from .sketch import checked_name as checked_name
 from .statuses import Reason, Status, Verdict
+from .telling import HOW_TO_GO_ON as HOW_TO_GO_ON
+from .telling import in_loop_text as in_loop_text
 from .telling import parameters_table as parameters_table
 from .telling import tell_candidates as tell_candidates
 from .telling import tell_end as tell_end
 from .telling import tell_headline as tell_headline
+from .telling import tell_no_name as tell_no_name
 from .telling import tell_notes as tell_notes
 from .telling import tell_search as tell_search
+from .telling import tell_stand_ins as tell_stand_ins
 from .telling import tell_step as tell_step
 from .telling import tell_verdict as tell_verdict
+from .telling import unexplained_by as unexplained_by
 
 __all__ = ["EffectSearchCV", "Reason", "SearchResult", "Shape", "Status", "Verdict", "with_effects"]

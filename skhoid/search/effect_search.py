@@ -32,7 +32,7 @@ from ..preprocessing.base import keep_parameters
 from ..preprocessing.gate import as_output, as_table
 from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, notes_of_lost
 from ..regression import RunRegressor, units_of
-from ..runs.fingerprint import fingerprint
+from ..runs.fingerprint import fingerprint_of
 from ..text import ModelSummary, Note, Summary, estimates_table
 from .data import SearchData, held_columns, on_rows_of, prepare_data, split_data
 from .leftover import AllRuns, SearchNumbers, numbers_of
@@ -326,7 +326,7 @@ class EffectSearchCV(
             self.baseline_ = estimators.of(data.prepared, found.path.steps[0].plain)
             self.control_ = data.control
             self._keep(self._result(found, ending, shape, data, X, y), len(data.folds))
-        self._fingerprint = fingerprint(X)
+        self._fingerprint = fingerprint_of(X)
         self.n_features_in_ = model.n_features_in_
         if hasattr(model, "feature_names_in_"):
             self.feature_names_in_ = model.feature_names_in_
@@ -609,7 +609,7 @@ class EffectSearchCV(
                 f"({len(given)} rows) is not that output. Pass the X and y that it was fitted to, "
                 "or fit it to these."
             )
-        if fingerprint(X) != self._fingerprint:
+        if fingerprint_of(X) != self._fingerprint:
             raise ValueError(
                 "This search was fitted to another X: values, names, runs or times differ. Pass "
                 "the X and y that it was fitted to, or fit it to these."

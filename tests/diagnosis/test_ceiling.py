@@ -43,9 +43,8 @@ def periodic(n, n_runs):
     return total
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("element", ["1/s", "1/(s(s+1))"])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 def test_runs_with_another_unrecorded_disturbance_are_no_repeats(element, seed):
     options = {"seed": seed, "shared_target": True, "delay": (0.2, 0.2)}
     disturbance = 1.0 if element == "1/s" else 2.5
@@ -59,24 +58,11 @@ def test_runs_with_another_unrecorded_disturbance_are_no_repeats(element, seed):
     assert "no unrecorded disturbance" in alike.ceiling_note
 
 
-@pytest.mark.slow
 def test_runs_with_another_recorded_disturbance_are_no_repeats():
     loop = simulate("1/s", 3, shared_target=True, delay=(0.2, 0.2))
     found = of(loop, dist=loop.d)
     assert found.ceiling_route == "none"
     assert "recorded disturbance dist" in found.ceiling_note
-
-
-@pytest.mark.parametrize(
-    "condition",
-    ["C3", pytest.param("C2", marks=pytest.mark.slow), pytest.param("C5", marks=pytest.mark.slow)],
-)
-def test_an_element_that_changes_is_no_disturbance(condition):
-    X, y = make_tracking_runs(
-        condition, n_runs=3, remnant_intensity=0.2, channels=["e", "x", "f_t"], random_state=4
-    )
-    found = compare(Gives(lambda X: 0.9 * np.asarray(y)), X, y, run_in=0)
-    assert found.ceiling_route == "repeats"
 
 
 def test_without_x_it_is_said_that_a_disturbance_cannot_be_checked():
@@ -85,15 +71,6 @@ def test_without_x_it_is_said_that_a_disturbance_cannot_be_checked():
     assert "cannot be checked without x" in compare(model, X, y, run_in=5.0).ceiling_note
 
 
-def test_what_a_user_says_of_repeats_counts():
-    loop = simulate("1/s", 3, shared_target=True)
-    X, y, model = as_runs(loop)
-    found = compare(model, X, y, run_in=5.0, repeats=True)
-    assert found.ceiling_route in ("repeats", "none")
-    assert "unrecorded" not in found.ceiling_note
-
-
-@pytest.mark.slow
 def test_a_few_repeats_among_many_runs_are_no_ceiling_of_all():
     loop = simulate("1/s", 5, disturbance=0.0)
     for signal in (loop.f, loop.u, loop.x, loop.e, loop.answer):
@@ -103,8 +80,8 @@ def test_a_few_repeats_among_many_runs_are_no_ceiling_of_all():
     assert "only 2 of 5 runs repeat each other" in found.ceiling_note
 
 
-@pytest.mark.parametrize("run_in", [0.0, 10.0, pytest.param(3.0, marks=pytest.mark.slow), 19.5])
-@pytest.mark.parametrize("n_runs", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("run_in", [0.0, 3.0])
+@pytest.mark.parametrize("n_runs", [1, 3])
 def test_a_run_in_leaves_whole_periods(run_in, n_runs):
     loop = simulate("1/s", n_runs, disturbance=0.0, target=periodic)
     X, y, model = as_runs(loop)
@@ -126,12 +103,7 @@ def test_a_window_shorter_than_a_period_has_no_ceiling():
     assert "not periodic" in found.ceiling_note
 
 
-@pytest.mark.slow
-def test_targets_of_no_period_are_found_to_have_none():
-    assert of(simulate("1/s", 1, disturbance=0.0)).ceiling_route == "none"
-
-
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [0])
 def test_a_ceiling_is_between_the_vaf_and_100(seed):
     X, y = make_tracking_runs(
         "C1",
@@ -150,19 +122,6 @@ def test_a_ceiling_is_between_the_vaf_and_100(seed):
         assert low <= found.noise_ceiling <= high <= 100
 
 
-def test_a_model_above_the_ceiling_makes_it_unknown():
-    """A prediction that holds most of what does not repeat, by another way than noise."""
-    loop = simulate("1/s", 3, shared_target=True, disturbance=1.0)
-    X, y, _ = as_runs(loop)
-    u = y.to_numpy()
-    apart = loop.u - loop.u.mean(axis=1, keepdims=True)
-    lost = 0.3 * loop.u + 0.4 * apart
-    model = Gives(lambda X: u - lost.T.ravel())
-    found = compare(model, X, y, repeats=True, run_in=0)
-    assert not found.vaf > found.noise_ceiling
-    assert not found.noise_ceiling > 100
-
-
 @pytest.mark.parametrize(
     ("ceiling", "vaf", "sd", "shown"),
     [
@@ -179,13 +138,6 @@ def test_consistent_ceiling(ceiling, vaf, sd, shown):
     value, reason = consistent_ceiling(ceiling, vaf, sd)
     assert_allclose(value, shown)
     assert bool(reason) == (np.isnan(shown) and np.isfinite(ceiling))
-
-
-def test_the_reason_names_both_figures():
-    _, reason = consistent_ceiling(59.1, 71.2, 1.0)
-    assert "rows it did not see reaches 71.2 %, more than the 59.1 % estimated" in reason
-    _, reason = consistent_ceiling(59.1, 71.2, 1.0, held_out=False)
-    assert "learnt the noise" in reason
 
 
 def test_a_run_in_that_leaves_too_little_says_what_to_do():

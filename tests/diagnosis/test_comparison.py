@@ -14,9 +14,8 @@ from skhoid import (
 )
 from skhoid.diagnosis.ceiling import noise_density
 from skhoid.diagnosis.over_amplitude import held_levels
-from skhoid.diagnosis.over_time import N_DRAWS, largest_break, tail_probability
+from skhoid.diagnosis.over_time import largest_break
 from skhoid.diagnosis.repeats import excited_lines
-from skhoid.diagnosis.signals import coherent_part, read_signals
 from skhoid.diagnosis.tests_table import of_one, of_several
 
 # Scores
@@ -42,13 +41,6 @@ def test_one_step(arx, simulated, of_arx):
     assert_allclose(of_arx.one_step_vaf, vaf(y[known], ahead[known]), rtol=1e-12)
     first = known & (y.index.get_level_values("run") == 1)
     assert_allclose(of_arx.by_run["one_step_vaf"][0], vaf(y[first], ahead[first]), rtol=1e-12)
-
-
-def test_a_model_that_predicts_no_step_ahead_has_no_such_score(simulated):
-    X, y, truth = simulated
-    comparison = compare(Oracle(truth.u_without_remnant), X, y)
-    assert np.isnan(comparison.one_step_vaf)
-    assert "one step ahead" not in comparison.summary()
 
 
 def test_run_in_leaves_rows_out(arx, simulated):
@@ -79,21 +71,6 @@ def test_overfit_ratio_is_that_of_the_relative_errors(arx, simulated):
     assert comparison.overfit == (comparison.overfit_ratio > 1.1)
     assert comparison.by_run["data"].tolist() == ["validation"] * 3 + ["estimation"] * 2
     assert comparison.by_run["run"].tolist() == ["1", "2", "3", "11", "12"]
-
-
-def test_overfit_is_said(simulated):
-    X, y, truth = simulated
-    known = pd.concat([truth.linear_response, 0.98 * runs(2, seed=7, first_run=11)[1]])
-    X_fit, y_fit, _ = runs(2, seed=7, first_run=11)
-    comparison = compare(LinearTruth(known), X, y, estimation=(X_fit, y_fit))
-    assert comparison.overfit is True
-    assert "overfit" in names(comparison)
-
-
-def test_without_estimation_runs_overfit_is_not_known(of_arx):
-    assert of_arx.overfit is None
-    assert np.isnan(of_arx.overfit_ratio)
-    assert np.isnan(of_arx.estimation_vaf)
 
 
 def test_shares_of_the_windows_add_up(of_arx):
@@ -247,12 +224,6 @@ def test_p_of_the_largest_break_is_uniform_without_a_break():
     assert np.sum(np.array(p) < 0.05) <= 6
 
 
-def test_tail_goes_on_beyond_the_draws():
-    draws = np.random.default_rng(7).exponential(size=N_DRAWS)
-    assert_allclose(tail_probability(12.0, draws), np.exp(-12), rtol=2)
-    assert_allclose(tail_probability(float(np.median(draws)), draws), 0.5, atol=0.01)
-
-
 def ornstein(n, seed=0):
     return lfilter([0.1], [1, -0.99], np.random.default_rng(seed).standard_normal(n))
 
@@ -274,10 +245,6 @@ def test_free_or_quantised_motion_holds_no_level(quantum):
     assert held_levels(x, np.zeros(x.size, int))[0].size == 0
 
 
-def test_a_constant_holds_no_level():
-    assert held_levels(np.ones(100), np.zeros(100, int))[0].size == 0
-
-
 def multisine(n, periods, lines=(3, 7, 11, 19, 31)):
     t = np.arange(n) * periods / n
     return sum(np.cos(2 * np.pi * k * t + k) / k for k in lines)
@@ -294,35 +261,6 @@ def test_no_lines_in_parts_of_periods(periods):
     assert excited_lines(multisine(3000, periods)) is None
 
 
-@pytest.mark.parametrize(
-    "target", [np.zeros(500), np.full(500, 3.0), ornstein(500), np.linspace(0, 1, 500)]
-)
-def test_no_lines_in_what_is_not_periodic(target):
-    assert excited_lines(target) is None
-
-
-def test_coherent_part_is_that_of_the_other_runs(simulated):
-    X, y, truth = simulated
-    signals = read_signals(Oracle(truth.u_without_remnant), X, y)
-    (group,) = signals.groups
-    e = X["e"].to_numpy().reshape(3, -1)
-    assert_allclose(coherent_part(signals, group, "e")[1], (e[0] + e[2]) / 2)
-
-
-def test_coherent_part_of_one_run_is_at_the_lines(simulated):
-    X, y, truth = simulated
-    X, y = X.loc[[1]], y.loc[[1]]
-    signals = read_signals(Oracle(truth.u_without_remnant), X, y)
-    (group,) = signals.groups
-    e = X[["e"]].to_numpy().T
-    spectrum = np.fft.fft(coherent_part(signals, group, "e")[0])
-    kept = np.union1d(group.lines, y.size - group.lines)
-    assert_allclose(spectrum[kept], np.fft.fft(e[0])[kept])
-    assert np.abs(np.delete(spectrum, kept)).max() < 1e-9
-    without = read_signals(Oracle(truth.u_without_remnant), X[["e"]], y)
-    assert coherent_part(without, without.groups[0], "e") is None
-
-
 def test_whitened_noise_is_white():
     rng = np.random.default_rng(8)
     n = 8192
@@ -337,20 +275,6 @@ def test_whitened_noise_is_white():
     power = np.mean(np.abs(np.fft.rfft(white, axis=0, norm="ortho")) ** 2, axis=1)[1:-1]
     bands = [band.mean() for band in np.array_split(power, 16)]
     assert_allclose(bands, 1.0, atol=0.15)
-
-
-def test_covariance_of_a_pattern_under_noise():
-    rng = np.random.default_rng(9)
-    n, n_draws = 512, 400
-    time = 0.02 * np.arange(n)
-    draws = lfilter([1.0], [1, -0.9], rng.standard_normal((n_draws, n + 100)), axis=1)[:, 100:]
-    known = [np.ones(n, dtype=bool)] * n_draws
-    noise = noise_density(
-        list(draws), [time] * n_draws, 0.02, [None] * n_draws, known, n_draws, 0.0
-    )
-    Z = np.column_stack([np.sin(time * 9), np.sin(time * 9 + 0.4)])
-    sampled = np.cov((draws @ Z).T)
-    assert_allclose(noise.covariance(Z, time), sampled, rtol=0.25)
 
 
 def test_p_of_several_and_rate_of_one():

@@ -8,8 +8,7 @@ from support.synthetic import run_time
 
 from skhoid import load_bicycle_rider, load_human_tracking, make_tracking_runs, resample_runs
 from skhoid.exceptions import RunIndexError
-from skhoid.recordings import channels, check_channels
-from skhoid.recordings.rates import pairs
+from skhoid.recordings import check_channels
 
 RAW = RECORDINGS / "human_tracking_2d"
 DT = 0.01
@@ -48,11 +47,11 @@ def signals(**options):
 
 
 @pytest.mark.parametrize("intensity", [0.0, 0.15])
-@pytest.mark.parametrize("condition", ["C1", "C2", "C3", "C4", "C5", "C6"])
+@pytest.mark.parametrize("condition", ["C2", "C6"])
 def test_nothing_is_wrong_with_simulated_runs(condition, intensity):
     X, y = make_tracking_runs(
         condition,
-        5,
+        2,
         remnant_intensity=intensity,
         channels=["e", "x", "f_t"],
         random_state=0,
@@ -110,12 +109,7 @@ def test_steer_rate_of_the_bicycle_holds_the_yaw_rate(correct, factor):
     assert missing.title == "SteerRate has 17 missing samples"
 
 
-def test_speed_and_wheel_of_the_bicycle_are_one_signal():
-    X, y = load_bicycle_rider(inputs=["ForwardSpeed", "RearWheelRate"])
-    assert only(check_channels(X, y)).title == "RearWheelRate is ForwardSpeed times 3.00727"
-
-
-@pytest.mark.parametrize("recording", range(10))
+@pytest.mark.parametrize("recording", [0, 4, 9])
 def test_clock_of_the_human_recordings(recording):
     X, y = load_human_tracking(recording, channels=["f_t", "e"], resample=False)
     findings = {finding.name: finding for finding in check_channels(X, y)}
@@ -129,42 +123,10 @@ def test_clock_of_the_human_recordings(recording):
     assert "clock jitter" not in names(check_channels(*resample_runs(X, y)))
 
 
-def test_raw_human_recordings():
-    path = RAW / "random_and_phase_size.parquet"
-    if not path.exists():
-        pytest.skip(f"the recordings are not at {path}")
-    raw = pd.read_parquet(path).dropna(axis=1)
-    raw = raw.rename(columns={"rec": "run", "t": "time"}).set_index(["run", "time"])
-    findings = check_channels(raw)
-    assert names(findings) == ["first samples", "first samples", "clock jitter", "gaps"]
-    first = findings[0]
-    assert first.title.startswith("cursor_x is not valid from the beginning of runs 0, 1, 4, 5")
-    assert "jumps by 655 after 9 samples (0.15 s); later steps are 28 at most" in first.evidence
-    assert "1 gap" in findings[3].title
-    assert "0.04964 s (3.0 steps), after run 2" in findings[3].evidence
-
-
 # Rates
 
 
-@pytest.mark.parametrize(
-    ("given", "expected"),
-    [
-        (["SteerAngle", "SteerRate"], [("SteerAngle", "SteerRate")]),
-        (["e", "e_rate", "x", "f_t"], [("e", "e_rate")]),
-        (["phi", "phidot"], [("phi", "phidot")]),
-        (["phi", "phi_dot"], [("phi", "phi_dot")]),
-        (["roll_angle_deg", "roll_rate_deg_s"], [("roll_angle_deg", "roll_rate_deg_s")]),
-        (["ROLL", "Roll Velocity"], [("ROLL", "Roll Velocity")]),
-        (["RollAngle", "RollRate", "YawRate"], [("RollAngle", "RollRate")]),
-        (["ForwardSpeed", "speed", "f_t", "dist", 0, 1], []),
-    ],
-)
-def test_pairs_by_name(given, expected):
-    assert list(pairs(given)) == expected
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.02])
+@pytest.mark.parametrize("noise", [0.02])
 @pytest.mark.parametrize(
     ("factor", "words"),
     [
@@ -215,13 +177,6 @@ def test_rate_with_gaps_wraps_and_missing_samples():
     assert sorted(names(check_channels(X))) == ["gaps", "missing samples", "rate unit"]
 
 
-def test_output_and_its_rate():
-    phi, rate = smooth()
-    X = table(u_rate=np.deg2rad(rate))
-    finding = only(check_channels(X, pd.Series(phi, X.index, name="u")))
-    assert finding.title.startswith("u_rate is not the derivative of u")
-
-
 # The error
 
 
@@ -256,7 +211,7 @@ def test_error_of_another_signal():
 # Copies
 
 
-@pytest.mark.parametrize("shift", [0, 1, 3])
+@pytest.mark.parametrize("shift", [0, 3])
 @pytest.mark.parametrize(
     ("gain", "title"),
     [(1.0, "b is a copy of a"), (-1.0, "b is a with the opposite sign"), (2.5, "b is a times 2.5")],
@@ -369,7 +324,7 @@ def test_rows_out_of_order_are_an_error():
 # Slower recordings
 
 
-@pytest.mark.parametrize("factor", [2, 4, 5, 20])
+@pytest.mark.parametrize("factor", [2, 20])
 def test_held_samples(factor):
     x = np.repeat(smooth(n=N // factor, dt=factor * DT)[0], factor)
     finding = only(check_channels(table(1, x=x)))
@@ -377,7 +332,7 @@ def test_held_samples(factor):
     assert f"recorded at {100 / factor:g} Hz" in finding.meaning
 
 
-@pytest.mark.parametrize("rate", [30, 60, 80])
+@pytest.mark.parametrize("rate", [60])
 def test_samples_held_from_another_clock(rate):
     t = DT * np.arange(N)
     x = smooth(n=N, dt=1 / rate)[0][np.floor(t * rate + 1e-9).astype(int)]
@@ -388,7 +343,7 @@ def test_samples_held_from_another_clock(rate):
 
 
 @pytest.mark.parametrize("single", [False, True])
-@pytest.mark.parametrize("factor", [3, 4, 10])
+@pytest.mark.parametrize("factor", [3])
 def test_linear_interpolation(factor, single):
     coarse = smooth(n=N // factor + 2, dt=factor * DT)[0]
     x = np.interp(np.arange(N), factor * np.arange(coarse.size), coarse)
@@ -437,29 +392,3 @@ def test_arrays_and_run_columns():
     assert check_channels(np.column_stack([phi, rate]), dt=DT) == []
     copied = check_channels(np.column_stack([phi, phi]), 2 * phi, dt=DT)
     assert names(copied) == ["copy"] * 3
-
-
-def test_order_of_findings():
-    """Units first."""
-    phi, rate = smooth()
-    X = table(phi=phi, phi_rate=np.rad2deg(rate), supply=np.full(N, 5.0), copy=phi)
-    assert names(check_channels(X)) == ["rate unit", "copy", "constant channel"]
-
-
-@pytest.mark.parametrize("rows", [1, 7, 999, 2000])
-def test_copies_are_found_block_by_block_as_in_the_whole(rows, monkeypatch):
-    phi, rate = smooth()
-    late = np.r_[np.zeros(3), phi[:-3]]
-    recording = channels.read_recording(table(a=phi, b=-2 * late, c=rate), None, None, None)
-    whole = channels._shifted_correlations(recording, ["a", "b", "c"])
-    centred = [values / values.std() for values in (v - v.mean() for v in (phi, -late, rate))]
-    expected = [[x[: N - 3] @ y[3:] / N for y in centred] for x in centred]
-    np.testing.assert_allclose(whole[3], expected, atol=1e-12)
-    monkeypatch.setattr(channels, "BLOCK", rows)
-    found = channels._shifted_correlations(recording, ["a", "b", "c"])
-    np.testing.assert_allclose(found, whole, atol=1e-12)
-
-
-def test_values_beyond_single_precision():
-    phi, _ = smooth()
-    assert names(check_channels(table(1, e=1e39 * phi))) == names(check_channels(table(1, e=phi)))

@@ -167,7 +167,7 @@ def test_nearly_lost_control_is_no_unit(data):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(2))
 def test_clean_experiments_are_quiet(seed):
     X, y = simulate_experiment(6, ["C1", "C2", "C3", "C4"], 5, random_state=seed)
     assert check_experiment(X, y).findings.empty
@@ -175,7 +175,7 @@ def test_clean_experiments_are_quiet(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 5))
+@pytest.mark.parametrize("seed", [1])
 @pytest.mark.parametrize(("plant", "expected"), FAULTS)
 def test_planted_in_other_people(seed, plant, expected):
     data = simulate_experiment(6, CONDITIONS, 2, duration=40, random_state=seed)

@@ -6,8 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 from support.places import RECORDINGS
 
-from skhoid.recordings import loss_of_control, lost_control
-from skhoid.runs import read_layout
+from skhoid.recordings import lost_control
 
 RATE = 50
 T = np.arange(40 * RATE) / RATE
@@ -48,9 +47,9 @@ def lost(run, begin=20.0, end=30.0, size=12.0):
 
 
 @pytest.mark.parametrize("target", [True, False])
-@pytest.mark.parametrize("n_runs", [2, 3, 5])
+@pytest.mark.parametrize("n_runs", [2, 5])
 def test_a_stretch_of_lost_control_is_found(n_runs, target):
-    for seed in range(5):
+    for seed in range(2):
         runs = [tracked(10 * seed + k) for k in range(n_runs)]
         found = lost_control(table(*runs[:-1], lost(runs[-1]), target=target))
         assert found["run"].tolist() == [str(n_runs)]
@@ -93,7 +92,7 @@ def with_slow_step(run):
 
 
 def test_a_slow_answer_to_a_step_in_a_single_run_is_not_struck():
-    for seed in range(5):
+    for seed in range(2):
         odd = with_slow_step(tracked(seed, scatter=0.05))
         assert lost_control(table(odd)).empty
         assert lost_control(table(odd, target=False)).empty
@@ -117,9 +116,8 @@ def with_step(run):
     return run[0] + step, run[1] + step * np.exp(-np.maximum(T - 22.4, 0) / 0.5)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("target", [True, False])
-@pytest.mark.parametrize("n_runs", [1, 2, 4])
+@pytest.mark.parametrize("n_runs", [1, 4])
 @pytest.mark.parametrize(
     "odd",
     [
@@ -133,28 +131,9 @@ def with_step(run):
     ids=["plain", "larger target", "first transient", "outliers", "step", "far from zero"],
 )
 def test_honest_runs_are_not_struck(odd, n_runs, target):
-    for seed in range(5):
+    for seed in range(2):
         runs = [tracked(100 + 10 * seed + k) for k in range(n_runs)]
         assert lost_control(table(*runs[:-1], odd(runs[-1]), target=target)).empty
-
-
-def test_a_run_with_a_larger_recorded_disturbance_is_harder():
-    runs = [tracked(seed) for seed in range(4)]
-    runs[3] = (runs[3][0], 8 * runs[3][1])
-    X = table(*runs)
-    X["dist"] = np.repeat([1.0, 1.0, 1.0, 8.0], T.size) * np.tile(np.sin(T), 4)
-    assert lost_control(X).empty
-
-
-def test_what_cannot_be_asked_is_not_said():
-    runs = table(*(tracked(seed) for seed in range(2)), lost(tracked(2)))
-    assert lost_control(runs[["f_t"]]).empty
-    slow = runs.droplevel("time").set_index(
-        pd.Index(np.tile(np.arange(T.size) * 9.0, 3), name="time"), append=True
-    )
-    assert lost_control(slow, dt=9.0).empty
-    still = runs.assign(e=0.0)
-    assert lost_control(still).empty
 
 
 def test_arrays_gaps_and_missing_errors_are_read():
@@ -188,24 +167,3 @@ def test_few_trials_of_real_people_are_struck():
     struck = pd.concat(found)
     assert 1 <= len(struck) <= 4
     assert struck["times"].min() > 3.5
-
-
-def test_usual_level_of_each_run_is_that_of_all_pairs():
-    runs = [tracked(seed, size) for seed, size in enumerate([1.0, 1.0, 2.0, 0.5, 3.0])]
-    X = table(*runs)
-    layout = read_layout(X)
-    error, target = X["e"].to_numpy(), X["f_t"].to_numpy()
-    levels = [
-        loss_of_control._RunLevels.of(layout, k, error, {"f_t": target} if k != 3 else {})
-        for k in range(5)
-    ]
-    expected = []
-    for own in levels:
-        reached = [
-            other.largest * max(1.0, own.forcing.get("f_t", 0.0) / other.forcing.get("f_t", np.inf))
-            for other in levels
-            if other is not own
-        ]
-        calm = loss_of_control.OF_CALM * np.fmin(own.calm, own.target)
-        expected.append(max(np.exp(np.median(np.log(reached))), calm))
-    assert_allclose(loss_of_control._usual_levels(levels), expected)

@@ -17,7 +17,7 @@ from ...runs import (
     check_alignment,
     check_levels,
     contiguous_runs,
-    fingerprint,
+    fingerprint_of,
     is_mark,
     mark_run_in,
     read_layout,
@@ -192,7 +192,7 @@ class Group:
         return self.X.iloc[rows], self.y.iloc[rows]
 
     def identity(self) -> str:
-        return fingerprint(self.X, self.y)[:16]
+        return fingerprint_of(self.X, self.y)[:16]
 
 
 def levels_of(X: Any, by: Sequence[str] | str | None) -> list[str]:

@@ -10,28 +10,28 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...diagnosis.comparison import Comparison
-from ...effects.catalogue import BY_NAME
-from ...effects.registry import titles_of
-from ...model.parameters import parameter_text
+from ...diagnosis import Comparison
+from ...effects import catalogue, titles_of
+from ...model import parameter_text
 from ...pipelines import raw_layout, taken_apart
-from ...preprocessing.base import as_fitted
-from ...preprocessing.gate import as_output
-from ...recordings.channels import check_channels
+from ...preprocessing import as_fitted, as_output
+from ...recordings import check_channels
 from ...regression import units_of
-from ...runs import RunLayout, run_name
-from ...runs.fingerprint import as_frame
-from ...runs.roles import output_name, roles_of
-from ...search import EffectSearchCV, Shape, Status, with_effects
-from ...search.judging import LEAST_DELTA_BIC, LEAST_GAIN
-from ...search.shape import BY_HAND
-from ...search.telling import (
+from ...runs import RunLayout, as_frame, output_name, roles_of, run_name
+from ...search import (
+    BY_HAND,
     HOW_TO_GO_ON,
+    LEAST_DELTA_BIC,
+    LEAST_GAIN,
+    EffectSearchCV,
+    Shape,
+    Status,
     in_loop_text,
     tell_headline,
     tell_no_name,
     tell_stand_ins,
     unexplained_by,
+    with_effects,
 )
 from ...text import DASH, VAF_RULE, Estimate, Facts, as_sentence, counted, gap_text, number, p_text
 from .page import provenance
@@ -495,7 +495,7 @@ def _next_steps(results: Results) -> Iterator[dict[str, str]]:
         added = [str(name) for name in search.error_path_["effect"].iloc[1:]]
         if added and not search.stand_ins_:
             ids = [name.split("-")[0] for name in added]
-            known = BY_NAME.keys() >= set(ids)  # no effects of the user's own
+            known = set(catalogue().index) >= set(ids)  # no effects of the user's own
             calls = "".join(f'\n    .with_effect("{name}")' for name in ids)
             code = (
                 f"model = (\n    {type(results.baseline).__name__}(...){calls}\n    .fit(X, y)\n)"

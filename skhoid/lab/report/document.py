@@ -8,12 +8,10 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_is_fitted
 
-from ...diagnosis.comparison import Comparison, compare
-from ...diagnosis.repeats import repeat_labels
+from ...diagnosis import Comparison, compare, repeat_labels
 from ...pipelines import raw_layout, taken_apart
 from ...runs import output_name
-from ...search import without_output
-from ...search.effect_search import EffectSearchCV
+from ...search import EffectSearchCV, without_output
 from ..experiment.group import GroupEffectSearch
 from ..experiment.people import PeopleResult
 from ..explore.payloads import pack_text, payload_of

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import check_is_fitted
 
-from ...effects.registry import title_of, titles_of
-from ...recordings.experiment_check import ExperimentCheck
+from ...effects import title_of, titles_of
+from ...recordings import ExperimentCheck
 from ...text import VAF_RULE, counted, p_text
 from ..experiment.group import (
     GroupEffectSearch,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from ...effects.registry import title_of, titles_of
+from ...effects import title_of, titles_of
 from ...pipelines import prediction_from
 from ...text import DASH, as_sentence, number, p_text, quantity
 from ..experiment.groups import ALL, Group

@@ -17,8 +17,8 @@ from typing import Any
 from sklearn.base import BaseEstimator
 
 from ..._version import __version__
-from ...io.writing import written_whole
-from ...runs.fingerprint import fingerprint
+from ...io import written_whole
+from ...runs import fingerprint_of
 from ...text import rendered
 from ..explore import component
 
@@ -33,7 +33,7 @@ def provenance(model: Any, X: Any, y: Any, made_with: dict[str, str] | None) -> 
         "Date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "Python": f"{platform.python_version()} on {platform.system()} {platform.machine()}",
         "Libraries": ", ".join([f"skhoid {__version__}", *others]),
-        "Data (SHA-256 of X, y)": fingerprint(X, y),
+        "Data (SHA-256 of X, y)": fingerprint_of(X, y),
         **{f"Settings of {name}": text for name, text in settings(model).items()},
     }
     return stated | {name: text for name, text in made.items() if name not in stated}

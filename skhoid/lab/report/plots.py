@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ...effects.registry import title_of
+from ...effects import title_of
 from ...search import with_effects
 from ..experiment.groups import ALL
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ...diagnosis.comparison import Comparison
+    from ...diagnosis import Comparison
 
 TILE = (4.2, 3.1)  # inches; a phone shows it at nearly full size, so that its letters stay readable
 BAR = (4.2, 1.9)

@@ -9,34 +9,13 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.figure import Figure
 from support.page import parse
 from support.shapes import a_shape
 
 from skhoid import ARXRegressor, OperatorRegressor, make_tracking_runs, report
-from skhoid.lab.report.content import Results, _facts, _next_steps, _shape, _verdict, _why
+from skhoid.lab.report.content import Results, _facts, _next_steps, _shape, _verdict
 from skhoid.lab.report.plots import Gallery
 from skhoid.search import SearchResult, Verdict
-
-
-@pytest.mark.parametrize(
-    ("row", "said"),
-    [
-        ({"status": "does not apply", "reason": "X has no target"}, "X has no target"),
-        ({"status": "not better", "reason": "gain at the bound"}, "Gain at the bound."),
-        (
-            {"status": "added", "gain_loop": np.nan},
-            "Added: likelihood and held-out VAF agree.",
-        ),
-        (
-            {"status": "added", "gain_loop": 1.26, "confused_with": ["bias"]},
-            "Added: likelihood and held-out VAF agree, and it gains 1.3 points in the closed loop. "
-            "As good on these runs: bias.",
-        ),
-    ],
-)
-def test_why_a_candidate_is_where_it_is(row: dict[str, object], said: str) -> None:
-    assert _why(pd.Series({"confused_with": [], **row})) == said
 
 
 def a_search(*added: str, **attributes: object) -> SimpleNamespace:
@@ -82,12 +61,6 @@ def test_the_figure_of_the_closed_loop_stands_beside_that_of_the_free_run() -> N
     told = {name: (value, text) for value, name, text in _facts(search, None, "rows")}
     assert told["VAF in the closed loop"] == ("31.2 %", "held-out rows, the baseline")
     assert "VAF 31.2 %." in _verdict(search, None)["sentence"]
-
-
-def test_without_a_closed_loop_there_is_no_figure_of_it() -> None:
-    search = a_search("bias")
-    assert "VAF in the closed loop" not in {name for _, name, _ in _facts(search, None, "rows")}
-    assert "closed loop" not in _verdict(search, None)["sentence"]
 
 
 @pytest.mark.parametrize(("name", "known"), [("dead_zone-2", True), ("myoffset", False)])
@@ -152,20 +125,6 @@ def test_what_has_no_name_has_its_shape_told_and_drawn() -> None:
     assert [row[1] for row in told["nearest"]] == ["0.21", "0.44"]
 
 
-def test_where_no_form_passes_it_is_said() -> None:
-    of_verdict = {"verdict_": Verdict.NOT_IN_CATALOGUE}
-    search = a_search(best_effects_=["unknown"], **of_verdict)
-    assert "No free form explains it" in _verdict(search, None)["sentence"]
-    assert _shape(None, Gallery()) is None
-
-
-@pytest.mark.parametrize("note", ["the runs are too short for spectra", ""])
-def test_why_there_is_no_ceiling(note: str) -> None:
-    search = a_search(ceiling_note_=note)
-    told = {name: (value, text) for value, name, text in _facts(search, None, "rows")}
-    assert told["noise ceiling"] == ("not known", note or "of held-out rows")
-
-
 @pytest.mark.slow
 def test_labels_of_runs_are_no_mathematics() -> None:
     X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
@@ -175,27 +134,6 @@ def test_labels_of_runs_are_no_mathematics() -> None:
     assert "a$_$0" in shown
     assert "a$x_1$b" in shown
     assert "mathdefault" not in shown  # the labels of logarithmic axes are
-
-
-def test_text_of_a_picture_is_not_taken_for_ids() -> None:
-    figure = Figure()
-    figure.text(0.1, 0.5, 'roll id="a" url(#b) xlink:href="#c"')
-    with Gallery()._drawing():
-        svg = Gallery().svg(figure, "one")
-    assert 'roll id="a" url(#b) xlink:href="#c"' in parse(svg).text
-    assert '<g id="p1-figure_1"' in svg
-
-
-@pytest.mark.slow
-def test_long_names_stand_above_their_panels() -> None:
-    X, y = make_tracking_runs(n_runs=1, remnant_intensity=0.1, sampling_rate=50, random_state=0)
-    name = "error_of_the_roll_angle_seen_by_the_rider_in_degrees"
-    (picture,) = Gallery().channels(X[["e"]].rename(columns={"e": name}), y)
-    for svg in (picture.svg, picture.narrow):
-        texts = [text for text in parse(svg).all("text") if text.text]
-        assert any(name in text.text for text in texts)
-        upright = [t.text for t in texts if "rotate(-90" in t.attributes.get("transform", "")]
-        assert upright == []
 
 
 @pytest.mark.slow
