@@ -36,16 +36,7 @@ from ..runs.fingerprint import fingerprint_of
 from ..text import ModelSummary, Note, Summary, estimates_table
 from .data import SearchData, held_columns, on_rows_of, prepare_data, split_data
 from .leftover import AllRuns, SearchNumbers, numbers_of
-from .path import (
-    GivenDelay,
-    Path,
-    Progress,
-    Search,
-    forward,
-    output_error_fit,
-    pair_of,
-    with_given_delay,
-)
+from .path import GivenDelay, Path, forward, pair_of, with_given_delay
 from .results import (
     SearchResult,
     compare_models,
@@ -57,6 +48,7 @@ from .results import (
 from .shape import Shape, fitted_shape, shaped
 from .sketch import SketchesEffects
 from .statuses import UNKNOWN, Ending
+from .steps import Progress, Search, output_error_fit
 from .telling import (
     experiments_for,
     note_changes,

@@ -16,8 +16,8 @@ from ..effects.composition import Effects
 from ..model.simulated_arx import simulated_model
 from ..preprocessing.base import keep_parameters
 from .effect_search import EffectSearchCV
-from .judging import Candidate, SearchStep, evidence_for
-from .path import Search
+from .judging import Candidate, evidence_for
+from .steps import Search, SearchStep
 
 COLUMNS = [
     "instead_of",

@@ -7,19 +7,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from .judges import InLoop, LoopParent, leak_of
+from .judges import InLoop
 from .statuses import Against, Ending, Reason, Verdict
 
 if TYPE_CHECKING:
     from .leftover import SearchNumbers
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from ..diagnosis.leaks import SLOPE, LeakTest
 from ..effects.base import Effect
 from ..effects.registry import title_of
 from ..model.model import AT_BOUND, Model
@@ -198,151 +195,21 @@ class Candidate:
         return self.follows or (self.joint > LEAST_DELTA_BIC and self.gain >= self.least_gain)
 
 
-Weigh = Callable[[list[Candidate]], None]
+def may_lead(candidates: list[Candidate], share: float) -> list[Candidate]:
+    """Candidates without an unbiased ΔBIC that may have a ``share`` of the weight of the best.
 
-
-@dataclass
-class SearchStep:
-    """A parent, and all candidates for it, best first.
-
-    ``parent`` is at the largest likelihood under the noise model of the step, ``plain`` at the
-    least error of the simulation; ``refit`` is the held-out VAF of a model refitted for each fold,
-    and ``weigh`` finds the unbiased ΔBIC of candidates.
+    Of alternatives of an effect, also those that may be likelier than one of which it is known.
     """
-
-    parent: Model
-    plain: Model
-    vaf: float
-    prediction: np.ndarray
-    candidates: list[Candidate]
-    loop: LoopParent | None
-    refit: Callable[[Model], float]
-    weigh: Weigh | None = None
-
-    @property
-    def refitted_vaf(self) -> float:
-        """Held-out VAF of the parent, refitted for each fold."""
-        return self.refit(self.plain)
-
-    def rank(self) -> None:
-        """Put the best first; it has also passed in the closed loop, where that is known."""
-        judged: list[Candidate] = []
-        while True:
-            weigh_likely(self.candidates, self.weigh)
-            self.candidates.sort(key=order_key)
-            plainest_first(self.candidates)
-            first = self.candidates[0] if self.candidates else None
-            if first is None or not first.passes or any(first is one for one in judged):
-                break
-            self.judge(first)
-            judged.append(first)
-        self._likeliest_in_loop()
-        mark_confused(self.candidates)
-
-    def _likeliest_in_loop(self) -> None:
-        """Of the linear effects that pass, the one with the largest ΔBIC in the closed loop.
-
-        Outside the loop, the remnant also influences which of them fits best. What the loop does
-        not tell apart, by less than counts there, is left in its order.
-        """
-        first = self.best
-        if first is None or not first.linear_in_loop:
-            return
-        rivals = [c for c in self.rivals() if not c.trace][:N_RIVALS]
-        assert self.loop is not None
-        assert first.in_loop is not None
-        enough = first.in_loop.delta_bic + LOOP_DELTA_BIC
-        if not any(self._likely_in_loop(c, enough) for c in rivals):  # whatever rows held out say
-            for c in rivals:
-                if abs(c.weight - first.weight) < CONFUSED:
-                    self.judge(c)
-            return
-        near = [c for c in rivals if self.judge(c) and c.linear_in_loop]
-
-        def in_loop(c: Candidate) -> float:
-            assert c.in_loop is not None
-            return c.in_loop.delta_bic
-
-        least = max(in_loop(c) for c in [first, *near]) - LOOP_DELTA_BIC
-        best = next(c for c in [first, *near] if in_loop(c) >= least)
-        self.candidates.remove(best)
-        self.candidates.insert(0, best)
-
-    def rivals(self) -> list[Candidate]:
-        """Candidates that pass and have much of the weight of the first."""
-        weigh_likely(self.candidates, self.weigh, RIVAL)
-        self.candidates[1:] = sorted(self.candidates[1:], key=order_key)
-        least = RIVAL * self.candidates[0].weight
-        return [c for c in self.candidates[1:] if c.passes and c.weight > least]
-
-    def _likely_in_loop(self, candidate: Candidate, enough: float) -> bool:
-        """Whether a linear effect's ΔBIC in the closed loop is more than enough."""
-        assert self.loop is not None
-        assert candidate.model is not None
-        found, _ = self.loop.compared(candidate.model)
-        return not found.bends and bool(found.delta_bic > enough)
-
-    def judge(self, candidate: Candidate) -> bool:
-        """Whether a candidate passes in the closed loop too, and refitted without each fold."""
-        if candidate.unweighed and self.weigh is not None:
-            self.weigh([candidate])
-        if candidate.in_loop is None and not candidate.trace:
-            assert candidate.model is not None
-            loop = self.loop
-            candidate.in_loop = InLoop() if loop is None else loop.judged(candidate.model)
-        solved = candidate.in_loop is not None and np.isfinite(candidate.in_loop.vaf)
-        if candidate.pays and candidate.model is not None and not solved:
-            candidate.refused = self._leak_beyond_parent(candidate.model)
-        if candidate.passes and not candidate.trace:
-            candidate.refused = hardly_there(candidate)
-        if candidate.passes and candidate.model is not None:
-            gain = self.refit(candidate.model) - self.refitted_vaf
-            if gain <= (-candidate.least_gain if candidate.trace else 0.0):
-                candidate.refused = Against(
-                    Reason.LOSES, f"fitted without the rows, it loses {-gain:.2g} points there"
-                )
-        return candidate.passes
-
-    def _leak_beyond_parent(self, model: Model) -> Against | None:
-        """What the leak test says about a model, unless it says much the same about the parent."""
-        leak, of_parent = leak_of(model), self._parent_leak
-        if leak is None or not leak.leaks:
-            return None
-        known = of_parent.slope if of_parent is not None and of_parent.leaks else -np.inf
-        return None if leak.slope < known + SLOPE else Against(Reason.REBUILDS, leak.reason)
-
-    @cached_property
-    def _parent_leak(self) -> LeakTest | None:
-        return leak_of(self.parent)
-
-    @property
-    def best(self) -> Candidate | None:
-        first = self.candidates[0] if self.candidates else None
-        return first if first is not None and first.passes else None
-
-
-def weigh_likely(
-    candidates: list[Candidate], weigh: Weigh | None, share: float = MAY_BE_BEST
-) -> None:
-    """Find the unbiased ΔBIC of those that may be the best, or have a ``share`` of its weight.
-
-    Of alternatives of an effect, also of those that may be likelier than one of which it is known.
-    """
-    while weigh is not None:
-        most = [c.at_most for c in candidates if c.passes and not c.unweighed]
-        left = [c for c in candidates if c.unweighed]
-        known: dict[str, float] = {}
-        for c in candidates:
-            if not c.unweighed and np.isfinite(c.joint):
-                known[c.name] = max(c.weight, known.get(c.name, -np.inf))
-        if not most:  # the likeliest shows how much others have to be
-            left = sorted(left, key=lambda c: -c.at_most)[:1]
-        else:
-            least = share * max(most)
-            left = [c for c in left if c.at_most > min(least, known.get(c.name, np.inf))]
-        if not left:
-            return
-        weigh(left)
+    most = [c.at_most for c in candidates if c.passes and not c.unweighed]
+    left = [c for c in candidates if c.unweighed]
+    known: dict[str, float] = {}
+    for c in candidates:
+        if not c.unweighed and np.isfinite(c.joint):
+            known[c.name] = max(c.weight, known.get(c.name, -np.inf))
+    if not most:  # the likeliest shows how much others have to be
+        return sorted(left, key=lambda c: -c.at_most)[:1]
+    least = share * max(most)
+    return [c for c in left if c.at_most > min(least, known.get(c.name, np.inf))]
 
 
 def likeliest_alternatives(candidates: list[Candidate]) -> list[Candidate]:
@@ -473,21 +340,6 @@ def as_good(special: Candidate, general: Candidate) -> bool:
         fewer_points = general.gain - special.gain < special.least_gain
         return bool(more <= LEAST_DELTA_BIC or fewer_points)
     return bool((joint if np.isfinite(joint) else more) <= LEAST_DELTA_BIC)
-
-
-def put_special_first(step: SearchStep) -> None:
-    """Put a special case before the best of a step, where that has nothing beyond it that counts.
-
-    It must have passed all criteria itself, those of the closed loop and of rows left out included.
-    """
-    general = step.best
-    if general is None or general.trace:
-        return
-    for special in special_cases_of(general, step.candidates):
-        if step.judge(special) and as_good(special, general):
-            step.candidates.remove(special)
-            step.candidates.insert(0, special)
-            return
 
 
 def against_candidate(candidate: Candidate, winner: str, *, taken_out: bool) -> Against:

@@ -26,8 +26,9 @@ from ..model.simulator import Simulator
 from ..runs.roles import OTHER
 from .data import Held
 from .judges import RATES, HeldOutRows, LoopJudge, noises_in
-from .judging import LEAST_DELTA_BIC, SearchStep
-from .path import Path, Search, further_changes
+from .judging import LEAST_DELTA_BIC
+from .path import Path, further_changes
+from .steps import Search, SearchStep
 
 LAGS = 12  # of a channel
 LONGEST_LAG = 1.2  # s

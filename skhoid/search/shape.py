@@ -46,7 +46,6 @@ from .judging import (
     LEAST_DELTA_BIC,
     LEAST_GAIN,
     Candidate,
-    SearchStep,
     decided,
     elsewhere,
     excess_asked,
@@ -55,8 +54,9 @@ from .judging import (
 )
 from .leftover import Leftover, SearchNumbers, gap_of, leftovers, points_gained
 from .likeness import nearest_effects, nearest_table, recordings_for
-from .path import Search, lead, output_error_fit
+from .path import lead
 from .statuses import Ending, Verdict
+from .steps import Search, SearchStep, output_error_fit
 
 SHOWN = 3  # nearest names in a sentence
 NEAR = 0.7  # distance of a curve that has half of the power in common

@@ -162,7 +162,7 @@ def tell_candidates(found: SearchResult, step: int, n: int) -> list[Block]:
 
 def tell_end(found: SearchResult) -> list[Block]:
     """What is left, whether it has a shape, and how to go on."""
-    texts = []
+    texts: list[str] = []
     if found.verdict is Verdict.NOTHING:
         texts += _tell_nearest_miss(found)
     if found.stand_ins:

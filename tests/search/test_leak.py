@@ -9,7 +9,8 @@ from support.hidden_disturbance import tracked
 
 from skhoid.effects import Disturbance, Effects
 from skhoid.search.judges import InLoop, leak_of
-from skhoid.search.judging import Candidate, SearchStep
+from skhoid.search.judging import Candidate
+from skhoid.search.steps import SearchStep
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from sklearn.callback import ProgressBar
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import Bias
-from skhoid.search.path import Progress
+from skhoid.search.steps import Progress
 
 
 class Counts:

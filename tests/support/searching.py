@@ -5,7 +5,7 @@ import numpy as np
 from skhoid import OperatorRegressor
 from skhoid.effects import Effects
 from skhoid.search.judges import HeldOutRows
-from skhoid.search.path import Search
+from skhoid.search.steps import Search
 
 
 def search_of(X, y, effects, text=None, **options):

@@ -731,8 +731,8 @@ def _draw(found: Searched, folder: Path, command: str, form: str) -> list[str]:
     figures["error-path.png"] = show.SearchDisplay.from_estimator(search).figure_
     figures["before-and-after.png"] = show.SearchDisplay.from_estimator(search, "steps").figure_
     for name in search.best_estimator_.effects_.names:
-        display = show.EffectDisplay.from_estimator(search, name, found.X, found.y)
-        figures[f"{name}.png"] = display.figure_
+        drawn = show.EffectDisplay.from_estimator(search, name, found.X, found.y)
+        figures[f"{name}.png"] = drawn.figure_
     if search.shape_ is not None:
         figures["shape.png"] = show.EffectDisplay.from_shape(search).figure_
     known = list(skhoid.effects.catalogue().index)

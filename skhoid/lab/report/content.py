@@ -526,8 +526,8 @@ def _next_steps(results: Results) -> Iterator[dict[str, str]]:
                 f"{HOW_TO_GO_ON.get(search.verdict_, own)}",
                 "code": "",
             }
-        for sentence in search.notes_:
-            yield {"what": "Note", "why": sentence, "code": ""}
+        for note in search.notes_:
+            yield {"what": "Note", "why": note.with_hint, "code": ""}
     found = results.comparison if results.after is None else results.after
     everything = search is not None and search.tries_all
     for finding in found.findings if found is not None else []:
