@@ -107,15 +107,6 @@ def test_the_inverse_makes_x_follow(text, sampled):
     assert element.inverse(x[:, 0], DT).shape == x[:, 0].shape
 
 
-def test_the_inverse_of_the_thesis_element_is_that_of_its_equation():
-    x = np.random.default_rng(0).standard_normal((50, 3))
-    rate = np.gradient(x, DT, axis=0)
-    expected = (np.gradient(rate, DT, axis=0) + 6.0 * rate) / 90.0
-    np.testing.assert_allclose(
-        LinearElement.of(ControlledElement()).inverse(x, DT), expected, rtol=1e-9
-    )
-
-
 @pytest.mark.parametrize("text", ["(s-1)/(s(s+1))", "s/(s+1)^2", "(s^2+1)/(s+1)^3"])
 def test_zeros_without_a_stable_inverse_are_refused(text):
     with pytest.raises(ValueError, match="has a zero at"):
@@ -146,11 +137,6 @@ def test_systems_of_scipy_and_of_python_control():
         )
     with pytest.raises(TypeError, match=r"1/s.*got 3"):
         ControlledElement.of(3)
-
-
-def test_a_varying_element_is_no_linear_element():
-    with pytest.raises(ValueError, match=r"varies in time.*at\(t\)"):
-        LinearElement.of(ControlledElement(K_c=lambda t: 90.0 + t))
 
 
 @pytest.mark.parametrize(

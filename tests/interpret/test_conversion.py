@@ -90,14 +90,6 @@ def path_of():
 # Array functions
 
 
-def test_round_trip_of_the_thesis():
-    values, deviations, n_not_complex = arx_to_operator(zoh_parameters(OPERATORS["C1"], DT), DT)
-    for name, value in TRUTH["C1"].items():  # arx_to_ho.roundtrip, held to 1e-9
-        assert values[name] == pytest.approx(value, abs=1e-11)
-        assert np.isnan(deviations[name])
-    assert n_not_complex == 0
-
-
 @given(dt=st.floats(0.002, 0.1), sign=st.sampled_from([-1, 1]), **OPERATOR_FLOATS)
 def test_round_trip(dt, sign, K_e, T_L, omega_nm, zeta_nm):
     theta = zoh_parameters(HumanOperator(K_e=K_e, T_L=T_L, omega_nm=omega_nm, zeta_nm=zeta_nm), dt)
@@ -105,27 +97,6 @@ def test_round_trip(dt, sign, K_e, T_L, omega_nm, zeta_nm):
     values, _, _ = arx_to_operator(theta, dt)
     expected = [sign * K_e, T_L, sign * K_e * T_L, omega_nm, zeta_nm]
     np.testing.assert_allclose(list(values.values()), expected, rtol=1e-7, atol=1e-8)
-
-
-def test_deviations_agree_with_finite_differences():
-    theta = zoh_parameters(OPERATORS["C2"], DT)
-    _, deviations, _ = arx_to_operator(theta, DT, COVARIANCE)
-    step = 1e-7
-    slopes = np.array(
-        [
-            [
-                (up - down) / (2 * step)
-                for up, down in zip(
-                    arx_to_operator(theta + step * unit, DT)[0].values(),
-                    arx_to_operator(theta - step * unit, DT)[0].values(),
-                    strict=True,
-                )
-            ]
-            for unit in np.eye(4)
-        ]
-    ).T
-    expected = np.sqrt(np.diag(slopes @ COVARIANCE @ slopes.T))
-    np.testing.assert_allclose(list(deviations.values()), expected, rtol=1e-4)
 
 
 @pytest.mark.parametrize("state", ["C1", "C2"])
@@ -147,18 +118,6 @@ def test_poles_that_are_no_complex_pair():
     for table in (values, deviations):
         for column in table.values():
             np.testing.assert_array_equal(np.isnan(column), [False, True, True, True, True])
-
-
-@pytest.mark.parametrize(
-    ("theta", "covariance", "message"),
-    [
-        ([1, 2, 3], None, r"theta must have the shape \(\.\.\., 4\)"),
-        ([-1.9, 0.92, 1, 1], np.eye(3), "covariance"),
-    ],
-)
-def test_bad_shapes(theta, covariance, message):
-    with pytest.raises(ValueError, match=message):
-        arx_to_operator(theta, DT, covariance)
 
 
 # The fit in the frequency domain
@@ -265,14 +224,6 @@ def test_delay_puts_back_one_sample_of_the_recording(steps):
     assert operator_parameters(pipe)["tau_e"].iloc[0] == pytest.approx(0.28, abs=1e-12)
 
 
-def test_search_is_unwrapped():
-    X, y = recording()
-    search = DelaySearchCV(ARXRegressor(), nk=[28, 29, 30]).fit(X, y)
-    pd.testing.assert_frame_equal(
-        operator_parameters(search), operator_parameters(search.best_estimator_)
-    )
-
-
 def test_inputs():
     X, y = recording(remnant_gain=0.001, remnant_order=2, rng=0)
     model = ARXRegressor(nb=2, nk=[29, 5], inputs=["e", "f_t"], fit_intercept=True).fit(X, y)
@@ -347,14 +298,6 @@ def test_crossover(operator, element, expected):
     assert [omega_c, margin] == pytest.approx(expected, rel=1e-10)
     loop = operator.frequency_response(omega_c) * element.frequency_response(omega_c)
     assert abs(loop) == pytest.approx(1, abs=1e-12)
-
-
-def test_crossover_over_time():
-    element = ControlledElement(K_c=Sigmoid(90, 30, 0.5, 40), omega_b=Sigmoid(6, 0.2, 0.5, 40))
-    time = np.array([0.0, 30.0, 40.0, 80.0])
-    omega_c, margin = crossover(TRANSITION, element, time)
-    for row, t in enumerate(time):
-        assert crossover(TRANSITION.at(t), element.at(t)) == (omega_c[row], margin[row])
 
 
 def test_no_crossover():

@@ -233,14 +233,6 @@ def test_two_responses_from_interleaved_lines():
     assert found["x"].coherence is None
 
 
-def test_forcing_functions_go_by_name_or_role():
-    *channels, u = pursuit_like()
-    X, y = recording({1: (channels, u)}, names=("e", "x", "f_t", "disturbance"))
-    with pytest.warns(UserWarning, match="outside"):
-        found = fourier_coefficients(
-            X, y, forcing=FORCING, inputs=["x", "e"], roles={"disturbance": "f_d"}
-        )
-    assert list(found) == ["x", "e"]
 
 
 def test_stated_deviations_of_two_responses():
@@ -336,26 +328,6 @@ def test_ensemble_statistics_by_hand():
     assert alone.complex_phase_sd is None
 
 
-def test_mean_of_coefficients_and_coherence():
-    rng = np.random.default_rng(0)
-    E = 1.0 + 0.3 * rng.standard_normal((50, 2)) + 0.3j * rng.standard_normal((50, 2))
-    U = (1 - 2j) * E + 0.2 * (rng.standard_normal((50, 2)) + 1j * rng.standard_normal((50, 2)))
-    response = FrequencyResponse([1.0, 2.0], U / E, coefficients=(E, U))
-    mean = response.mean(average="coefficients", standard_error=True)
-    np.testing.assert_allclose(mean.response, U.mean(axis=0) / E.mean(axis=0))
-    expected_sd = np.sqrt(2) * 0.2 / np.abs(E.mean(axis=0)) / np.sqrt(50)
-    np.testing.assert_allclose(mean.complex_sd, expected_sd, rtol=0.3)
-    cross = np.abs((U * E.conj()).mean(axis=0)) ** 2
-    power = (np.abs(U) ** 2).mean(axis=0) * (np.abs(E) ** 2).mean(axis=0)
-    np.testing.assert_allclose(mean.coherence, cross / power)
-    doubled = (response * np.array([2.0, 2j])).mean()
-    np.testing.assert_allclose(doubled.coherence, mean.coherence)
-    with pytest.raises(ValueError, match="average must be"):
-        response.mean(average="phase")
-    with pytest.raises(ValueError, match="needs the Fourier coefficients"):
-        FrequencyResponse([1.0], [[1.0], [2.0]]).mean(average="coefficients")
-    with pytest.raises(ValueError, match="single response"):
-        mean.mean()
 
 
 # Spectra

@@ -11,11 +11,8 @@ from skhoid.model.fitting import AR_ORDER, Criterion, normal_equations
 from skhoid.model.likelihood import (
     TOLERATED,
     autoregression,
-    high_gain,
     joint_fit,
-    likeliest,
     likelihood_fit,
-    usual_starts,
 )
 
 POLES = np.array([0.9, 0.6, -0.6, 0.5 + 0.6j, 0.5 - 0.6j, -0.3])
@@ -43,14 +40,6 @@ def test_autoregression_reads_no_unknown_rows():
     other = np.where(known, residual, 1e3)
     np.testing.assert_array_equal(autoregression(other, known).ar, expected.ar)
     np.testing.assert_allclose(expected.ar, ar, atol=0.08)
-
-
-def test_autoregression_of_nothing_is_none():
-    known = np.ones((40, 2), dtype=bool)
-    assert autoregression(np.zeros((40, 2)), known) is None
-    assert autoregression(np.ones((40, 2)), ~known) is None
-    assert autoregression(np.ones((AR_ORDER, 2)), known[:AR_ORDER]) is None
-    assert np.isfinite(autoregression(np.ones((40, 2)), known).ar).all()  # a constant
 
 
 def first(text="1/s", seed=3, **options):
@@ -97,22 +86,6 @@ def test_gain_on_the_error_rate_that_nobody_needs_is_zero(fitted):
     assert found["K_e"] == pytest.approx(person.K_e, rel=0.2)
 
 
-def test_a_gain_left_out_may_be_as_large_as_the_likelihood_allows(fitted):
-    model, _ = fitted
-    simulator = model.simulator
-    at, delay = simulator.names.index("K_edot"), simulator.names.index("tau_e")
-    best = likeliest(simulator, [model.theta, *usual_starts(simulator, model.theta)])
-    high = high_gain(simulator, best, at)
-    assert high[at] > best[1][at]
-    held = np.arange(high.size) == at
-    loss, _ = likeliest(simulator, [high], held=held)
-    assert loss - best[0] == pytest.approx(1.0, abs=0.5)
-    theta, beside = joint_fit(model)
-    assert theta[at] == 0.0
-    assert high[delay] > theta[delay]  # a lead and a longer delay
-    assert beside[delay, delay] >= (high[delay] - theta[delay]) ** 2 * 0.99
-
-
 def test_fit_without_remnant_is_exact():
     person = Person(K_e=2.0, omega_nm=14.0, zeta_nm=0.25, tau_e=0.3)  # hardly usual
     X, y, _ = pursued("1/s", 0, remnant=0.0, person=person, n_runs=2, duration=25.0, rate=50)
@@ -129,7 +102,7 @@ def test_fit_without_remnant_is_exact():
 @pytest.mark.parametrize("text", ["1/(s(s+1))"])
 def test_delay_in_a_loop_is_found_where_the_simulation_error_is_off(text):
     errors, plain = [], []
-    for seed in range(20, 24):
+    for seed in range(20, 23):
         X, y, person = pursued(text, seed, remnant=0.5)
         estimator = OperatorRegressor(controlled_element=text)
         prepared = estimator.prepare(X, y)

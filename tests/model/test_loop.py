@@ -18,7 +18,6 @@ from skhoid.model.loop import (
     SAME,
     Loop,
     LoopSimulator,
-    Response,
     drawn,
     loop_of,
     pulse_response,
@@ -137,13 +136,6 @@ def test_a_loop_that_rings_for_long_is_solved(times):
         assert np.isnan(simulator.run(theta_of(person) * [40, 40, 1, 1, 1])).all()
 
 
-def test_response_is_a_convolution():
-    random = np.random.default_rng(0)
-    signal, response = random.normal(size=(300, 2)), random.normal(size=70)
-    expected = [np.convolve(run, response)[:300] for run in signal.T]
-    np.testing.assert_allclose(Response.on(response, 300).of(signal).T, expected, atol=1e-10)
-
-
 @pytest.mark.parametrize("position", range(5))
 def test_change_of_a_parameter_is_that_of_the_loop(world, position):
     simulator, theta = world.simulator(begin=50), theta_of(world.person)
@@ -161,16 +153,6 @@ def test_change_of_a_parameter_is_that_of_the_loop(world, position):
     start = opened.run(theta)
     apart = opened.run_with_change(position, moved[position]) - start
     assert np.std(apart - difference) > 0.1 * np.std(difference)
-
-
-def test_run_does_not_depend_on_runs_before(world):
-    there = theta_of(world.person)
-    ways = [theta_of(changed(world.person, name)) for name in OTHER]
-    fresh = world.simulator(begin=100).run(there)
-    warm = world.simulator(begin=100)
-    for theta in ways:
-        warm.run(theta)
-    np.testing.assert_allclose(warm.run(there), fresh, atol=1e-4 * np.std(fresh))
 
 
 def test_unstable_loop_is_nan_without_warning(world):
@@ -199,17 +181,6 @@ def dead_zone_simulator(world, remnant):
     threshold = 0.5 * np.std(world.record.input)
     simulator = world.simulator(begin=100, effects=[("dead_zone", DeadZone())], remnant=remnant)
     return simulator, np.r_[theta_of(world.person), threshold]
-
-
-def test_remnant_reaches_a_threshold():
-    """Draws fill the dead zone: the mean answer is larger than that of a loop without remnant."""
-    world = World("1/s", remnant=0.8)
-    remnant = drawn(world.noise, world.record.known)
-    with_draws, theta = dead_zone_simulator(world, remnant)
-    without, _ = dead_zone_simulator(world, None)
-    far = with_draws.run(theta) - without.run(theta)
-    assert np.std(far) > 0.02 * np.std(without.run(theta))
-    assert with_draws.run(theta).shape == world.record.y.shape
 
 
 def test_change_of_a_parameter_of_a_nonlinear_model_points_the_same_way():

@@ -94,24 +94,6 @@ def test_squares_of_the_best_multiple(parent):
     assert scan({"width": 0.3}, 10.0) < expected
 
 
-def test_ordinary_dynamics(operator):
-    scan = scan_of(operator, DeadZone(form="gap"))
-    assert scan.parameters == operator.values()
-    assert {n: scan.ordinary[n] for n in OperatorCore.ordinary} == OperatorCore.ordinary
-    assert scan_of(operator, DeadZone(form="gap"), bent=False).ordinary == scan.parameters
-    changes = scan.earlier(0.05)
-    assert changes["+tau_e"] == scan.ordinary["tau_e"] - scan.parameters["tau_e"] - 0.05
-
-
-def test_an_arx_model_has_no_ordinary_dynamics_nor_second_order():
-    scan = scan_of(parent_of("arx"), DeadZone(form="gap"))
-    assert scan.ordinary == scan.parameters
-    assert scan.earlier(0.05) == {}
-    columns = [x[:, :, None] for x in scan.commands(np.inf)]
-    with pytest.raises(ValueError, match=r"DeadZone calls left .* need an operator"):
-        scan.left(columns, np.inf)
-
-
 def test_squares_of_sums_of_answers(operator):
     """The command that the model gives, and its rate, leave no more than the model."""
     scan = scan_of(operator, Intermittent(trigger="clock"), bent=False)

@@ -6,7 +6,6 @@ import pytest
 from support.person_in_loop import pursued
 
 from skhoid import OperatorRegressor
-from skhoid.model.fitting import Criterion
 from skhoid.model.parameters import difference_notes, that_differ
 
 NAN = np.nan
@@ -61,15 +60,6 @@ def test_both_are_shown_where_the_loop_biases_one(person):
     assert note in text
     for one in (likelihood, least_error):
         assert f"{one['value']['tau_e']:.3f} ±" in note
-
-
-def test_the_least_error_is_less(person):
-    X, y, _, model = person
-    prepared = OperatorRegressor().prepare(X, y)
-    first = OperatorRegressor().first_fit(prepared)
-    found = model.simulation_parameters_["value"][first.simulator.names].to_numpy()
-    criterion = Criterion(prepared.record)
-    assert criterion.sse(first.simulator.run(found)) == pytest.approx(first.sse, rel=0.01)
 
 
 def test_nothing_is_said_where_they_agree():

@@ -90,12 +90,6 @@ def test_mixed_conditions():
     )
 
 
-@pytest.mark.parametrize("weight", [-0.1, 1.1, np.nan])
-def test_senseless_weights(weight):
-    with pytest.raises(ValueError, match=r"range \[0.0, 1.0\]"):
-        mixed_condition("C1", "C2", weight)
-
-
 def test_delays_cannot_be_mixed():
     quick = Condition("quick", ControlledElement(), HumanOperator(tau_e=0.2))
     with pytest.raises(ValueError, match=r"C1 has tau_e = 0.28 s and quick 0.2 s"):
@@ -126,9 +120,3 @@ def test_gains_of_the_table(order, column):
     for name, (begin, end, G) in TRANSITIONS.items():
         expected = Sigmoid(gains[begin], gains[end], rate=G, time=40.96)
         assert Remnant.from_table(name, P_n, order).gain == expected
-
-
-@pytest.mark.parametrize("options", [{"intensity": 0.12}, {"intensity": 0.0}, {"order": 5}])
-def test_what_the_table_does_not_have(options):
-    with pytest.raises(ValueError, match=r"Table G.1 has the orders .*got order="):
-        Remnant.from_table("C1", **({"intensity": 0.15} | options))

@@ -79,13 +79,6 @@ def test_a_run_is_the_same_whatever_the_others(n_runs, random_phases):
     assert len(np.unique(all_runs.f_t[:, -1])) == (20 if random_phases else 1)
 
 
-def test_runs_without_remnant_are_those_of_a_silent_one():
-    task = short_task(remnant=None)
-    silent = short_task(remnant=Remnant(order=2, gain=0.0))
-    assert_records_equal(whole(task, 9), whole(silent, 9, random_state=0))
-    assert np.ptp(whole(task, 2, random_phases=True, random_state=0).f_d, axis=0).max() > 0
-
-
 def test_noise_gives_the_runs_of_a_random_state():
     """Run i draws from SeedSequence(random_state, spawn_key=(0, i)): a promise, once released."""
     task = short_task()
@@ -151,15 +144,3 @@ def test_one_lane_and_eight_give_the_same_bits(kind, order):
         one, _ = _kernels.loop.tracker(1, True)(*columns, *rest)
         np.testing.assert_array_equal(one[..., 0], many[..., j])
     assert np.abs(many).max() > 0.1
-
-
-def test_keeping_the_run_in_changes_nothing_else():
-    task = short_task()
-    window, kept = task.simulate(2, random_state=0), whole(task, 2, random_state=0)
-    part = task.simulate(2, random_state=0, keep_run_in=0.2)
-    np.testing.assert_array_equal(kept.time, np.arange(-50, 200) / 100)
-    for name in (*SIGNALS, "f_t", "f_d"):
-        np.testing.assert_array_equal(getattr(kept, name)[:, 50:], getattr(window, name))
-        np.testing.assert_array_equal(getattr(kept, name)[:, 30:], getattr(part, name))
-    np.testing.assert_array_equal(kept.intensity(), window.intensity())
-    np.testing.assert_array_equal(kept.score(), window.score())

@@ -9,7 +9,6 @@ from support.closed_loop import ZOH_100HZ
 from skhoid import (
     ARXRegressor,
     CompensatoryTask,
-    ControlledElement,
     DelayShift,
     HumanOperator,
     Multisine,
@@ -23,7 +22,6 @@ from skhoid import (
     tracking_condition,
     vaf_score,
 )
-from skhoid.simulation import Condition
 
 ALL_CHANNELS = ["e", "x", "f_t", "dist"]
 
@@ -73,19 +71,6 @@ def test_channels_are_the_signals_of_the_task():
     np.testing.assert_allclose(X["dist"].loc[4].to_numpy(), disturbance(np.arange(400) / 100))
 
 
-def test_without_disturbance_its_channel_is_zero():
-    X, _ = make(channels=["dist"])
-    assert not X["dist"].any()
-
-
-def test_roles():
-    """The error is the linear input, other channels are there for effects."""
-    X, y = make(channels=["x", "e", "f_t"], remnant_gain=0.02, random_state=0)
-    assert list(ARXRegressor(nk=29).fit(X, y).inputs_) == ["e"]
-    both = ARXRegressor(nk=29, inputs=["e", "x"]).fit(X, y)
-    assert list(both.inputs_) == ["e", "x"]
-
-
 def test_the_default_is_the_measurement_window_after_seven_others():
     X, _ = make_tracking_runs(n_runs=1)
     assert X.shape == (8192, 1)
@@ -120,27 +105,6 @@ def test_run_in_has_negative_times():
 
 
 # Options
-
-
-def test_condition_by_object():
-    own = Condition("mine", ControlledElement(50.0, 8.0), HumanOperator(K_e=0.08))
-    X, y = make(own)
-    direct = make(
-        "C4", controlled_element=ControlledElement(50.0, 8.0), operator=HumanOperator(K_e=0.08)
-    )
-    pd.testing.assert_frame_equal(X, direct[0])
-    pd.testing.assert_series_equal(y, direct[1])
-    task = CompensatoryTask.of_condition(own, duration=4.0, run_in=2.0)
-    pd.testing.assert_frame_equal(X, make_tracking_runs(task, 2)[0])
-
-
-def test_remnant_of_a_given_task_is_kept_or_tuned():
-    task = CompensatoryTask(duration=4.0, run_in=2.0, remnant=Remnant(order=3, gain=0.02))
-    truth = make_tracking_runs(task, return_truth=True)[2]
-    assert truth.task == task
-    wanting = CompensatoryTask(duration=4.0, run_in=2.0, remnant=Remnant(intensity=0.1))
-    tuned = make_tracking_runs(wanting, return_truth=True, random_state=0)[2].task
-    assert tuned.remnant.gain > 0
 
 
 @pytest.mark.parametrize(("name", "intensity", "order"), [("C2", 0.15, 2), ("c5", 0.25, "nm")])
@@ -233,17 +197,6 @@ def test_perturbation():
     np.testing.assert_allclose(added, direct, rtol=0, atol=1e-14)
 
 
-def test_display_that_changes():
-    operator = HumanOperator(K_t=0.05)
-    one, two, changing = (
-        make(operator=operator, display=display)[1].loc[1]
-        for display in ("compensatory", "pursuit", Step(0.0, 1.0, time=1.0))
-    )
-    np.testing.assert_array_equal(changing.loc[:1.0], one.loc[:1.0])
-    assert np.abs(changing - one).loc[1.3:].max() > 0.01
-    assert np.abs(changing - two).loc[:1.0].max() > 0.01
-
-
 # The truth
 
 
@@ -283,11 +236,6 @@ def test_true_parameters(state, T_L):
     assert truth.nk == 29
 
 
-@pytest.mark.parametrize(("rate", "nk"), [(50.0, 15), (100.0, 29), (200.0, 57)])
-def test_true_delay(rate, nk):
-    assert make(sampling_rate=rate, return_truth=True)[2].nk == nk
-
-
 def test_true_arx_model_simulates_the_runs():
     """With n_k it gives the u of the loop, up to the half sample in which x is not held."""
     X, y, truth = make_tracking_runs("C1", 1, keep_run_in=20.0, return_truth=True)
@@ -299,28 +247,7 @@ def test_true_arx_model_simulates_the_runs():
     assert vaf_score(y.to_numpy()[2000:], u[2000:]) > 99.9  # 99.9104 in Table F.2
 
 
-def test_truth_of_a_model_in_the_loop():
-    model = ARXRegressor(nk=29).fit(*make())
-    truth = make(operator=model, return_truth=True)[2]
-    assert list(truth.parameters.columns) == ["K_c", "omega_b", "K_n"]
-    assert "arx_parameters" not in truth
-    assert truth.task.operator is model
-
-
 # The design's example
-
-
-def test_a_loop_so_unstable_that_it_overflows():
-    with pytest.raises(UnstableLoopError, match="Lower the operator's gain"):
-        make_tracking_runs("C1", operator=HumanOperator(K_e=30.0), duration=0.6, run_in=0.0)
-
-
-@pytest.mark.parametrize("condition", ["C3", "C6"])
-def test_table_needs_a_name(condition):
-    with pytest.raises(ValueError, match="needs the name of a condition"):
-        make_tracking_runs(
-            tracking_condition(condition), remnant_gain="table", remnant_intensity=0.1
-        )
 
 
 def test_unstable_transition_without_a_target():
