@@ -19,8 +19,6 @@ from skhoid.effects import DeadZone
 from skhoid.exceptions import StudyWarning
 from skhoid.lab.studies.identity import described, digest
 
-pytestmark = pytest.mark.slow  # simulates studies
-
 SHORT = {"duration": 5.12, "run_in": 2.0}  # s; to be quick
 NOISE = SHORT | {"remnant_gain": 0.02}
 CELLS = {"condition": ["C1", "C3"], "remnant_order": [1, "nm"]}

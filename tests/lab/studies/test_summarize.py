@@ -46,7 +46,6 @@ def iqr(x):
     return np.quantile(x, 0.75) - np.quantile(x, 0.25)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("statistic", "name"), [("median", "median"), ("std", "std"), (iqr, "iqr")]
 )
@@ -65,19 +64,18 @@ def test_bootstrap_of_other_statistics(statistic, name):
     pd.testing.assert_frame_equal(again, found, check_exact=True)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("statistic", ["mean", "std"])
 def test_intervals_hold_what_they_say(statistic):
-    """Of 400 intervals of 90 % so many hold the truth, within 3.5 sigma (sigma = 1.5 %).
+    """Of 200 intervals of 90 % so many hold the truth, within 3.5 sigma (sigma = 2.1 %).
 
     Those of bootstrapped deviations hold a little less, as is known of percentiles.
     """
-    given = pd.concat([table(50, seed).assign(cell=seed) for seed in range(200)])
+    given = pd.concat([table(50, seed).assign(cell=seed) for seed in range(100)])
     options = {"values": "nk", "statistic": statistic, "confidence": 0.9, "n_resamples": 199}
     found = summarize(given, ["cell", "condition"], **options)
     truth = {"mean": 29.0, "std": 2.0}[statistic]
     share = ((found["low"] <= truth) & (truth <= found["high"])).mean()
-    assert 0.9 - 0.053 - 0.04 * (statistic == "std") < share < 0.9 + 0.053
+    assert 0.9 - 0.074 - 0.05 * (statistic == "std") < share < 0.9 + 0.074
 
 
 @pytest.mark.parametrize("statistic", ["mean", "median", "std", iqr])

@@ -45,11 +45,10 @@ def same(one, two):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("backend", ["loky", "threading", "sequential"])
-@pytest.mark.parametrize("keep", [True, False], ids=["folder", "no folder"])
-def test_any_backend_gives_the_same_table(table, tmp_path, backend, keep):
+@pytest.mark.parametrize("backend", ["loky", "threading"])
+def test_any_backend_gives_the_same_table(table, tmp_path, backend):
     with parallel_config(backend=backend, n_jobs=2):
-        same(study().run(tmp_path if keep else None), table)
+        same(study().run(tmp_path), table)
 
 
 @pytest.mark.slow
@@ -126,12 +125,6 @@ def test_workers_that_all_die():
         list(results_of(list(range(40)), lambda job: os._exit(1), n_jobs=2))
 
 
-@pytest.mark.slow
-def test_an_error_of_the_study_itself_is_raised():
-    with pytest.raises(ZeroDivisionError):
-        list(results_of([1, 0], lambda job: 1 / job, n_jobs=2))
-
-
 @pytest.fixture
 def interruptible():
     """A shell that starts the tests in the background tells them to ignore Ctrl-C."""
@@ -187,18 +180,17 @@ study.run(sys.argv[1], n_jobs=int(sys.argv[2])).to_pickle(sys.argv[1] + ".pickle
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n_jobs", [1, 2])
-def test_killed_at_random_moments(table, tmp_path, n_jobs):
+def test_killed_at_a_random_moment(table, tmp_path):
     """SIGKILL leaves no time for anything; workers notice that they are orphans."""
     script = tmp_path / "script.py"
     script.write_text(SCRIPT)
-    command = [sys.executable, str(script), str(tmp_path / "study"), str(n_jobs)]
-    rng = np.random.default_rng(n_jobs)
+    command = [sys.executable, str(script), str(tmp_path / "study"), "2"]
+    rng = np.random.default_rng(2)
     kept, kills = 0, 0
     while not (tmp_path / "study.pickle").exists():
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout.readline() == "ready\n"
-            if kills < 3:
+            if kills < 1:
                 # Some blocks after what was there, and then any moment.
                 wanted = kept + int(rng.integers(0, 3))
                 while len(list(tmp_path.glob("study/blocks/block*"))) < wanted:
@@ -210,7 +202,7 @@ def test_killed_at_random_moments(table, tmp_path, n_jobs):
         left = len(list(tmp_path.glob("study/blocks/block*")))
         assert left >= kept
         kept = left
-    assert kills == 4
+    assert kills == 2
     same(pd.read_pickle(tmp_path / "study.pickle"), table)
 
 

@@ -34,11 +34,11 @@ def table():
     return study().run()
 
 
-@pytest.fixture(params=[2, 4], ids="{} workers".format)
-def cluster(request):
+@pytest.fixture
+def cluster():
     with (
         distributed.LocalCluster(
-            n_workers=request.param,
+            n_workers=2,
             threads_per_worker=1,
             processes=True,
             dashboard_address=None,
@@ -95,21 +95,3 @@ def test_a_cluster_without_workers(table, tmp_path, monkeypatch):
         pytest.raises(WorkersLostError, match=r"no workers for 0\.5 s"),
     ):
         study().run(tmp_path)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cluster", [2], indirect=True)
-def test_a_block_that_always_kills_its_worker(cluster, table, tmp_path):
-    """Dask gives it up after four workers; it is then tried alone."""
-
-    def deadly(data):
-        if data.replication == 0 and data.task.remnant is None and data.task.is_constant:
-            time.sleep(0.5)  # a worker that dies as it starts is not started again
-            os._exit(1)
-        return {"u": data.y.std(), "own": data.random_state}
-
-    chosen = study()
-    chosen.function = deadly
-    with pytest.raises(WorkersLostError):
-        chosen.run(tmp_path)
-    assert len(list((tmp_path / "blocks").iterdir())) == len(table) / 3 - 1
