@@ -3,40 +3,49 @@
 from __future__ import annotations
 
 import warnings
-from copy import copy, deepcopy
-from dataclasses import replace
+from itertools import pairwise
 from numbers import Integral, Real
-from operator import attrgetter, is_
 from typing import Any, Self
 
 import numpy as np
 import pandas as pd
-from sklearn.exceptions import NotFittedError
 
 from .. import _kernels
 from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..exceptions import RunTimeWarning, ShortRunError
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
-from ..regression import columns_of
 from ..text import ModelSummary
 from .base import BaseARX, arx_parameter_table, check_row_count
 from .forgetting import Forgetting, read_forgetting
 from .model_summary import recursive_summary
-from .orders import Orders
+from .orders import Orders, regressors
 from .rls import (
     Instants,
-    Recursion,
     RecursionData,
     RecursionPlan,
     RecursionState,
+    RunRecursion,
     grid_numbers,
+    kernel_regressors,
     likelihoods,
     needs_data,
     start_of,
-    window_rows,
 )
-from .streaming import Clock, Piece, Stream, first_rows
+from .streaming import Recursion, Streaming
+
+MOST_ROWS_BACK, MOST_PARAMETERS = 1_000_000, 1_000  # for which a stream keeps rows and squares
+OF_RUNS = (  # attributes that describe recorded runs
+    "coef_path_",
+    "time_path_",
+    "covariance_path_",
+    "coef_paths_",
+    "one_step_errors_",
+    "log_likelihood_",
+    "n_rows_missing_",
+    "run_labels_",
+)
+NO_TIMES = np.empty(0)
 
 
 class FollowedPath(BaseARX):
@@ -51,6 +60,9 @@ class FollowedPath(BaseARX):
     initial_coef_: np.ndarray
     parameter_names_: list[str]
     _numbers: np.ndarray
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return "coef_" in vars(self)
 
     @property
     def a_(self) -> np.ndarray:
@@ -145,31 +157,6 @@ def warn_of_times_outside(
         )
 
 
-MOST_ROWS_BACK, MOST_PARAMETERS = 1_000_000, 1_000  # for which a stream keeps rows and squares
-
-OF_RUNS = (  # attributes that describe recorded runs
-    "coef_path_",
-    "time_path_",
-    "covariance_path_",
-    "coef_paths_",
-    "one_step_errors_",
-    "log_likelihood_",
-    "n_rows_missing_",
-    "run_labels_",
-)
-READ_ANEW = attrgetter(  # parameters that partial_fit looks at in each call
-    "na",
-    "nb",
-    "nk",
-    "fit_intercept",
-    "forgetting",
-    "memory_horizon",
-    "memory_time",
-    "forgetting_form",
-    "reset_times",
-)
-
-
 def check_streamable(orders: Orders) -> None:
     """Refuse more lags than a stream can keep."""
     if orders.first_row > MOST_ROWS_BACK or orders.n_params > MOST_PARAMETERS:
@@ -181,188 +168,156 @@ def check_streamable(orders: Orders) -> None:
         )
 
 
-class PartialFit(BaseARX):
-    """``partial_fit`` of a recursive model."""
+class Stream(Recursion):
+    """Recursive least squares that take rows one after the other, with the rows they go on from."""
+
+    def __init__(
+        self,
+        state: RecursionState,
+        orders: Orders,
+        n_inputs: int,
+        P0: np.ndarray,
+        dt: float,
+        forgetting: Forgetting,
+        reset_times: np.ndarray = NO_TIMES,
+    ) -> None:
+        self.state, self.P0, self.dt = state, P0, dt
+        self.depth = orders.first_row
+        rows = self.depth + _kernels.rls.CHUNK
+        self._signals = np.full((1 + n_inputs + orders.intercept, rows, 1, 1), np.nan)
+        if orders.intercept:
+            self._signals[-1] = 1.0
+        self._inputs = np.arange(n_inputs)
+        self._target = np.full((rows, 1, 1), np.nan)
+        self._regressors = kernel_regressors(orders)
+        self._since = np.zeros(1, dtype=np.int64)  # rows without a break
+        self._last_time = -np.inf
+        self.go_on_with(forgetting, reset_times)
+
+    def go_on_with(self, forgetting: Forgetting, reset_times: np.ndarray) -> None:
+        """Forget and reset in this way from the next row on."""
+        self.forgetting, self._reset_times = forgetting, reset_times
+        self._arrays = forgetting.arrays()
+        self.plain = not forgetting.over_time and reset_times.size == 0
+
+    def go_on_after(self, data: RecursionData) -> None:
+        """Take over the lags at the end of a single run."""
+        grid = data.grid
+        length = int(grid.end[-1] - grid.begin[-1]) if grid.measured[-1] else 0
+        kept = min(length, self.depth)
+        if kept:
+            self._signals[:, self.depth - kept : self.depth] = data.signals[:, -kept:]
+        self._since[0] = length
+        self._last_time = float(data.instants.time[-1])
+
+    def rest(self) -> None:
+        self._since[0] = 0
+        self._last_time = -np.inf
+
+    def step(self, X: np.ndarray, y: np.ndarray) -> bool:
+        advance = _kernels.rls.stream(self.state.n_params, self._arrays[0].shape[1] > 1)
+        return advance(
+            X, y, self._inputs, self._signals, self._target, *self._regressors, self.depth,
+            *self._arrays, self.forgetting.diagonal, self.forgetting.nominal, self.state.buffer,
+            self._since,
+        )  # fmt: skip
+
+    def take(self, X: np.ndarray, y: np.ndarray, time: np.ndarray | None = None) -> None:
+        """Take rows, with all that may change at their instants."""
+        if time is None:
+            time = (self._since[0] + np.arange(y.size)) * self.dt
+        slack = 1e-6 * self.dt
+        resets = np.searchsorted(time, self._reset_times - slack)
+        due = (self._reset_times - slack > self._last_time) & (resets < time.size)
+        edges = np.unique([0, *resets[due].tolist(), time.size]).tolist()
+        for begin, end in pairwise(edges):
+            if begin in resets[due]:
+                self.state.reset(self.P0)
+            self.forgetting = self.forgetting.at(time[begin:end], self.state.n_params)
+            self._arrays = self.forgetting.arrays()
+            self.step(X[begin:end], y[begin:end])
+        self._last_time = float(time[-1])
+
+
+class RecursiveLeastSquares(Streaming, FollowedPath):
+    """A model that recursive least squares follow, over runs aligned by time, or a stream.
+
+    A subclass gives ``_read_forgetting(time)``: how to forget at the instants ``time``.
+    """
 
     fit_intercept: bool
-    forgetting: Any
     init: Any
     init_window: float
     p0: Any
-    smooth: bool
-    combine: str
-    _read_forgetting: Any
-    _reset_times: Any
-    _set_forgetting: Any
+    store_covariance: bool
+    _states: list[RecursionState]
 
-    def partial_fit(self, X: Any, y: Any, *, new_run: bool = False) -> Self:
-        """Update the estimates with rows that follow those seen before, one or many.
+    def _read_forgetting(self, time: np.ndarray) -> Forgetting:
+        raise NotImplementedError
 
-        The estimates do not depend on how the stream is cut: with the same θ0 and P0 they equal
-        those of ``fit``, bit for bit. With ``init="ols"`` or ``p0=None`` rows are collected until
-        ``init_window`` is full; until then there is no estimate. Give ``init`` and ``p0`` to have
-        one from the first row with known lags. After ``fit`` the stream continues from its end.
+    def _read_reset_times(self) -> np.ndarray:
+        """Times in the run, in seconds, at which P is set back."""
+        return NO_TIMES
 
-        Parameters set since the last call take effect as follows: forgetting and reset times from
-        this call on; changed orders raise an error; all others when a new stream begins.
+    def _read_recursion(self, X: Any, y: Any) -> RecursionData:
+        grid, inputs, output, *_ = self._read_data(X, y)
+        self._set_orders(grid)
+        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
+        return RecursionData.of(grid, inputs, output, self.orders_)
 
-        A new run, or a gap, clears the lags; θ and P are kept. Runs are taken one after the other,
-        so several runs give a different result from ``fit``, which aligns them. No path is kept:
-        ``coef_`` and what derives from it are current, and predictions use it.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels. Runs and gaps are read from the index, or from the run column. A float64 array
-            is fastest (about 4 µs per call); give the delay as ``nk``, since pipelines have no
-            ``partial_fit``.
-        y : Series or array of shape (n_rows,)
-            Output. NaN means no measurement.
-        new_run : bool, default=False
-            Whether a new run begins with the first row.
-
-        Returns
-        -------
-        self : RecursiveARX
-
-        Raises
-        ------
-        ValueError
-            If X is decimated, if orders were changed, or the options need whole runs:
-            ``combine="average_estimates"``, an array over time, ``forgetting="auto"`` that was set
-            since, and before ``fit`` also ``smooth`` and ``forgetting="auto"``.
-        RunIndexError
-            If time goes backwards within a run.
-        """
-        stream = vars(self).get("_stream")
-        if not (
-            stream is not None
-            and stream.plain
-            and all(map(is_, stream.asked, READ_ANEW(self)))
-            and self._run is None
-            and not self._indexed
-            and self._names is None
-            and not new_run
-            and type(X) is np.ndarray
-            and type(y) is np.ndarray
-            and X.dtype == np.float64
-            and y.dtype == np.float64
-            and X.ndim == 2
-            and X.shape[1] == self.n_features_in_
-            and X.shape[0] == y.size > 0
-            and y.ndim == 1
-            and stream.take(
-                X if X.flags.carray else _kernels.gate(X), y if y.flags.carray else _kernels.gate(y)
-            )
-        ):
-            return self._partial_fit(X, y, new_run)
-        self.coef_ = stream.state.theta
-        if "coef_path_" in vars(self) or stream.forgetting.nominal:
-            self._refresh(stream)
-        return self
-
-    @fit_context(prefer_skip_nested_validation=True)
-    def _partial_fit(self, X: Any, y: Any, new_run: bool) -> Self:
-        """Take what :meth:`partial_fit` does not take by its fast path."""
-        stream, pending = vars(self).get("_stream"), vars(self).get("_pending")
-        self._check_streaming("coef_" in vars(self))
-        if "coef_" not in vars(self) and pending is None:
-            grid, _, output, values, *_ = self._read_data(X, y, "nothing")
-        else:
-            grid, values = self._read_X(X, reset=False)
-            output = self._read_y(X, y)
-        if grid.layout.mark is not None:
+    def _fit_recursion(
+        self,
+        data: RecursionData,
+        forgetting: Forgetting,
+        *,
+        each: bool = False,
+        smooth: bool = False,
+    ) -> None:
+        """Run the recursion, or one for ``each`` run, over data that were read."""
+        self._check_shared_times(data.instants, data.grid)
+        check_row_count(int((~np.isnan(data.target)).sum()), 1, data.grid)
+        self._end_stream(*OF_RUNS)
+        parts = range(data.instants.n_runs) if each else [None]
+        starts = [self._start(data, run) for run in parts]
+        times = self._read_reset_times()
+        at = np.searchsorted(data.instants.time, times - 1e-6 * data.instants.dt)
+        resets = np.unique(at[at < len(data.instants)])
+        if forgetting.automatic:
+            found = likelihoods(data, starts, forgetting, resets, each)
+            self.log_likelihood_ = found
+            forgetting = forgetting.with_horizon(max(found, key=lambda N0: (found[N0], N0)))
+        if smooth and (forgetting.factors.shape[1] > 1 or forgetting.diagonal):
             raise ValueError(
-                "partial_fit cannot take decimated rows: the Decimator's filter needs the samples "
-                "after them. Stream at the rate of the model."
+                "smooth=True needs one λ for all parameters, and forgetting_form='joint'; with "
+                "one λ per parameter, ΛPΛ is not a random walk."
             )
-        self._read_orders(begun=stream is not None or pending is not None)
-        # Nothing is kept of rows that are refused.
-        clock = copy(vars(self).get("_clock", Clock()))
-        inputs, output = columns_of(values, self._columns), _kernels.gate(output)
-        pieces = list(clock.pieces(grid.layout, inputs, output, new_run))
-        if stream is None:
-            collected = list(pending or [])
-            stream = self._started_stream([*collected, *pieces])
-            if stream is None:  # the caller may write other rows into the same table
-                collected += [replace(p, X=p.X.copy(), y=p.y.copy()) for p in pieces]
-                self._pending, self._clock = collected, clock
-                return self
-            pieces = [*collected, *pieces]
-        else:
-            stream = deepcopy(stream)
-            before, stream.asked = stream.asked, READ_ANEW(self)
-            if not all(map(np.array_equal, before, stream.asked)):
-                stream.go_on_with(self._stream_forgetting(), self._reset_times())
-                stream.state.set_factor(stream.forgetting)
-        for piece in pieces:
-            stream.feed(piece, self._indexed)
-        self._stream, self._clock = stream, clock
-        self._forget("_pending")
-        self._refresh(stream)
-        return self
-
-    def _read_orders(self, *, begun: bool) -> None:
-        orders = Orders.of(self.na, self.nb, self.nk, len(self._columns), bool(self.fit_intercept))
-        if begun and orders != self.orders_:
-            raise ValueError(
-                f"The stream began with {self.orders_} and now has {orders}. Orders cannot change "
-                "within a stream: call fit, or begin a new stream with sklearn.base.clone."
+        plan = RecursionPlan(self.orders_, forgetting, resets, smooth, self.store_covariance)
+        recursions = plan.each(data, starts) if each else [plan.pooled(data, starts[0])]
+        errors = np.concatenate([r.errors for r in recursions], axis=1)
+        self.one_step_errors_ = errors[data.instants.of_row, data.instants.run]
+        self.n_rows_missing_ = int(np.isnan(self.one_step_errors_).sum() - data.n_rows_without_lags)
+        self._states = [r.state for r in recursions]
+        self.run_labels_ = list(data.grid.layout.labels)
+        self.time_path_ = data.instants.time
+        self._numbers = data.instants.number
+        self.initial_coef_ = np.mean([theta0 for theta0, _ in starts], axis=0)
+        self.initial_covariance_ = np.mean([P0 for _, P0 in starts], axis=0)
+        used = [r.used for r in recursions]
+        self._set_forgetting(forgetting, np.mean(used, axis=0) if forgetting.nominal else None)
+        self._set_paths(data, recursions, each)
+        if not each and data.grid.rows is None:
+            self._leave_for_streams(
+                self._stream_from(self._states[0], starts[0][1], forgetting), data.grid.layout
             )
-        check_streamable(orders)
-        self.orders_ = orders
-        self.parameter_names_ = orders.parameter_names(self.inputs_)
-        if callable(self.forgetting) or isinstance(self.forgetting, str):
-            return
-        if np.shape(self.forgetting) not in ((), (orders.n_params,)):
-            raise ValueError(
-                f"partial_fit cannot take forgetting as an array of shape "
-                f"{np.shape(self.forgetting)} over instants, since their number is not known in "
-                "advance. Give it as a function of the time in the run, in seconds."
-            )
+            if data.instants.n_runs == 1:
+                self._recursion.go_on_after(data)
+        self._report_missing(data.grid, data.inputs, data.output, self.n_updates_, self.inputs_)
 
-    def __sklearn_is_fitted__(self) -> bool:
-        return "coef_" in vars(self)
-
-    def _check_fitted(self) -> None:
-        if "_pending" in vars(self):
-            rows = sum(piece.y.size for piece in self._pending)
-            raise NotFittedError(
-                f"There is no estimate yet: partial_fit has collected {rows} rows of the "
-                f"{window_rows(self.init_window, self.dt_)} of init_window={self.init_window:g} s. "
-                "Give init= and p0= to have one from the start."
-            )
-        super()._check_fitted()
-
-    def _check_streaming(self, fitted: bool) -> None:
-        if self.combine == "average_estimates" or "coef_paths_" in vars(self):
-            raise ValueError(
-                "partial_fit cannot continue with combine='average_estimates', one recursion per "
-                "run."
-            )
-        automatic = isinstance(self.forgetting, str) and self.forgetting == "auto"
-        for option, chosen in (("smooth=True", self.smooth), ("forgetting='auto'", automatic)):
-            if chosen and not fitted:
-                raise ValueError(
-                    f"partial_fit cannot start with {option}, which needs whole runs. Call fit on "
-                    "recorded runs first."
-                )
-
-    def _started_stream(self, pieces: list[Piece]) -> Stream | None:
-        """A stream from the rows so far, if they suffice."""
-        table, n_rows = None, window_rows(self.init_window, self.dt_)
+    def _start(self, data: RecursionData, runs: Any) -> tuple[np.ndarray, np.ndarray]:
+        table = None
         if needs_data(self.init, self.p0):
-            if sum(piece.y.size for piece in pieces) < n_rows:
-                return None
-            table = first_rows(pieces, n_rows, self.orders_)
-            if table is None:
-                return None
-        theta0, P0 = self._start_from(table, sum(piece.y.size for piece in pieces))
-        forgetting = self._stream_forgetting()
-        state = RecursionState(theta0, P0)
-        state.set_factor(forgetting)
-        self.initial_coef_, self.initial_covariance_ = theta0, P0
-        return self._new_stream(state, forgetting, P0)
+            table = data.first_window(self.init_window, runs)
+        return self._start_from(table, data.grid.layout.n_rows)
 
     def _start_from(
         self, table: np.ndarray | None, n_samples: int
@@ -379,34 +334,121 @@ class PartialFit(BaseARX):
             )
         return start_of(self.init, self.p0, self.parameter_names_, table)
 
-    def _stream_forgetting(self) -> Forgetting:
-        forgetting = self._read_forgetting(np.zeros(1))
-        if forgetting.automatic:
+    def _set_forgetting(self, forgetting: Forgetting, variable: Any) -> None:
+        self._forgetting = forgetting
+        self.forgetting_ = variable if forgetting.nominal else forgetting.value
+        with np.errstate(divide="ignore"):
+            horizon = 1.0 / (1.0 - np.asarray(self.forgetting_))
+        self.memory_horizon_ = float(horizon) if horizon.ndim == 0 else horizon
+
+    def _set_paths(self, data: RecursionData, recursions: list[RunRecursion], each: bool) -> None:
+        self._last_share = np.ones(1)
+        self.coef_path_ = recursions[0].theta
+        if self.store_covariance:
+            self.covariance_path_ = recursions[0].covariance
+        if each:
+            inside = data.inside()
+            share = inside / inside.sum(axis=0)
+            self._last_share = share[:, -1]
+            paths = np.stack([r.theta for r in recursions])
+            self.coef_path_ = np.einsum("rt,rtp->tp", share, paths)
+            self.coef_paths_ = np.where(inside[:, :, None], paths, np.nan)
+            if self.store_covariance:
+                covariances = np.stack([r.covariance for r in recursions])
+                self.covariance_path_ = np.einsum("rt,rtpq->tpq", share**2, covariances)
+        last = [r.state.theta for r in recursions]
+        self.coef_ = np.einsum("r,rp->p", self._last_share, last)
+
+    # Streams
+
+    def _read_anew(self) -> tuple[Any, ...]:
+        return (self.na, self.nb, self.nk, self.fit_intercept)
+
+    def _take_parameters(self, recursion: Stream | None) -> None:
+        orders = Orders.of(self.na, self.nb, self.nk, len(self._columns), bool(self.fit_intercept))
+        begun = recursion is not None or "_pending" in vars(self)
+        if begun and orders != self.orders_:
             raise ValueError(
-                "forgetting='auto' needs whole runs, which partial_fit does not have: give the "
-                "forgetting factor, or call fit."
+                f"The stream began with {self.orders_} and now has {orders}. Orders cannot change "
+                "within a stream: call fit, or begin a new stream with sklearn.base.clone."
             )
-        return forgetting
+        check_streamable(orders)
+        self.orders_ = orders
+        self.parameter_names_ = orders.parameter_names(self.inputs_)
 
-    def _new_stream(self, state: RecursionState, forgetting: Forgetting, P0: np.ndarray) -> Stream:
-        stream = Stream(state, self.orders_, self._columns, P0, self.dt_)
-        stream.asked = READ_ANEW(self)
-        stream.go_on_with(forgetting, self._reset_times())
-        return stream
+    def _rows_to_begin(self) -> int:
+        return super()._rows_to_begin() if needs_data(self.init, self.p0) else 0
 
-    def _refresh(self, stream: Stream) -> None:
-        """Set the fitted attributes from the stream."""
-        self.coef_ = stream.state.theta
-        self._forget(*OF_RUNS)
-        self._states, self._last_share = [stream.state], np.ones(1)
-        self._set_forgetting(stream.forgetting, stream.state.factor)
+    def _first_row(self, X: np.ndarray, y: np.ndarray) -> int | None:
+        known = ~np.isnan(y) & ~np.isnan(X).any(axis=1)
+        return int(np.argmax(known)) if known.any() else None
 
-    def _forget(self, *names: str) -> None:
-        for name in names:
+    def _first_table(
+        self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray, orders: Orders
+    ) -> np.ndarray | None:
+        """Regressors of the first rows of a stream, where the start comes from data."""
+        first = self._first_row(X, y)
+        if first is None or not needs_data(self.init, self.p0):
+            return None
+        end = first + self._rows_to_begin()
+        begin = np.flatnonzero(fresh[:end])
+        return regressors(y[:end], X[:end], begin, np.append(begin[1:], end), orders)[0]
+
+    def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> Recursion:
+        table = self._first_table(X, y, fresh, self.orders_)
+        theta0, P0 = self._start_from(table, y.size)
+        self.initial_coef_, self.initial_covariance_ = theta0, P0
+        forgetting = self._read_forgetting(np.zeros(1))
+        state = RecursionState(theta0, P0)
+        state.set_factor(forgetting)
+        return self._stream_from(state, P0, forgetting)
+
+    def _stream_from(self, state: RecursionState, P0: np.ndarray, forgetting: Forgetting) -> Stream:
+        n_inputs, times = len(self._columns), self._read_reset_times()
+        return Stream(state, self.orders_, n_inputs, P0, self.dt_, forgetting, times)
+
+    def _refresh(self, recursion: Stream) -> None:
+        self.coef_ = recursion.state.theta
+        for name in OF_RUNS:
             self.__dict__.pop(name, None)
+        self._states, self._last_share = [recursion.state], np.ones(1)
+        self._set_forgetting(recursion.forgetting, recursion.state.factor)
+
+    def _refresh_estimates(self, recursion: Stream) -> None:
+        self.coef_ = recursion.state.theta
+        if "coef_path_" in vars(self) or recursion.forgetting.nominal:
+            self._refresh(recursion)
+
+    @property
+    def covariance_(self) -> np.ndarray:
+        self._check_fitted()
+        shares = self._last_share**2
+        each = [state.covariance(self._forgetting) for state in self._states]
+        return np.einsum("r,rpq->pq", shares, each)
+
+    @property
+    def noise_variance_(self) -> float:
+        updates = self.n_updates_
+        total = sum(float(state.count("total").sum()) for state in self._states)
+        return total / updates if updates else np.nan
+
+    @property
+    def n_updates_(self) -> int:
+        self._check_fitted()
+        return int(sum(state.count("updates").sum() for state in self._states))
+
+    @property
+    def n_held_(self) -> int:
+        self._check_fitted()
+        if (self._forgetting.factors == 1.0).all() and not self._forgetting.over_time:
+            return 0
+        return int(sum(state.count("held").sum() for state in self._states))
+
+    def _summary(self) -> ModelSummary:
+        return recursive_summary(self)
 
 
-class RecursiveARX(FollowedPath, PartialFit):
+class RecursiveARX(RecursiveLeastSquares):
     """ARX model whose parameters follow the data, by recursive least squares with forgetting.
 
     At each instant, with φ(t) = [-u(t-1) ... e(t-nk) ...] (Eqs. 10-20 of the thesis):
@@ -673,14 +715,10 @@ class RecursiveARX(FollowedPath, PartialFit):
             With the number of rows that are NaN.
         """
         data = self._read_recursion(X, y)
-        self._fit_recursion(data, self._read_forgetting(data.instants.time))
+        each = self.combine == "average_estimates"
+        forgetting = self._read_forgetting(data.instants.time)
+        self._fit_recursion(data, forgetting, each=each, smooth=self.smooth)
         return self
-
-    def _read_recursion(self, X: Any, y: Any) -> RecursionData:
-        grid, inputs, output, *_ = self._read_data(X, y)
-        self._set_orders(grid)
-        self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
-        return RecursionData.of(grid, inputs, output, self.orders_)
 
     def _read_forgetting(self, time: np.ndarray) -> Forgetting:
         return read_forgetting(
@@ -693,61 +731,7 @@ class RecursiveARX(FollowedPath, PartialFit):
             dt=self.dt_,
         )
 
-    def _fit_recursion(self, data: RecursionData, forgetting: Forgetting) -> None:
-        """Run the recursion, or one for each run, over data that were read."""
-        self._check_shared_times(data.instants, data.grid)
-        check_row_count(int((~np.isnan(data.target)).sum()), 1, data.grid)
-        self._forget(*OF_RUNS, "_stream", "_pending", "_clock")
-        each = self.combine == "average_estimates"
-        parts = range(data.instants.n_runs) if each else [None]
-        starts = [self._start(data, run) for run in parts]
-        resets = self._resets(data.instants)
-        if forgetting.automatic:
-            found = likelihoods(data, starts, forgetting, resets, each)
-            self.log_likelihood_ = found
-            forgetting = forgetting.with_horizon(max(found, key=lambda N0: (found[N0], N0)))
-        if self.smooth and (forgetting.factors.shape[1] > 1 or forgetting.diagonal):
-            raise ValueError(
-                "smooth=True needs one λ for all parameters, and forgetting_form='joint'; with "
-                "one λ per parameter, ΛPΛ is not a random walk."
-            )
-        plan = RecursionPlan(self.orders_, forgetting, resets, self.smooth, self.store_covariance)
-        recursions = plan.each(data, starts) if each else [plan.pooled(data, starts[0])]
-        errors = np.concatenate([r.errors for r in recursions], axis=1)
-        self.one_step_errors_ = errors[data.instants.of_row, data.instants.run]
-        self.n_rows_missing_ = int(np.isnan(self.one_step_errors_).sum() - data.n_rows_without_lags)
-        self._states = [r.state for r in recursions]
-        self.run_labels_ = list(data.grid.layout.labels)
-        self.time_path_ = data.instants.time
-        self._numbers = data.instants.number
-        self.initial_coef_ = np.mean([theta0 for theta0, _ in starts], axis=0)
-        self.initial_covariance_ = np.mean([P0 for _, P0 in starts], axis=0)
-        used = [r.used for r in recursions]
-        self._set_forgetting(forgetting, np.mean(used, axis=0) if forgetting.nominal else None)
-        self._set_paths(data, recursions, each)
-        if not each and data.grid.rows is None:
-            self._stream = self._new_stream(self._states[0], forgetting, starts[0][1])
-            self._clock = Clock()
-            if data.instants.n_runs == 1:
-                self._stream.go_on_after(data)
-                layout = data.grid.layout
-                time = float(layout.time[-1]) if layout.indexed else None
-                self._clock = Clock(layout.labels[-1], time)
-        self._report_missing(data.grid, data.inputs, data.output, self.n_updates_, self.inputs_)
-
-    def _start(self, data: RecursionData, runs: Any) -> tuple[np.ndarray, np.ndarray]:
-        table = None
-        if needs_data(self.init, self.p0):
-            table = data.first_window(self.init_window, runs)
-        return self._start_from(table, data.grid.layout.n_rows)
-
-    def _resets(self, instants: Instants) -> np.ndarray:
-        """Instants at which P is set back."""
-        times = self._reset_times()
-        at = np.searchsorted(instants.time, times - 1e-6 * instants.dt)
-        return np.unique(at[at < len(instants)])
-
-    def _reset_times(self) -> np.ndarray:
+    def _read_reset_times(self) -> np.ndarray:
         given = [] if self.reset_times is None else self.reset_times
         refusal = f"reset_times must be times in the run, in seconds; got {given!r}."
         try:
@@ -758,55 +742,83 @@ class RecursiveARX(FollowedPath, PartialFit):
             raise ValueError(refusal)
         return np.unique(times)
 
-    def _set_forgetting(self, forgetting: Forgetting, variable: Any) -> None:
-        self._forgetting = forgetting
-        self.forgetting_ = variable if forgetting.nominal else forgetting.value
-        with np.errstate(divide="ignore"):
-            horizon = 1.0 / (1.0 - np.asarray(self.forgetting_))
-        self.memory_horizon_ = float(horizon) if horizon.ndim == 0 else horizon
+    def partial_fit(self, X: Any, y: Any, *, new_run: bool = False) -> Self:
+        """Update the estimates with rows that follow those seen before, one or many.
 
-    def _set_paths(self, data: RecursionData, recursions: list[Recursion], each: bool) -> None:
-        self._last_share = np.ones(1)
-        self.coef_path_ = recursions[0].theta
-        if self.store_covariance:
-            self.covariance_path_ = recursions[0].covariance
-        if each:
-            inside = data.inside()
-            share = inside / inside.sum(axis=0)
-            self._last_share = share[:, -1]
-            paths = np.stack([r.theta for r in recursions])
-            self.coef_path_ = np.einsum("rt,rtp->tp", share, paths)
-            self.coef_paths_ = np.where(inside[:, :, None], paths, np.nan)
-            if self.store_covariance:
-                covariances = np.stack([r.covariance for r in recursions])
-                self.covariance_path_ = np.einsum("rt,rtpq->tpq", share**2, covariances)
-        last = [r.state.theta for r in recursions]
-        self.coef_ = np.einsum("r,rp->p", self._last_share, last)
+        The estimates do not depend on how the stream is cut: with the same θ0 and P0 they equal
+        those of ``fit``, bit for bit. With ``init="ols"`` or ``p0=None`` rows are collected until
+        ``init_window`` is full; until then there is no estimate. Give ``init`` and ``p0`` to have
+        one from the first row with known lags. After ``fit`` the stream continues from its end.
 
-    @property
-    def covariance_(self) -> np.ndarray:
-        self._check_fitted()
-        shares = self._last_share**2
-        each = [state.covariance(self._forgetting) for state in self._states]
-        return np.einsum("r,rpq->pq", shares, each)
+        Parameters set since the last call take effect as follows: forgetting and reset times from
+        this call on; changed orders raise an error; all others when a new stream begins.
 
-    @property
-    def noise_variance_(self) -> float:
-        updates = self.n_updates_
-        total = sum(float(state.count("total").sum()) for state in self._states)
-        return total / updates if updates else np.nan
+        A new run, or a gap, clears the lags; θ and P are kept. Runs are taken one after the other,
+        so several runs give a different result from ``fit``, which aligns them. No path is kept:
+        ``coef_`` and what derives from it are current, and predictions use it.
 
-    @property
-    def n_updates_(self) -> int:
-        self._check_fitted()
-        return int(sum(state.count("updates").sum() for state in self._states))
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels. Runs and gaps are read from the index, or from the run column. A float64 array
+            is fastest (about 4 µs per call); give the delay as ``nk``, since pipelines have no
+            ``partial_fit``.
+        y : Series or array of shape (n_rows,)
+            Output. NaN means no measurement.
+        new_run : bool, default=False
+            Whether a new run begins with the first row.
 
-    @property
-    def n_held_(self) -> int:
-        self._check_fitted()
-        if (self._forgetting.factors == 1.0).all() and not self._forgetting.over_time:
-            return 0
-        return int(sum(state.count("held").sum() for state in self._states))
+        Returns
+        -------
+        self : RecursiveARX
 
-    def _summary(self) -> ModelSummary:
-        return recursive_summary(self)
+        Raises
+        ------
+        ValueError
+            If X is decimated, if orders were changed, or the options need whole runs:
+            ``combine="average_estimates"``, an array over time, ``forgetting="auto"`` that was set
+            since, and before ``fit`` also ``smooth`` and ``forgetting="auto"``.
+        RunIndexError
+            If time goes backwards within a run.
+        """
+        return super().partial_fit(X, y, new_run=new_run)
+
+    def _check_streaming(self) -> None:
+        if self.combine == "average_estimates" or "coef_paths_" in vars(self):
+            raise ValueError(
+                "partial_fit cannot continue with combine='average_estimates', one recursion per "
+                "run."
+            )
+        if self.__sklearn_is_fitted__():
+            return
+        automatic = isinstance(self.forgetting, str) and self.forgetting == "auto"
+        for option, chosen in (("smooth=True", self.smooth), ("forgetting='auto'", automatic)):
+            if chosen:
+                raise ValueError(
+                    f"partial_fit cannot start with {option}, which needs whole runs. Call fit on "
+                    "recorded runs first."
+                )
+
+    def _read_anew(self) -> tuple[Any, ...]:
+        memory = self.forgetting, self.memory_horizon, self.memory_time, self.forgetting_form
+        return (self.na, self.nb, self.nk, self.fit_intercept, *memory, self.reset_times)
+
+    def _take_parameters(self, recursion: Stream | None) -> None:
+        super()._take_parameters(recursion)
+        by_name = callable(self.forgetting) or isinstance(self.forgetting, str)
+        if not by_name and np.shape(self.forgetting) not in ((), (self.orders_.n_params,)):
+            raise ValueError(
+                f"partial_fit cannot take forgetting as an array of shape "
+                f"{np.shape(self.forgetting)} over instants, since their number is not known in "
+                "advance. Give it as a function of the time in the run, in seconds."
+            )
+        if recursion is None or all(map(np.array_equal, self._asked, self._read_anew())):
+            return
+        forgetting = self._read_forgetting(np.zeros(1))
+        if forgetting.automatic:
+            raise ValueError(
+                "forgetting='auto' needs whole runs, which partial_fit does not have: give the "
+                "forgetting factor, or call fit."
+            )
+        recursion.go_on_with(forgetting, self._read_reset_times())
+        recursion.state.set_factor(forgetting)

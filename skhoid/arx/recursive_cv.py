@@ -19,14 +19,14 @@ from ..text import ModelSummary, TextTable, number, vaf_name
 from .base import BOUND
 from .folds import SplitsRuns, folds_of
 from .forgetting import Forgetting, kernel_arrays, read_forgetting
-from .recursive import RecursiveARX
+from .recursive import RecursiveARX, RecursiveLeastSquares
 from .rls import RecursionData, RecursionState, kernel_regressors, recurse
 from .searches import highest, standard_error_over_folds
 
 HORIZONS = (*(2.0**i for i in range(1, 14)), np.inf)  # Table V
 
 
-class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
+class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
     """Recursive ARX model whose memory horizon is chosen on validation runs.
 
     All horizons are estimated in one pass over the data of each fold, and the free run along each
@@ -124,13 +124,6 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
         "scoring": [VAFScorer, None],
         "n_jobs": [Integral, None],
     }
-
-    forgetting = None
-    memory_horizon = None
-    memory_time = None
-    reset_times = None
-    combine = "pooled"
-    smooth = False
 
     def __init__(
         self,
@@ -327,9 +320,11 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveARX):
         facts = {**found.facts, "Searched": searched}
         return replace(found, facts=facts, more=[TextTable(caption, header, rows), *found.more])
 
-    def _check_streaming(self, fitted: bool) -> None:
-        super()._check_streaming(fitted)
-        if not fitted:
+    def _read_forgetting(self, time: np.ndarray) -> Forgetting:
+        return self._forgetting
+
+    def _check_streaming(self) -> None:
+        if not self.__sklearn_is_fitted__():
             raise ValueError(
                 "RecursiveARXCV can stream only after fit, which chooses the memory horizon."
             )

@@ -350,7 +350,7 @@ def recurse(
 
 
 @dataclass
-class Recursion:
+class RunRecursion:
     """One recursion over recorded runs: where it ends, and its path, smoothed if wanted.
 
     ``covariance``, of theta at each instant, and ``used``, the variable forgetting factor, are
@@ -374,16 +374,16 @@ class RecursionPlan:
     smooth: bool
     with_covariance: bool
 
-    def pooled(self, data: RecursionData, start: tuple[np.ndarray, np.ndarray]) -> Recursion:
+    def pooled(self, data: RecursionData, start: tuple[np.ndarray, np.ndarray]) -> RunRecursion:
         """One recursion over all runs."""
         return self._run(data.signals, data.target, [start])[0]
 
     def each(
         self, data: RecursionData, starts: list[tuple[np.ndarray, np.ndarray]]
-    ) -> list[Recursion]:
+    ) -> list[RunRecursion]:
         """One recursion for each run, side by side."""
         lanes = 1 if self.smooth else _kernels.rls.MANY
-        found: list[Recursion] = []
+        found: list[RunRecursion] = []
         for first in range(0, len(starts), lanes):
             runs = [min(run, len(starts) - 1) for run in range(first, first + lanes)]
             signals = _kernels.aligned((*data.signals.shape[:2], 1, lanes))
@@ -400,7 +400,7 @@ class RecursionPlan:
         target: np.ndarray,
         starts: list[tuple[np.ndarray, np.ndarray]],
         n_wanted: int = 1,
-    ) -> list[Recursion]:
+    ) -> list[RunRecursion]:
         """Recursions of the first ``n_wanted`` lanes; there is a start for every lane."""
         theta0, P0 = (np.array(part) for part in zip(*starts, strict=True))
         state = RecursionState(theta0, P0, len(starts))
@@ -418,7 +418,7 @@ class RecursionPlan:
         )  # fmt: skip
         return [self._of_lane(paths, state, lane) for lane in range(n_wanted)]
 
-    def _of_lane(self, paths: Paths, states: RecursionState, lane: int) -> Recursion:
+    def _of_lane(self, paths: Paths, states: RecursionState, lane: int) -> RunRecursion:
         state = states.lane(lane)
         theta, errors = paths.theta[:, :, lane], paths.errors[:, :, lane]
         used = paths.used[:, lane] if self.forgetting.nominal else NOTHING
@@ -431,7 +431,7 @@ class RecursionPlan:
             weight = spread_weights(factors, _instants_so_far(errors, self.resets)[:, None])
             covariance *= weight[:, :, None] * weight[:, None, :]
         covariance *= state.noise_variance
-        return Recursion(state, theta, errors, covariance, used)
+        return RunRecursion(state, theta, errors, covariance, used)
 
 
 def spread_weights(factors: np.ndarray, n_instants: Any) -> np.ndarray:

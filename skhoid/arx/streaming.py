@@ -1,12 +1,15 @@
-"""partial_fit: rows that arrive one by one, and the recursions that take them."""
+"""``partial_fit``: rows that arrive one by one, and the one protocol by which recursions take them.
+
+Open it to make a method stream: it needs a :class:`Recursion`, and a way to begin one.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from copy import copy, deepcopy
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Any, Protocol, Self
+from operator import is_
+from typing import Any, Self
 
 import numpy as np
 from sklearn.exceptions import NotFittedError
@@ -17,9 +20,7 @@ from ..exceptions import IrregularSamplingError, RunIndexError
 from ..preprocessing.grid import BLOCK
 from ..regression import RunRegressor, columns_of
 from ..runs import GAP, JITTER_TOLERANCE, RunLayout
-from .forgetting import Forgetting
-from .orders import Orders, regressors
-from .rls import RecursionData, RecursionState, kernel_regressors, window_rows
+from .rls import window_rows
 
 
 @dataclass(frozen=True)
@@ -75,100 +76,6 @@ class Clock:
         return step <= GAP * layout.dt
 
 
-class Stream:
-    """A recursion and the rows it needs to go on."""
-
-    def __init__(
-        self,
-        state: RecursionState,
-        orders: Orders,
-        columns: list[int],
-        P0: np.ndarray,
-        dt: float,
-    ) -> None:
-        self.state, self.P0, self.dt = state, P0, dt
-        self.depth = orders.first_row
-        rows = self.depth + _kernels.rls.CHUNK
-        self._signals = np.full((1 + len(columns) + orders.intercept, rows, 1, 1), np.nan)
-        if orders.intercept:
-            self._signals[-1] = 1.0
-        self._columns, self._inputs = np.array(columns), np.arange(len(columns))
-        self._target = np.full((rows, 1, 1), np.nan)
-        self._regressors = kernel_regressors(orders)
-        self.since = np.zeros(1, dtype=np.int64)  # rows without a break
-        self.last_time = -np.inf
-
-    asked: tuple[Any, ...]  # parameters of the model when it was last called
-
-    def go_on_with(self, forgetting: Forgetting, reset_times: np.ndarray) -> None:
-        """Forget and reset in this way from the next row on."""
-        self.forgetting, self.reset_times = forgetting, reset_times
-        self._arrays = forgetting.arrays()
-        self.plain = not forgetting.over_time and reset_times.size == 0
-
-    def go_on_after(self, data: RecursionData) -> None:
-        """Take over the lags at the end of a single run."""
-        grid = data.grid
-        length = int(grid.end[-1] - grid.begin[-1]) if grid.measured[-1] else 0
-        kept = min(length, self.depth)
-        if kept:
-            self._signals[:, self.depth - kept : self.depth] = data.signals[:, -kept:]
-        self.since[0] = length
-        self.last_time = float(data.instants.time[-1])
-
-    def take(self, X: np.ndarray, y: np.ndarray, columns: np.ndarray | None = None) -> bool:
-        """Take rows that go on; False, and nothing done, if any is infinite.
-
-        ``columns`` are those of the inputs, if X has not all that the model was given.
-        """
-        return _kernels.rls.stream(self.state.n_params, self._arrays[0].shape[1] > 1)(
-            X,
-            y,
-            self._columns if columns is None else columns,
-            self._signals,
-            self._target,
-            *self._regressors,
-            self.depth,
-            *self._arrays,
-            self.forgetting.diagonal,
-            self.forgetting.nominal,
-            self.state.buffer,
-            self.since,
-        )
-
-    def feed(self, piece: Piece, indexed: bool) -> None:
-        """Take a piece, with all that may change at its instants."""
-        if piece.fresh:
-            self.since[0] = 0
-            self.last_time = -np.inf
-        time = piece.time if indexed else (self.since[0] + np.arange(piece.y.size)) * self.dt
-        slack = 1e-6 * self.dt
-        resets = np.searchsorted(time, self.reset_times - slack)
-        due = (self.reset_times - slack > self.last_time) & (resets < time.size)
-        edges = np.unique([*range(0, time.size, BLOCK), *resets[due].tolist(), time.size]).tolist()
-        for begin, end in pairwise(edges):
-            if begin in resets[due]:
-                self.state.reset(self.P0)
-            self.forgetting = self.forgetting.at(time[begin:end], self.state.n_params)
-            self._arrays = self.forgetting.arrays()
-            self.take(_kernels.gate(piece.X[begin:end]), piece.y[begin:end], self._inputs)
-        self.last_time = float(time[-1])
-
-
-def first_rows(pieces: list[Piece], n_rows: int, orders: Orders) -> np.ndarray | None:
-    """Regressors and output of the first rows of a stream from one that is not NaN, if enough."""
-    X = np.concatenate([piece.X for piece in pieces], dtype=np.float64)
-    y = np.concatenate([piece.y for piece in pieces])
-    known = np.flatnonzero(~np.isnan(y) & ~np.isnan(X).any(axis=1))
-    if known.size == 0 or known[0] + n_rows > y.size:
-        return None
-    end = int(known[0]) + n_rows
-    ends = np.cumsum([piece.y.size for piece in pieces])
-    starts = ends - [piece.y.size for piece in pieces]
-    begin = starts[np.array([piece.fresh for piece in pieces]) & (starts < end)]
-    return regressors(y[:end], X[:end], begin, np.append(begin[1:], end), orders)[0]
-
-
 def first_telling_row(X: np.ndarray, y: np.ndarray) -> int | None:
     """The first row without NaN, after a rest before the task, which tells nothing; None if none.
 
@@ -179,42 +86,71 @@ def first_telling_row(X: np.ndarray, y: np.ndarray) -> int | None:
     return int(np.argmax(moving if moving.any() else whole)) if whole.any() else None
 
 
-class RowFilter(Protocol):
-    """A filter with a state of its own, which goes on from row to row."""
+class Recursion:
+    """Estimates that rows update, one or many at a time, with all the state that takes."""
 
-    def take(self, X: np.ndarray, y: np.ndarray) -> None:
-        """Take rows that follow those before: inputs of shape (n, n_inputs), and outputs (n,)."""
+    plain = True  # rows need no times
+
+    def take(self, X: np.ndarray, y: np.ndarray, time: np.ndarray | None = None) -> None:
+        """Take rows that follow those before: inputs of shape (n, n_inputs), and outputs (n,).
+
+        Either may be NaN. ``time`` is that in the run, where rows have one.
+        """
+        raise NotImplementedError
+
+    def step(self, X: np.ndarray, y: np.ndarray) -> bool:
+        """Take rows that nobody has checked; False, and nothing done, if they need a look."""
+        if not np.isfinite(X).all() or np.isinf(y).any():
+            return False
+        self.take(X, y)
+        return True
 
     def rest(self) -> None:
         """Forget the signals before, at the beginning of a run or after a gap; keep estimates."""
+        raise NotImplementedError
 
 
-class Follower(RunRegressor):
+class Streaming(RunRegressor):
     """A model that follows a stream of rows.
 
-    A subclass gives ``_begun(X, y, fresh)``, a filter that begins with the first rows, which it
+    A subclass gives ``_begun(X, y, fresh)``, a recursion that begins with the first rows, which it
     does not take yet (``fresh`` says which of them follow nothing), ``_rows_to_begin()``, how many
-    it needs, and ``_refresh(row_filter)``, which sets the fitted attributes. ``fit`` may leave a
-    filter for streams to go on with: ``_go_on_with(row_filter, layout)``.
+    it needs, and ``_refresh(recursion)``, which sets the fitted attributes. ``fit`` may leave a
+    recursion for streams to go on with: ``_leave_for_streams(recursion, layout)``.
     """
 
     init_window: float
 
-    def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> RowFilter | None:
+    def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> Recursion | None:
         raise NotImplementedError
 
+    def _first_row(self, X: np.ndarray, y: np.ndarray) -> int | None:
+        """The row from which those to begin with count."""
+        return first_telling_row(X, y)
+
     def _signal_columns(self, n_columns: int) -> list[int]:
-        """Columns of X that the filter takes."""
+        """Columns of X that the recursion takes."""
         return self._columns
 
     def _rows_to_begin(self) -> int:
         return window_rows(self.init_window, self.dt_)
 
-    def _refresh(self, row_filter: Any) -> None:
+    def _refresh(self, recursion: Any) -> None:
         raise NotImplementedError
+
+    def _refresh_estimates(self, recursion: Any) -> None:
+        """Set what changes with each row, in a stream that has been told of before."""
+        self._refresh(recursion)
 
     def _check_streaming(self) -> None:
         """Refuse options that need whole runs."""
+
+    def _read_anew(self) -> tuple[Any, ...]:
+        """Parameters that are looked at in each call."""
+        return ()
+
+    def _take_parameters(self, recursion: Any) -> None:
+        """Let a recursion go on with parameters that have changed; None begins with them."""
 
     def partial_fit(self, X: Any, y: Any, *, new_run: bool = False) -> Self:
         """Update the estimates with rows that follow those seen before, one or many.
@@ -247,10 +183,11 @@ class Follower(RunRegressor):
         RunIndexError
             If time goes backwards within a run.
         """
-        row_filter = vars(self).get("_row_filter")
-        if (
-            row_filter is not None
-            and "_streamed" in vars(self)
+        recursion = vars(self).get("_recursion")
+        if not (
+            recursion is not None
+            and recursion.plain
+            and all(map(is_, self._asked, self._read_anew()))
             and self._run is None
             and not self._indexed
             and self._names is None
@@ -263,20 +200,19 @@ class Follower(RunRegressor):
             and X.shape[1] == self.n_features_in_
             and X.shape[0] == y.size > 0
             and y.ndim == 1
-            and np.isfinite(X).all()
-            and not np.isinf(y).any()
+            and recursion.step(_kernels.gate(X[:, self._streamed]), _kernels.gate(y))
         ):
-            row_filter.take(_kernels.gate(X[:, self._streamed]), _kernels.gate(y))
-            self._refresh(row_filter)
-            return self
-        return self._partial_fit(X, y, new_run)
+            return self._partial_fit(X, y, new_run)
+        self._refresh_estimates(recursion)
+        return self
 
     @fit_context(prefer_skip_nested_validation=True)
     def _partial_fit(self, X: Any, y: Any, new_run: bool) -> Self:
         """Take what :meth:`partial_fit` does not take by its fast path."""
+        recursion, pending = vars(self).get("_recursion"), vars(self).get("_pending")
         self._check_streaming()
-        row_filter, pending = vars(self).get("_row_filter"), vars(self).get("_pending")
-        if row_filter is None and pending is None:
+        fitted = self.__sklearn_is_fitted__()  # type: ignore[attr-defined]
+        if not fitted and pending is None:
             grid, _, output, values, *_ = self._read_data(X, y, "nothing")
         else:
             grid, values = self._read_X(X, reset=False)
@@ -289,33 +225,35 @@ class Follower(RunRegressor):
         # Nothing is kept of rows that are refused.
         clock = copy(vars(self).get("_clock", Clock()))
         self._streamed = self._signal_columns(values.shape[1])
-        inputs = columns_of(values, self._streamed)
-        output = _kernels.gate(output)
+        inputs, output = columns_of(values, self._streamed), _kernels.gate(output)
         pieces = list(clock.pieces(grid.layout, inputs, output, new_run))
-        if row_filter is None:
-            collected = list(pending or [])
-            row_filter = self._started(collected + pieces)
-            if row_filter is None:  # the caller may write other rows into the same table
-                collected += [replace(p, X=p.X.copy(), y=p.y.copy()) for p in pieces]
-                self._pending, self._clock = collected, clock
+        recursion = deepcopy(recursion)
+        self._take_parameters(recursion)
+        self._asked = self._read_anew()
+        if recursion is None:
+            pieces = [*(pending or []), *pieces]
+            recursion = self._started(pieces)
+            if recursion is None:  # the caller may write other rows into the same table
+                kept = [replace(p, X=p.X.copy(), y=p.y.copy()) for p in pieces]
+                self._pending, self._clock = kept, clock
                 return self
-            pieces = collected + pieces
-        else:
-            row_filter = deepcopy(row_filter)
         for piece in pieces:
             if piece.fresh:
-                row_filter.rest()
-            row_filter.take(_kernels.gate(piece.X), _kernels.gate(piece.y))
-        self._row_filter, self._clock = row_filter, clock
+                recursion.rest()
+            for begin in range(0, piece.y.size, BLOCK):
+                rows = slice(begin, begin + BLOCK)
+                time = piece.time[rows] if self._indexed else None
+                recursion.take(_kernels.gate(piece.X[rows]), _kernels.gate(piece.y[rows]), time)
+        self._recursion, self._clock = recursion, clock
         self.__dict__.pop("_pending", None)
-        self._refresh(row_filter)
+        self._refresh(recursion)
         return self
 
-    def _started(self, pieces: list[Piece]) -> RowFilter | None:
-        """A filter from the rows so far, if they suffice."""
+    def _started(self, pieces: list[Piece]) -> Recursion | None:
+        """A recursion from the rows so far, if they suffice."""
         X = np.concatenate([piece.X for piece in pieces], dtype=np.float64)
         y = np.concatenate([piece.y for piece in pieces])
-        first, needed = first_telling_row(X, y), self._rows_to_begin()
+        first, needed = self._first_row(X, y), self._rows_to_begin()
         if needed and (first is None or y.size - first < needed):
             return None
         fresh = np.zeros(y.size, dtype=bool)
@@ -323,12 +261,19 @@ class Follower(RunRegressor):
         fresh[begins] = [piece.fresh for piece in pieces]
         return self._begun(X, y, fresh)
 
-    def _go_on_with(self, row_filter: RowFilter, layout: Any) -> None:
-        """Let streams go on after a single run that was fitted."""
-        self._row_filter = row_filter
-        self.__dict__.pop("_streamed", None)  # of a stream before
-        time = float(layout.time[-1]) if layout.indexed else None
-        self._clock = Clock(layout.labels[-1], time)
+    def _leave_for_streams(self, recursion: Recursion, layout: RunLayout) -> None:
+        """Let streams go on after runs that were fitted: after a single one, without a break."""
+        self._recursion, self._clock = recursion, Clock()
+        self._streamed = self._signal_columns(self.n_features_in_)
+        self._asked = self._read_anew()
+        if len(layout.labels) == 1:
+            self._clock.run = layout.labels[-1]
+            self._clock.time = float(layout.time[-1]) if layout.indexed else None
+
+    def _end_stream(self, *attributes: str) -> None:
+        """Forget the stream before, and attributes of runs."""
+        for name in (*attributes, "_recursion", "_pending", "_clock"):
+            self.__dict__.pop(name, None)
 
     def _check_fitted(self) -> None:
         if "_pending" in vars(self):

@@ -13,21 +13,25 @@ import numpy as np
 from .. import _kernels
 from .._sklearn import Interval, StrOptions, fit_context
 from ..arx.base import check_lengths, check_row_count
-from ..arx.forgetting import Forgetting
+from ..arx.forgetting import Forgetting, read_forgetting
 from ..arx.model_summary import recursive_summary
-from ..arx.orders import Orders, regressors, whole_number
-from ..arx.recursive import MOST_ROWS_BACK, OF_RUNS, RecursiveARX, check_streamable
+from ..arx.orders import Orders, whole_number
+from ..arx.recursive import (
+    MOST_ROWS_BACK,
+    OF_RUNS,
+    RecursiveARX,
+    RecursiveLeastSquares,
+    check_streamable,
+)
 from ..arx.rls import (
     RecursionData,
     RecursionState,
     kernel_regressors,
     multiplied_out,
-    needs_data,
     recurse,
     spread_weights,
-    window_rows,
 )
-from ..arx.streaming import Clock, Follower
+from ..arx.streaming import Recursion
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import HeldInputs, ModelGrid
 from ..runs import whole_samples
@@ -144,7 +148,7 @@ class Bank:
         return Z, target
 
 
-class BankRows:
+class BankRows(Recursion):
     """A bank that takes rows one after the other, with the rows that it needs to go on."""
 
     def __init__(
@@ -186,7 +190,7 @@ class BankRows:
         """Forget the rows before; keep estimates and probabilities."""
         self.since[self.at - 1] = 0
 
-    def take(self, X: np.ndarray, y: np.ndarray) -> None:
+    def take(self, X: np.ndarray, y: np.ndarray, time: np.ndarray | None = None) -> None:
         """Take rows that follow those before."""
         bank, done = self.bank, 0
         advance = _kernels.delay_bank.stream(bank.orders.n_params, self.arrays[0].shape[1] > 1)
@@ -228,7 +232,7 @@ SHORTEST, LONGEST, N_DELAYS = 0.1, 0.5, 21  # s, of the candidates by default
 PATHS = ("nk_path_", "delay_path_", "delay_sd_path_", "probabilities_")
 
 
-class DelayBankARX(Follower, RecursiveARX):
+class DelayBankARX(RecursiveLeastSquares):
     """ARX model whose delay varies too, by a bank of recursive ARX models of different delays.
 
     Each candidate n_k has its own recursion, exactly that of :class:`RecursiveARX`. They compete by
@@ -376,9 +380,6 @@ class DelayBankARX(Follower, RecursiveARX):
     }
 
     _last_share = np.ones(1)
-    reset_times = None
-    combine = "pooled"
-    smooth = False
 
     def __init__(
         self,
@@ -460,7 +461,7 @@ class DelayBankARX(Follower, RecursiveARX):
         forgetting = self._read_forgetting(data.instants.time)
         self._check_shared_times(data.instants, data.grid)
         check_row_count(int((~np.isnan(data.target)).sum()), 1, data.grid)
-        self._forget(*OF_RUNS, *PATHS, "_row_filter", "_pending", "_clock")
+        self._end_stream(*OF_RUNS, *PATHS)
         starts = [self._start(replace(data, orders=orders), None) for orders in self._each_orders]
         bank = Bank(self, forgetting, starts)
         self._set_forgetting(forgetting, None)
@@ -503,7 +504,15 @@ class DelayBankARX(Follower, RecursiveARX):
                 "forget differently cannot be compared by their errors. Give one memory to all: "
                 "memory_time in s, memory_horizon in samples, or forgetting as a number."
             )
-        return super()._read_forgetting(time)
+        return read_forgetting(
+            self.forgetting,
+            self.memory_horizon,
+            self.memory_time,
+            form=self.forgetting_form,
+            n_params=self.orders_.n_params,
+            time=time,
+            dt=self.dt_,
+        )
 
     def _follow(
         self,
@@ -538,10 +547,9 @@ class DelayBankARX(Follower, RecursiveARX):
             updated = ~np.isnan(paths.errors[0, :, :, 0]).all(axis=1)
             self.covariance_path_ = self._covariance_along(chosen, np.cumsum(updated), bank, lane)
         if data.grid.rows is None and self.path == "filtered" and not bank.forgetting.over_time:
-            if data.instants.n_runs == 1:
-                self._go_on_with(BankRows(bank, data, paths.theta), data.grid.layout)
-            else:
-                self._row_filter, self._clock = BankRows(bank), Clock()
+            alone = data.instants.n_runs == 1
+            rows = BankRows(bank, data, paths.theta) if alone else BankRows(bank)
+            self._leave_for_streams(rows, data.grid.layout)
 
     def _covariance_along(
         self, factors: np.ndarray, count: np.ndarray, bank: Bank, lane: np.ndarray
@@ -625,7 +633,7 @@ class DelayBankARX(Follower, RecursiveARX):
     def _errors_on(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
         return super(DelayBankARX, self._along_path())._errors_on(grid, values, output)
 
-    def _check_streaming(self) -> None:  # type: ignore[override]
+    def _check_streaming(self) -> None:
         if self.path == "viterbi":
             raise ValueError(
                 "partial_fit cannot find the most probable path, which needs whole runs: give "
@@ -640,28 +648,29 @@ class DelayBankARX(Follower, RecursiveARX):
                 "for all time."
             )
 
-    def _rows_to_begin(self) -> int:
-        return window_rows(self.init_window, self.dt_) if needs_data(self.init, self.p0) else 0
+    def _read_anew(self) -> tuple[Any, ...]:
+        return ()
+
+    def _take_parameters(self, recursion: Any) -> None:
+        """Options that change take effect when a new stream begins."""
 
     def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> BankRows:
         self._read_candidates()
         check_streamable(self.orders_)
         self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
-        tables: list[np.ndarray | None] = [None] * self.candidates_.size
-        if needs_data(self.init, self.p0):
-            first = int(np.flatnonzero(~np.isnan(y) & ~np.isnan(X).any(axis=1))[0])
-            end = first + self._rows_to_begin()
-            begin = np.flatnonzero(fresh[:end])
-            edges = begin, np.append(begin[1:], end)
-            tables = [regressors(y[:end], X[:end], *edges, o)[0] for o in self._each_orders]
+        tables = [self._first_table(X, y, fresh, orders) for orders in self._each_orders]
         starts = [self._start_from(table, y.size) for table in tables]
         self._starts = starts
         return BankRows(Bank(self, self._read_forgetting(np.zeros(1)), starts))
 
-    def _refresh(self, row_filter: Any) -> None:
-        bank = row_filter.bank
+    def _refresh_estimates(self, recursion: Any) -> None:
+        self._refresh(recursion)
+
+    def _refresh(self, recursion: Any) -> None:
+        bank = recursion.bank
         if "coef_path_" in vars(self) or "_forgetting" not in vars(self):
-            self._forget(*OF_RUNS, *PATHS)
+            for name in (*OF_RUNS, *PATHS):
+                self.__dict__.pop(name, None)
             self._set_forgetting(bank.forgetting, None)
         lane = int(bank.weights.argmax())
         self.initial_coef_, self.initial_covariance_ = self._starts[lane]

@@ -13,6 +13,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 
 from .. import _kernels
 from ..arx.rls import Instants
+from ..arx.streaming import Recursion
 from ..exceptions import PoorExcitationWarning, RankDeficiencyError, ShortRunError
 from ..model.operator_regressor import OperatorRegressor
 from ..regression import DataToFit
@@ -552,7 +553,7 @@ class KalmanPlan:
         }
 
 
-class KalmanRows:
+class KalmanRows(Recursion):
     """A filter that goes on from row to row."""
 
     def __init__(
@@ -605,7 +606,7 @@ class KalmanRows:
     def rest(self) -> None:
         self._fresh = True
 
-    def take(self, X: np.ndarray, y: np.ndarray) -> None:
+    def take(self, X: np.ndarray, y: np.ndarray, time: np.ndarray | None = None) -> None:
         fresh = np.zeros(y.size, dtype=np.int8)
         fresh[0] = self._fresh
         self._fresh = False

@@ -12,7 +12,7 @@ import pandas as pd
 
 from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..arx.rls import Instants, window_rows
-from ..arx.streaming import Follower
+from ..arx.streaming import Streaming
 from ..exceptions import PoorExcitationWarning
 from ..preprocessing.base import as_fitted
 from .kalman import (
@@ -32,7 +32,7 @@ OFTEN = 0.1  # of updates at a bound, of which a warning tells
 OF_RUNS = ("_path_frame", "time_path_", "_numbers", "one_step_errors_", "run_labels_")
 
 
-class OperatorKalman(Follower, OperatorPath):
+class OperatorKalman(Streaming, OperatorPath):
     """Human operator whose physical parameters are followed by a Kalman filter.
 
     The neuromuscular system z'' = e(t - tau_e) - 2 zeta_nm omega_nm z' - omega_nm² z has the output
@@ -283,15 +283,14 @@ class OperatorKalman(Follower, OperatorPath):
         start = plan.start(lanes.windows(window_rows(self.init_window, self.dt_)))
         filters = [KalmanRows(plan, start) for _ in range(lanes.n_lanes)]
         found = run_lanes(filters, lanes, smooth=self.smooth)
-        for name in (*OF_RUNS, "_row_filter", "_pending", "_clock"):
-            self.__dict__.pop(name, None)
+        self._end_stream(*OF_RUNS)
         self._start, self._filters = start, filters
         self.run_labels_ = list(data.grid.layout.labels)
         self.one_step_errors_ = found.errors[instants.run, instants.of_row]
         values, deviations = combined(found.path, found.present, start)
         self._set_path(instants.number, values, deviations)
         if lanes.n_lanes == 1 and data.grid.rows is None:
-            self._go_on_with(filters[0], data.grid.layout)
+            self._leave_for_streams(filters[0], data.grid.layout)
         self._tell_of_bounds()
         return self
 

@@ -18,7 +18,7 @@ from ..arx.model_summary import orders_text
 from ..arx.orders import Orders, whole_number
 from ..arx.recursive import FollowedPath, check_streamable
 from ..arx.rls import RecursionData, kernel_regressors
-from ..arx.streaming import Clock, Follower
+from ..arx.streaming import Recursion, Streaming
 from ..exceptions import PoorExcitationWarning, ShortRunError
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
@@ -29,7 +29,7 @@ FADED = 0.01  # of the variance of the first tap, by the last one, under penalty
 
 
 @dataclass
-class FIRFilter:
+class FIRFilter(Recursion):
     """The recursion of a model, with its state and the rows that its lags reach back to."""
 
     orders: Orders
@@ -207,7 +207,7 @@ class FIRFilter:
         """Forget the rows before."""
         self.since = 0
 
-    def take(self, X: np.ndarray, y: np.ndarray) -> None:
+    def take(self, X: np.ndarray, y: np.ndarray, time: np.ndarray | None = None) -> None:
         """Take rows that follow those before."""
         depth, inputs = self.depth, slice(1, 1 + X.shape[1])
         for first in range(0, y.size, CHUNK):
@@ -245,7 +245,7 @@ OF_RUNS = (  # attributes that describe recorded runs
 )
 
 
-class RecursiveFIR(Follower, FollowedPath):
+class RecursiveFIR(Streaming, FollowedPath):
     """Finite impulse response that follows the data, by regularised recursive least squares.
 
     u(t) = Σ h_i e(t - nk - i) + ε(t), i = 0 ... n_taps - 1, with θ(t) = (R + δD)⁻¹ s and, at each
@@ -508,8 +508,7 @@ class RecursiveFIR(Follower, FollowedPath):
                 f"grid (n_samples = {grid.layout.n_rows}), so θ would never be solved for. Use a "
                 "smaller one."
             )
-        for name in (*OF_RUNS, "_row_filter", "_pending", "_clock"):
-            self.__dict__.pop(name, None)
+        self._end_stream(*OF_RUNS)
         found = FIRFilter.of(self)
         signals = _kernels.gate(data.signals[..., 0])
         errors = np.full(data.target.shape[:2], np.nan)
@@ -527,7 +526,10 @@ class RecursiveFIR(Follower, FollowedPath):
         self.run_labels_ = list(grid.layout.labels)
         self._set_state(found)
         if grid.rows is None:
-            self._leave_for_streams(found, data, signals)
+            if data.instants.n_runs == 1:
+                length = int(grid.end[-1] - grid.begin[-1]) if grid.measured[-1] else 0
+                found.remember(signals[:, max(signals.shape[1] - length, 0) :, 0])
+            self._leave_for_streams(found, grid.layout)
         self._report_missing(grid, inputs, output, self.n_updates_, self.inputs_)
         found.warn_undetermined(self.inputs_)
         return self
@@ -571,17 +573,6 @@ class RecursiveFIR(Follower, FollowedPath):
             forgetting_factor(self.memory_horizon, memory_time=self.memory_time, dt=self.dt_)
         )
 
-    def _leave_for_streams(
-        self, found: FIRFilter, data: RecursionData, signals: np.ndarray
-    ) -> None:
-        if data.instants.n_runs > 1:
-            self._row_filter, self._clock = found, Clock()
-            return
-        grid = data.grid
-        length = int(grid.end[-1] - grid.begin[-1]) if grid.measured[-1] else 0
-        found.remember(signals[:, max(signals.shape[1] - length, 0) :, 0])
-        self._go_on_with(found, grid.layout)
-
     def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> FIRFilter:
         self._read_orders()
         return FIRFilter.of(self)
@@ -597,9 +588,6 @@ class RecursiveFIR(Follower, FollowedPath):
     def _set_state(self, found: FIRFilter) -> None:
         self._state = found
         self.coef_ = found.part("theta").copy()
-
-    def __sklearn_is_fitted__(self) -> bool:
-        return "coef_" in vars(self)
 
     @property
     def covariance_(self) -> np.ndarray:

@@ -20,7 +20,7 @@ from ..arx.model_summary import orders_text
 from ..arx.orders import Orders, regressors
 from ..arx.recursive import FollowedPath, check_streamable
 from ..arx.rls import Instants, spread_weights, window_rows
-from ..arx.streaming import Follower, first_telling_row
+from ..arx.streaming import Recursion, Streaming, first_telling_row
 from ..exceptions import ShortRunError
 from ..preprocessing.grid import ModelGrid
 from ..regression import columns_of, segments
@@ -264,7 +264,7 @@ class Signals:
         return cls(values, target, fresh, instants)
 
 
-class WhitenedFilter:
+class WhitenedFilter(Recursion):
     """The state of a recursion, and what it does with rows; ``advance`` is its kernel."""
 
     advance: Any
@@ -300,7 +300,7 @@ class WhitenedFilter:
             self.theta, self.slow, self.noise, self.shared, self.memory, self.counts, *paths,
         )  # fmt: skip
 
-    def take(self, X: np.ndarray, y: np.ndarray) -> None:
+    def take(self, X: np.ndarray, y: np.ndarray, time: np.ndarray | None = None) -> None:
         self.run(np.ascontiguousarray(X.T)[:, :, None], y[:, None], self._none)
 
     def rest(self) -> None:
@@ -325,7 +325,7 @@ class WhitenedFilter:
         return self.noise_variance * inverse * share[..., :, None] * share[..., None, :]
 
 
-class WhitenedRecursion(Follower, FollowedPath):
+class WhitenedRecursion(Streaming, FollowedPath):
     """A recursion for B/F beside noise 1/D, over runs aligned by time, or a stream."""
 
     noise_order: int
@@ -352,8 +352,7 @@ class WhitenedRecursion(Follower, FollowedPath):
         taken = np.asarray(taken, dtype=np.float64)
         signals = Signals.of(grid, taken, output)
         self._check_shared_times(signals.instants, grid)
-        for name in ("_row_filter", "_pending", "_clock"):
-            self.__dict__.pop(name, None)
+        self._end_stream()
         row_filter = self._started_filter(self._first_window(signals), signals.instants.n_runs)
         self.initial_coef_ = row_filter.theta.copy()
         self._initial_noise = row_filter.noise[: int(self.noise_order)].copy()
@@ -383,7 +382,7 @@ class WhitenedRecursion(Follower, FollowedPath):
         names = self._channel_names(self._signal_columns(columns.shape[1]))
         self._report_missing(grid, taken, output, self.n_updates_, names)
         if n_runs == 1 and grid.rows is None:
-            self._go_on_with(row_filter, grid.layout)
+            self._leave_for_streams(row_filter, grid.layout)
         return self
 
     def _first_window(self, signals: Signals) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -457,9 +456,6 @@ class WhitenedRecursion(Follower, FollowedPath):
     def _set_current(self, row_filter: WhitenedFilter) -> None:
         self._current = row_filter
         self.coef_ = row_filter.theta.copy()
-
-    def __sklearn_is_fitted__(self) -> bool:
-        return "coef_" in vars(self)
 
     @property
     def noise_ar_(self) -> np.ndarray:

@@ -45,9 +45,9 @@ def test_the_inverse_of_the_element_is_not_tried(runs, inputs):
 
 def test_a_delay_at_the_limit_is_said(runs):
     limited = found(runs, ["e", "x"], least_delay=0.28)
-    assert "at its lower bound" in " ".join(limited.notes)
+    assert "at its lower bound" in " ".join(map(str, limited.notes))
     given = identify(*runs, ModelChoice(inputs=["e", "x"], na=2, nb=2, nk=1))
-    assert "shorter than the least delay, 6 (0.1 s)" in given.notes[0]
+    assert "shorter than the least delay, 6 (0.1 s)" in str(given.notes[0])
     with pytest.raises(ValueError, match=r"longest delay to try, 0\.05 s, is below the least"):
         identify(*runs, ModelChoice(inputs=["e", "x"]), longest_delay=0.05)
 

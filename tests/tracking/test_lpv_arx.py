@@ -248,7 +248,7 @@ def test_predictions_follow_the_scheduling_of_the_rows_given():
         for i in (0, 1):
             u[t] += theta[t, 2 + i] * (e[t - NK - i] if t >= NK + i else 0.0)
     np.testing.assert_allclose(fitted.predict(new), u, rtol=1e-9, atol=1e-12)
-    errors = fitted._one_step_errors(X, Y)
+    errors = fitted.one_step_errors(X, Y)
     known = ~np.isnan(errors)
     assert known.sum() == fitted.n_rows_used_
     assert errors[known] @ errors[known] == pytest.approx(
