@@ -10,7 +10,21 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ...text import Summary, counted, number, p_text, wrapped
+from ...text import (
+    Block,
+    Document,
+    Heading,
+    Item,
+    Items,
+    Note,
+    Notes,
+    Paragraph,
+    TextTable,
+    Told,
+    counted,
+    number,
+    p_text,
+)
 from .reml import FTest, MixedFit, fit_reml
 from .rows import Cells, Rows, check_reference, select
 
@@ -504,7 +518,7 @@ def _notes(model: Fitted, contrasts: pd.DataFrame) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MixedModelResult:
+class MixedModelResult(Told):
     """What :func:`mixed_model` found.
 
     Parameters
@@ -579,10 +593,10 @@ class MixedModelResult:
     >>> result = mixed_model(table, "tau_e")
     >>> result
     MixedModelResult('tau_e', 4 people, 2 conditions, 8 rows)
-    >>> result.effects[["condition", "mean", "low", "high"]].round(3)
-      condition   mean    low   high
-    0        C1  0.217  0.177  0.258
-    1        C2  0.252  0.212  0.293
+    >>> result.effects[["condition", "mean", "low", "high"]].round(2)
+      condition  mean   low  high
+    0        C1  0.22  0.18  0.26
+    1        C2  0.25  0.21  0.29
     """
 
     parameter: str
@@ -611,9 +625,6 @@ class MixedModelResult:
             f"{len(self.effects)} conditions, {used} rows)"
         )
 
-    def _repr_html_(self) -> str:
-        return self.summary()._repr_html_()
-
     @property
     def own_means(self) -> pd.DataFrame:
         """Weighted means of the runs of each person, with intervals; not drawn to the group."""
@@ -630,63 +641,79 @@ class MixedModelResult:
         names = ["subject", "condition", "estimate", "low", "high", "n_rows"]
         return pd.DataFrame(records, columns=names)
 
-    def summary(self) -> Summary:
+    def document(self) -> Document:
         """The result in plain words.
 
         Returns
         -------
-        text : Summary
-            A string that notebooks show line by line.
+        document : Document
         """
-        return Summary("\n".join(_summary(self)))
-
-
-def _summary(r: MixedModelResult) -> list[str]:
-    unit = f" {r.unit}" if r.unit else ""
-    used = int((r.data["left_out"] == "").sum())
-    percent = f"{100 * r.confidence:g} %"
-    kind = "geometric means" if r.transform == "log" else "means"
-    lines = wrapped(
-        f"{r.parameter}: linear mixed model (REML) of {used} rows, "
-        f"{r.people['subject'].nunique()} people, {counted(len(r.effects), 'condition')}."
-    )
-    lines += ["", f"{kind.capitalize()} over people, with {percent} intervals"]
-    for row in r.effects.to_dict("records"):
-        low, high = (number(row[name], row["se"]) for name in ("low", "high"))
-        mean = number(row["mean"], row["se"])
-        lines.append(f"  {row['condition']}: {mean}{unit} ({low} to {high})")
-    if r.omnibus is not None:
-        level = 1.0 - r.confidence
-        verdict = "differ" if r.omnibus.p < level else "do not differ beyond chance"
-        lines += [
-            "",
-            f"The conditions {verdict}: F({r.omnibus.df1:.0f}, {r.omnibus.df2:.1f}) = "
-            f"{r.omnibus.F:.2f}, {p_text(r.omnibus.p)}.",
-            f"Contrasts (p adjusted: {r.adjust}; intervals are not)",
-            *(_contrast(r, row, unit) for row in r.contrasts.to_dict("records")),
+        used = int((self.data["left_out"] == "").sum())
+        title = (
+            f"{self.parameter}: linear mixed model (REML) of {used} rows, "
+            f"{self.people['subject'].nunique()} people, "
+            f"{counted(len(self.effects), 'condition')}."
+        )
+        log = self.transform == "log"
+        unit = f", {self.unit}" if self.unit else ""
+        blocks: list[Block] = [
+            TextTable(
+                f"{'Geometric means' if log else 'Means'} over people{unit}, with "
+                f"{100 * self.confidence:g} % intervals",
+                ("", "mean", "from", "to", "rows"),
+                [
+                    [str(row["condition"]), *_ends(row, "mean"), str(row["n_rows"])]
+                    for row in self.effects.to_dict("records")
+                ],
+            )
         ]
-    lines += ["", "Standard deviations" + (" of the logarithm" if r.transform == "log" else "")]
-    unit = "" if r.transform == "log" else unit
-    for row in r.variances.to_dict("records"):
-        lines.append(f"  {row['source']}: {row['sd']:.4g}{unit}")
-    lines += ["", "Checks"]
-    for row in r.checks.to_dict("records"):
-        mark = {True: "ok", False: "!", None: "-"}[row["ok"]]
-        lines += wrapped(f"  {mark:2} {row['said']}", "     ")
-    for note in r.notes:
-        lines += wrapped(f"Note: {note}.", "  ")
-    return lines
+        if self.omnibus is not None:
+            F = self.omnibus
+            verdict = "differ" if F.p < 1.0 - self.confidence else "do not differ beyond chance"
+            blocks += [
+                Paragraph(
+                    f"The conditions {verdict}: F({F.df1:.0f}, {F.df2:.1f}) = {F.F:.2f}, "
+                    f"{p_text(F.p)}.",
+                    "verdict",
+                ),
+                self._tell_contrasts(),
+            ]
+        rows = [[row["source"], f"{row['sd']:.4g}"] for row in self.variances.to_dict("records")]
+        of = " of the logarithm" if log else unit
+        marks = {True: "ok", False: "doubtful", None: "not known"}
+        blocks += [
+            TextTable(f"Standard deviations{of}", ("", "sd"), rows),
+            Heading("Checks"),
+            Items(
+                [
+                    Item(f"{marks[row['ok']]}: {row['said']}")
+                    for row in self.checks.to_dict("records")
+                ],
+                numbered=False,
+            ),
+            Notes([Note("", text) for text in self.notes]),
+        ]
+        return Document(title, blocks)
+
+    def _tell_contrasts(self) -> TextTable:
+        log, level = self.transform == "log", 1.0 - self.confidence
+        rows = []
+        for row in self.contrasts.to_dict("records"):
+            name, sign = ("ratio", "/") if log else ("difference", "-")
+            ends = [f"{row[f'{name}{end}']:.3f}" for end in ("", "_low", "_high")] if log else None
+            size = f"{row['d']:.2f}" if np.isfinite(row["d"]) else "-"
+            star = " *" if row["p_adjusted"] < level else ""
+            test = f"t({row['df']:.1f}) = {row['t']:.2f}"
+            pair = f"{row['condition']} {sign} {row['against']}"
+            p = p_text(row["p_adjusted"]) + star
+            rows.append([pair, *(ends or _ends(row, "difference")), test, p, size])
+        what = "Ratios" if log else f"Differences{f', {self.unit}' if self.unit else ''}"
+        caption = f"{what} of conditions (p adjusted: {self.adjust}; intervals are not)"
+        return TextTable(
+            caption, ("", what.split(",")[0].lower(), "from", "to", "", "p", "d"), rows
+        )
 
 
-def _contrast(r: MixedModelResult, row: dict[str, Any], unit: str) -> str:
-    ends = [number(row[name], row["se"]) for name in ("difference", "low", "high")]
-    pair, between = f"{row['condition']} - {row['against']}", unit
-    if r.transform == "log":
-        ends = [f"{row[name]:.3f}" for name in ("ratio", "ratio_low", "ratio_high")]
-        pair, between = f"{row['condition']} / {row['against']}", ""
-    size = f", d = {row['d']:.2f}" if np.isfinite(row["d"]) else ""
-    star = " *" if row["p_adjusted"] < 1.0 - r.confidence else ""
-    return (
-        f"  {pair}: {ends[0]}{between} ({ends[1]} to {ends[2]}), t({row['df']:.1f}) = "
-        f"{row['t']:.2f}, {p_text(row['p_adjusted'])}{size}{star}"
-    )
+def _ends(row: dict[str, Any], name: str) -> list[str]:
+    """A number and the ends of its interval, as exact as its standard error allows."""
+    return [number(row[key], row["se"]) for key in (name, "low", "high")]

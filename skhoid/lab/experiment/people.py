@@ -8,7 +8,19 @@ from typing import Any
 import pandas as pd
 
 from ...runs import RUN
-from ...text import Summary, TextTable, counted, wrapped
+from ...text import (
+    Block,
+    Document,
+    Heading,
+    Item,
+    Items,
+    Note,
+    Notes,
+    Paragraph,
+    TextTable,
+    Told,
+    counted,
+)
 from .groups import ALL, CONDITION, SUBJECT
 
 COLUMNS = (
@@ -29,7 +41,7 @@ SHOWN = 12  # failures, outlying ones and notes in a summary
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class PeopleResult:
+class PeopleResult(Told):
     """What :func:`identify_people` found.
 
     Parameters
@@ -89,29 +101,24 @@ class PeopleResult:
         n = [self.runs[name].nunique() for name in (SUBJECT, CONDITION)]
         return f"PeopleResult({n[0]} people, {n[1]} conditions, {len(self.runs)} runs)"
 
-    def _repr_html_(self) -> str:
-        return self.summary()._repr_html_()
-
-    def summary(self) -> Summary:
+    def document(self) -> Document:
         """The result in plain words: how many, means and spreads, what failed, what looks wrong.
 
         Returns
         -------
-        text : Summary
-            A string that notebooks show line by line.
+        document : Document
         """
-        lines = [*wrapped(_how_many(self)), *wrapped(f"Estimator: {self.estimator}")]
-        lines += [line for of_one in _of_conditions(self) for line in ("", *of_one)]
-        lines += _effects(self)
+        blocks: list[Block] = [Paragraph(f"Estimator: {self.estimator}"), *_of_conditions(self)]
+        blocks += _effects(self)
         failed = self.failures.to_dict("records")
-        lines += _listed("No fit", [f"{_name(row)}: {row['failure']}" for row in failed])
+        blocks += _listed("No fit:", [f"{_name(row)}: {row['failure']}" for row in failed])
         odd = self.outlying.to_dict("records")
         reasons = [f"{_name(row)}: {row['reason']}" for row in odd]
-        lines += _listed("Looks wrong (nothing is left out)", reasons)
+        blocks += _listed("Looks wrong (nothing is left out):", reasons)
         if not odd:
-            lines += ["", "Nobody and no run is outlying."]
-        lines += _listed("Notes", self.notes)
-        return Summary("\n".join(lines))
+            blocks.append(Paragraph("Nobody and no run is outlying."))
+        blocks.append(Notes([Note("", note) for note in self.notes[:SHOWN]]))
+        return Document(_how_many(self), blocks)
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the VAF of everybody's runs against the noise ceiling.
@@ -143,9 +150,9 @@ def _how_many(r: PeopleResult) -> str:
     )
 
 
-def _of_conditions(r: PeopleResult) -> list[list[str]]:
+def _of_conditions(r: PeopleResult) -> list[Block]:
     """A table of means and spreads between people for each condition."""
-    found = []
+    found: list[Block] = []
     for condition, part in r.groups.groupby(CONDITION, sort=False):
         people = part.drop_duplicates(SUBJECT)
         vaf = people["vaf"].dropna()
@@ -161,10 +168,11 @@ def _of_conditions(r: PeopleResult) -> list[list[str]]:
             _spread(name, of_one)
             for name, of_one in part[part["parameter"] != ""].groupby("parameter", sort=False)
         ]
-        table = TextTable("", ("", "unit", "mean", "spread", "se", "people"), rows)
-        found.append([caption, *(table.lines() if rows else [])])
-    if any(len(of_one) > 1 for of_one in found):
-        found[-1].append("spread: standard deviation between people; se: median of their fits.")
+        header = ("", "unit", "mean", "spread", "se", "people")
+        found.append(TextTable(caption, header, rows) if rows else Paragraph(f"{caption}."))
+    if any(isinstance(block, TextTable) for block in found):
+        said = "spread: standard deviation between people; se: median of their fits."
+        found.append(Paragraph(said))
     return found
 
 
@@ -181,13 +189,13 @@ def _spread(name: Any, part: pd.DataFrame) -> tuple[str, ...]:
     )
 
 
-def _effects(r: PeopleResult) -> list[str]:
+def _effects(r: PeopleResult) -> list[Block]:
     if r.found.empty:
         return []
     each = r.found.drop_duplicates([SUBJECT, CONDITION, "effect"])
     total = len(each.drop_duplicates([SUBJECT, CONDITION]))
     named = each["effect"].where(each["effect"] != "", "no effect").value_counts()
-    return _listed("Effects found", [f"{name}: {n} of {total}" for name, n in named.items()])
+    return _listed("Effects found:", [f"{name}: {n} of {total}" for name, n in named.items()])
 
 
 def _name(row: dict[str, Any]) -> str:
@@ -196,10 +204,8 @@ def _name(row: dict[str, Any]) -> str:
     return ", ".join(part for part in (" ".join(named), run) if part) or "all runs"
 
 
-def _listed(title: str, texts: list[str]) -> list[str]:
+def _listed(title: str, texts: list[str]) -> list[Block]:
     if not texts:
         return []
-    lines = ["", f"{title}:"]
-    for text in texts[:SHOWN]:
-        lines += wrapped(f"  {text}", "      ")
-    return lines + [f"  ... and {len(texts) - SHOWN} more"] * (len(texts) > SHOWN)
+    shown = texts[:SHOWN] + [f"{len(texts) - SHOWN} more"] * (len(texts) > SHOWN)
+    return [Heading(title), Items([Item(text) for text in shown], numbered=False)]

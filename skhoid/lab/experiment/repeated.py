@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from ...text import Summary, counted, number, p_text, wrapped
+from ...text import Document, Note, Notes, Paragraph, TextTable, Told, counted, number, p_text
 from .mixed import ADJUSTED, adjusted
 from .rows import Rows, check_reference, select
 
@@ -18,7 +18,7 @@ ALPHA = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RepeatedMeasuresResult:
+class RepeatedMeasuresResult(Told):
     """What :func:`repeated_measures` found.
 
     Parameters
@@ -89,45 +89,43 @@ class RepeatedMeasuresResult:
             f"RepeatedMeasuresResult({self.parameter!r}, {people} people, {conditions} conditions)"
         )
 
-    def _repr_html_(self) -> str:
-        return self.summary()._repr_html_()
-
-    def summary(self) -> Summary:
+    def document(self) -> Document:
         """The result in plain words.
 
         Returns
         -------
-        text : Summary
-            A string that notebooks show line by line.
+        document : Document
         """
         row = self.anova.iloc[0]
         people, conditions = self.means.shape
-        lines = wrapped(
+        title = (
             f"{self.parameter}: repeated-measures analysis of variance of run means, "
             f"{people} people, {conditions} conditions."
         )
-        lines += wrapped(
+        text = (
             f"F({row['df1']:.0f}, {row['df2']:.0f}) = {row['F']:.2f}, {p_text(row['p'])}; with "
             f"Greenhouse-Geisser epsilon {row['epsilon_gg']:.2f}, {p_text(row['p_gg'])}; "
-            f"generalised eta squared {row['generalized_eta2']:.2f}.",
-            "  ",
+            f"generalised eta squared {row['generalized_eta2']:.2f}."
         )
         if np.isfinite(row["mauchly_p"]):
             doubt = "is in doubt: use the corrected p" if row["mauchly_p"] < ALPHA else "holds"
-            lines.append(
-                f"Sphericity {doubt} (Mauchly's W = {row['mauchly_W']:.2f}, "
+            text += (
+                f" Sphericity {doubt} (Mauchly's W = {row['mauchly_W']:.2f}, "
                 f"{p_text(row['mauchly_p'])})."
             )
-        lines.append(f"Paired t tests (p adjusted: {self.adjust})")
-        for pair in self.pairs.to_dict("records"):
-            ends = [number(pair[name], pair["se"]) for name in ("difference", "low", "high")]
-            lines.append(
-                f"  {pair['condition']} - {pair['against']}: {ends[0]} ({ends[1]} to {ends[2]}), "
-                f"t({pair['df']:.0f}) = {pair['t']:.2f}, {p_text(pair['p_adjusted'])}"
-            )
-        for note in self.notes:
-            lines += wrapped(f"Note: {note}.", "  ")
-        return Summary("\n".join(lines))
+        rows = [
+            [
+                f"{pair['condition']} - {pair['against']}",
+                *(number(pair[name], pair["se"]) for name in ("difference", "low", "high")),
+                f"t({pair['df']:.0f}) = {pair['t']:.2f}",
+                p_text(pair["p_adjusted"]),
+            ]
+            for pair in self.pairs.to_dict("records")
+        ]
+        caption = f"Paired t tests (p adjusted: {self.adjust})"
+        table = TextTable(caption, ("", "difference", "from", "to", "test", "p"), rows)
+        notes = Notes([Note("", note) for note in self.notes])
+        return Document(title, [Paragraph(text, "verdict"), table, notes])
 
 
 def repeated_measures(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from ...io import check_table_format, save_figure, write_tables
-from ...text import STYLE, Summary, TextTable, wrapped
+from ...text import Document, Item, Items, Paragraph, TextTable
 from .tournament_scores import FOLLOWED, QUESTIONS, detection_table, losses, question_of, ranked
 
 TABLES = ("table", "tuning", "methods", "cost", "notes")
@@ -270,26 +269,28 @@ class TournamentResult:
         return str(self)
 
     def __str__(self) -> str:
-        lines = [*self._head(), *self._advice(), ""]
-        for table in self._tables():
-            lines += [table.caption, *table.lines(), ""]
-        return Summary("\n".join(lines + self._remarks()).rstrip())
+        return str(self.document().text())
 
     def _repr_html_(self) -> str:
-        text = "".join(f"<p>{escape(line.strip())}</p>" for line in self._head() + self._advice())
-        tables = "".join(table.html("the tournament") for table in self._tables())
-        remarks = "".join(f"<p>{escape(line)}</p>" for line in self._remarks())
-        return f'{STYLE}<div class="skhoid-summary">{text}{tables}{remarks}</div>'
+        return self.document().html()
 
-    def _head(self) -> list[str]:
+    def document(self) -> Document:
+        """Use this when, in plain words, with the figures behind it.
+
+        Returns
+        -------
+        document : Document
+        """
         n_sets = len(self.table.drop_duplicates(["cell", "replication"]))
-        return wrapped(
+        title = (
             f"{len(self.methods)} methods on {len(self.cells)} conditions, {n_sets} simulated "
             "runs; tuned by validation VAF on other runs."
         )
+        advice = Items([Item(text) for text in self._advice()], numbered=False)
+        remarks = [Paragraph(text) for text in [*self._remarks(), *self.notes]]
+        return Document(title, [advice, *self._tables(), *remarks])
 
     def _advice(self) -> list[str]:
-        """Use this when, in plain words."""
         lines = []
         for causal in (True, False):
             for name, question in QUESTIONS.items():
@@ -307,7 +308,7 @@ class TournamentResult:
                     text += f", best in {first['won']:.0f} % of cells"
                 others = found.iloc[1:3]
                 text += "".join(f"; {m} {row['loss']:.3g}" for m, row in others.iterrows())
-                lines += wrapped(f"- {text}).", "  ")
+                lines.append(f"{text}).")
         return lines
 
     def _tables(self) -> list[TextTable]:
@@ -356,7 +357,7 @@ class TournamentResult:
             remarks.append(f"Settings that failed on some data sets of the tuning: {told}.")
         if self.table["error"].notna().any():
             remarks.append("Some runs could not be simulated; the column error says why.")
-        return [line for text in [*remarks, *self.notes] for line in wrapped(text, "")]
+        return remarks
 
     def plot(self, kind: str = "winners", **options: Any) -> Any:
         """Draw the result.

@@ -169,7 +169,7 @@ def test_failures_are_rows_and_warnings_are_counted_notes():
     assert "(and 3 more): UserWarning: only 500 rows" in note
     text = result.summary()
     assert "P1 A, run 2: RuntimeError: did not converge" in text
-    assert result._repr_html_() == text._repr_html_()
+    assert "<table>" in result._repr_html_()
     with pytest.raises(KeyboardInterrupt):
         identify_people(Fussy(stops=mark), X, y)
 
