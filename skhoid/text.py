@@ -520,7 +520,12 @@ def p_text(p: float) -> str:
     >>> p_text(0.00321), p_text(1e-303)
     ('p = 0.0032', 'p < 1e-6')
     """
-    return "p < 1e-6" if p < 1e-6 else f"p = {p:.2g}"
+    return f"p {p_number(p)}" if p < 1e-6 else f"p = {p_number(p)}"
+
+
+def p_number(p: float) -> str:
+    """The same without the letter, for a table."""
+    return "< 1e-6" if p < 1e-6 else f"{p:.2g}"
 
 
 def gap_text(gap: float) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -33,10 +33,22 @@ from ...search import (
     unexplained_by,
     with_effects,
 )
-from ...text import DASH, VAF_RULE, Estimate, Facts, as_sentence, counted, gap_text, number, p_text
+from ...text import (
+    DASH,
+    VAF_RULE,
+    Estimate,
+    Facts,
+    TextTable,
+    as_sentence,
+    counted,
+    gap_text,
+    number,
+    p_number,
+)
 from .page import provenance
 from .plots import Gallery, Plot
 
+NEAREST = "Nearest names. Distance 0: the same curve; 1: nothing in common"
 MANY = 40  # runs in a table
 DRAWN = 8  # channels
 # Findings of a comparison that are settled by a search of the whole catalogue.
@@ -268,38 +280,40 @@ def _data(
     for name, column in [*frame.items(), (output.name, output)]:
         values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float)
         known = values[np.isfinite(values)]
-        use = "output" if column is output else "input" if str(name) in inputs else ""
         channels.append(
-            {
-                "name": str(name),
-                "use": use,
-                "role": "" if column is output else roles[name],
-                "unit": units.get(str(name), ""),
-                "mean": number(_mean(known)) if known.size else DASH,
-                "rms": number(float(np.sqrt(np.mean(known**2)))) if known.size else DASH,
-                "range": f"{known.min():.4g} to {known.max():.4g}" if known.size else DASH,
-                "missing": str(values.size - known.size),
-            }
+            [
+                str(name),
+                "output" if column is output else "input" if str(name) in inputs else "",
+                "" if column is output else roles[name],
+                units.get(str(name), ""),
+                number(_mean(known)) if known.size else DASH,
+                number(float(np.sqrt(np.mean(known**2)))) if known.size else DASH,
+                f"{known.min():.4g} to {known.max():.4g}" if known.size else DASH,
+                str(values.size - known.size),
+            ]
         )
+    of_channels = ["name", "use", "role", "unit", "mean", "rms", "range", "missing rows"]
     edges = layout.run_starts
+    compared = [comparison] if after is None else [comparison, after]
     runs = [
-        {
-            "run": run_name(label),
-            "rows": str(edges[i + 1] - edges[i]),
-            "seconds": f"{(edges[i + 1] - edges[i]) * layout.dt:.4g}",
-            "before": _vaf_of_run(comparison, i),
-            "after": _vaf_of_run(after, i),
-        }
+        [
+            run_name(label),
+            str(edges[i + 1] - edges[i]),
+            f"{(edges[i + 1] - edges[i]) * layout.dt:.4g}",
+            *(_vaf_of_run(found, i) for found in compared),
+        ]
         for i, label in enumerate(layout.labels[:MANY])
     ]
+    of_runs = ["run", "rows", "seconds", "VAF, %"]
+    if after is not None:
+        of_runs[3:] = ["VAF before, %", "VAF with the effects, %"]
     n_runs = len(layout.labels)
     return {
         "sentence": f"{counted(n_runs, 'run')}, {layout.n_rows} rows at "
         f"{1 / layout.dt:.6g} Hz, {layout.n_rows * layout.dt:.4g} s in all",
-        "channels": channels,
-        "runs": runs,
+        "channels": TextTable("Channels", of_channels, channels, left=of_channels[:4]),
+        "runs": TextTable("Runs", of_runs, runs, left=["run"]),
         "more_runs": counted(n_runs - MANY, "more run") if n_runs > MANY else "",
-        "with_after": after is not None,
         "findings": check_channels(
             X, y, dt=getattr(told, "dt", None), run=getattr(told, "run", None)
         ),
@@ -388,8 +402,8 @@ def _shape(shape: Shape | None, gallery: Gallery) -> dict[str, Any] | None:
         "first": as_sentence(shape.explains),
         "others": shape.recordings,
         "picture": gallery.shape(shape),
-        "nearest": nearest[0].rows if nearest else [],
-        "curve": curve,
+        "nearest": replace(nearest[0], caption=NEAREST) if nearest else None,
+        "curve": replace(curve, caption=""),
     }
 
 
@@ -404,9 +418,7 @@ def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
                 "gain": _fixed(row["vaf_gain"], "+.2f"),
                 "in_loop": _fixed(row["gain_loop"], "+.2f"),
                 "delta_bic": _fixed(row["delta_bic"], "+.0f"),
-                "p": DASH
-                if row["status"] == Status.REFUSED
-                else p_text(row["p_value"]).removeprefix("p ").removeprefix("= "),
+                "p": DASH if row["status"] == Status.REFUSED else p_number(row["p_value"]),
                 "parameters": row["parameters"],
                 "words": as_sentence(row["words"]),
                 "why": _why(row),
@@ -447,26 +459,22 @@ def _why(row: pd.Series) -> str:
     return f"{text}." + (f" As good on these runs: {others}." if others else "")
 
 
-def _parameters(baseline: Any, final: Any) -> list[dict[str, str]]:
+def _parameters(baseline: Any, final: Any) -> TextTable:
     """Parameters of the last model, with those of the baseline beside them."""
     table = parameter_frame(baseline if final is None else final)
-    before = None if final is None else parameter_frame(baseline)
+    before = parameter_frame(baseline)
+    header = ["parameter", "value", "standard error", "95 % interval", "unit", "meaning"]
     rows = []
     for name, row in table.iterrows():
         found = Estimate.of(row)
-        was = before is not None and name in before.index
-        rows.append(
-            {
-                "name": str(name),
-                "value": found.value,
-                "sd": found.sd,
-                "interval": DASH if found.low == DASH else f"{found.low} to {found.high}",
-                "unit": found.unit,
-                "meaning": row["meaning"],
-                "before": _before(before.loc[name]) if was else DASH,  # type: ignore[union-attr]
-            }
-        )
-    return rows
+        interval = DASH if found.low == DASH else f"{found.low} to {found.high}"
+        cells = [str(name), found.value, found.sd, interval, found.unit, str(row["meaning"])]
+        if final is not None:
+            cells.insert(5, _before(before.loc[name]) if name in before.index else DASH)
+        rows.append(cells)
+    if final is not None:
+        header.insert(5, "without new effects")
+    return TextTable("", header, rows, left=["parameter", "unit", "meaning"])
 
 
 def _before(row: pd.Series) -> str:

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ...effects import title_of, titles_of
 from ...recordings import ExperimentCheck
-from ...text import VAF_RULE, counted, p_text
+from ...text import VAF_RULE, TextTable, counted, p_number
 from ..experiment.group import (
     GroupEffectSearch,
     contrast_lines,
@@ -293,41 +293,50 @@ def _effects(group: GroupEffectSearch, gallery: ExperimentGallery) -> dict[str, 
     had = set(whole.loc[whole["group"] | (whole["n_with"] > 0), "effect"])
     table = whole[whole["effect"].isin(had)]
     rows = [
-        {
-            "effect": _upper(title_of(row["effect"])),
-            "condition": "all conditions" if row["condition"] == ALL else str(row["condition"]),
-            "people": f"{row['n_with']} of {row['n_people']}",
-            "share": f"{100 * row['share']:.0f}",
-            "interval": f"{100 * row['low']:.0f} to {100 * row['high']:.0f}",
-            "p": f"{100 * row['p_group']:.1f}",
-            "group": bool(row["group"]),
-            "with_it": _told(row["with_it"], row["without"]),
-            "without": _told(row["without"], row["with_it"]),
-        }
+        [
+            _upper(title_of(row["effect"])),
+            "all conditions" if row["condition"] == ALL else str(row["condition"]),
+            "yes" if row["group"] else "no",
+            f"{row['n_with']} of {row['n_people']}",
+            f"{100 * row['share']:.0f}",
+            f"{100 * row['low']:.0f} to {100 * row['high']:.0f}",
+            f"{100 * row['p_group']:.1f}",
+            _told(row["with_it"], row["without"]),
+            _told(row["without"], row["with_it"]),
+        ]
         for row in table.to_dict("records")
     ]
+    left = ["effect", "condition", "of the group", "who has it", "who has it not"]
+    numbers = ["people", "prevalence, %", "95 % interval", "probability, %"]
     nobodys = [name for name in dict.fromkeys(whole["effect"]) if name not in had]
     contrasts = [
-        {
-            "effect": _upper(title_of(row["effect"])),
-            "pair": f"{row['condition']} and {row['other']}",
-            "counts": f"{row['n_with']} and {row['n_other']} of {row['n_people']}",
-            "only": f"{row['only_here']} and {row['only_there']}",
-            "p": p_text(row["p"]).removeprefix("p ").removeprefix("= "),
-            "adjusted": p_text(row["p_adjusted"]).removeprefix("p ").removeprefix("= "),
-        }
+        [
+            _upper(title_of(row["effect"])),
+            f"{row['condition']} and {row['other']}",
+            f"{row['n_with']} and {row['n_other']} of {row['n_people']}",
+            f"{row['only_here']} and {row['only_there']}",
+            p_number(row["p"]),
+            p_number(row["p_adjusted"]),
+        ]
         for row in group.contrasts_.to_dict("records")
         if row["effect"] in had
     ]
+    of_contrasts = ["effect", "conditions", "people with it", "in one only", "p", "p, Holm"]
     tried = group.search.effects
     return {
         "tried": "the whole catalogue" if tried == "all" else titles_of(_ids(tried)),
         "least": f"{100 * float(group.least_prevalence):g}",
         "picture": gallery.group_effects(group, table) if len(table) else None,
         "nobodys": titles_of(nobodys) if nobodys else "",
-        "rows": rows,
+        "table": TextTable(
+            "Effects by prevalence; those of the group are marked",
+            [*left[:3], *numbers, *left[3:]],
+            rows,
+            left=left,
+        ),
+        "marked": list(map(bool, table["group"])),
         "several": len(set(table["condition"])) > 1,
-        "contrasts": contrasts,
+        "contrasts": TextTable("", of_contrasts, contrasts, left=of_contrasts[:2]),
         "differ": list(contrast_lines(group)),
     }
 

@@ -11,7 +11,7 @@ import pandas as pd
 
 from ...effects import title_of, titles_of
 from ...pipelines import prediction_from
-from ...text import DASH, as_sentence, number, p_text, quantity
+from ...text import DASH, TextTable, as_sentence, number, p_number, p_text, quantity
 from ..experiment.groups import ALL, Group
 from ..experiment.mixed import MixedModelResult, mixed_model
 from .plots import ExperimentGallery, Plot, Stretch
@@ -47,7 +47,7 @@ def parameters_section(
         "by": _by(given),
         "parts": parts,
         "left": list(map(named, list(tables)[MOST:])),
-        "contrasts": list(_contrasts(statistics)),
+        **_contrasts(statistics),
         "n_tests": sum(len(result.contrasts) for result in statistics.values()),
     }
     return section, statistics
@@ -130,26 +130,29 @@ def _part(
         "unit": unit,
         "why": why,
         "pictures": [],
-        "means": [],
+        "means": _plain_means(table),
         "omnibus": "",
         "variances": "",
         "checks": [],
         "influence": [],
         "notes": [],
-        "plain": list(_plain(table)),
     }
     if result is None:
         return part
     part["pictures"] = gallery.parameter(result, named(name))
-    part["means"] = [
-        {
-            "condition": "all" if row["condition"] == ALL else str(row["condition"]),
-            "mean": number(row["mean"], row["se"]),
-            "interval": _between(row["low"], row["high"], row["se"]),
-            "rows": str(row["n_rows"]),
-        }
+    means = [
+        [
+            "all" if row["condition"] == ALL else str(row["condition"]),
+            number(row["mean"], row["se"]),
+            _between(row["low"], row["high"], row["se"]),
+            str(row["n_rows"]),
+        ]
         for row in result.effects.to_dict("records")
     ]
+    header = ["condition", "mean", "95 % interval", "rows"]
+    part["means"] = TextTable(
+        "Means over people, by the mixed model", header, means, left=["condition"]
+    )
     if result.omnibus is not None:
         test = result.omnibus
         verdict = "differ" if test.p < 1.0 - result.confidence else "do not differ beyond chance"
@@ -174,17 +177,22 @@ def _part(
     return part
 
 
-def _plain(table: pd.DataFrame) -> Iterator[dict[str, str]]:
+def _plain_means(table: pd.DataFrame) -> TextTable:
     """Mean and spread of people in each condition, each person once, with its runs' mean."""
-    for condition, rows in table.groupby("condition", sort=False):
-        people = rows.groupby("subject", sort=False)["estimate"].mean().dropna()
+    rows = []
+    for condition, own in table.groupby("condition", sort=False):
+        people = own.groupby("subject", sort=False)["estimate"].mean().dropna()
         spread = float(people.std()) if len(people) > 1 else np.nan
-        yield {
-            "condition": "all" if condition == ALL else str(condition),
-            "people": str(len(people)),
-            "mean": number(float(people.mean()), spread) if len(people) else DASH,
-            "spread": number(spread) if np.isfinite(spread) else DASH,
-        }
+        rows.append(
+            [
+                "all" if condition == ALL else str(condition),
+                str(len(people)),
+                number(float(people.mean()), spread) if len(people) else DASH,
+                number(spread) if np.isfinite(spread) else DASH,
+            ]
+        )
+    header = ["condition", "people", "mean", "spread between people"]
+    return TextTable("Means over people, each counted once", header, rows, left=["condition"])
 
 
 def _between(low: float, high: float, se: float) -> str:
@@ -193,23 +201,33 @@ def _between(low: float, high: float, se: float) -> str:
     return f"{number(low, se)} to {number(high, se)}"
 
 
-def _contrasts(statistics: dict[str, MixedModelResult]) -> Iterator[dict[str, Any]]:
-    """One table of all contrasts of all parameters."""
+def _contrasts(statistics: dict[str, MixedModelResult]) -> dict[str, Any]:
+    """One table of all contrasts of all parameters, and which are beyond chance."""
+    rows, marked = [], []
     for name, result in statistics.items():
         for row in result.contrasts.to_dict("records"):
             sized = np.isfinite(row["d"])
-            yield {
-                "parameter": named(name),
-                "unit": result.unit,
-                "pair": f"{row['condition']} − {row['against']}",
-                "difference": number(row["difference"], row["se"]),
-                "interval": _between(row["low"], row["high"], row["se"]),
-                "t": f"t({row['df']:.1f}) = {row['t']:.2f}",
-                "p": p_text(row["p_adjusted"]).removeprefix("p ").removeprefix("= "),
-                "d": f"{row['d']:.2f}" if sized else DASH,
-                "d_interval": f"{row['d_low']:.2f} to {row['d_high']:.2f}" if sized else DASH,
-                "sure": bool(row["p_adjusted"] < 1.0 - result.confidence),
-            }
+            rows.append(
+                [
+                    named(name),
+                    f"{row['condition']} − {row['against']}",
+                    number(row["difference"], row["se"]),
+                    result.unit,
+                    _between(row["low"], row["high"], row["se"]),
+                    f"t({row['df']:.1f}) = {row['t']:.2f}",
+                    p_number(row["p_adjusted"]),
+                    f"{row['d']:.2f}" if sized else DASH,
+                    f"{row['d_low']:.2f} to {row['d_high']:.2f}" if sized else DASH,
+                ]
+            )
+            marked.append(bool(row["p_adjusted"] < 1.0 - result.confidence))
+    caption = (
+        "Differences between conditions, by linear mixed models; beyond chance ones are marked"
+    )
+    header = ["parameter", "conditions", "difference", "unit", "95 % interval", "t(df)", "p, Holm"]
+    header += ["d", "95 % interval of d"]
+    left = ["parameter", "conditions", "unit"]
+    return {"contrasts": TextTable(caption, header, rows, left=left), "marked": marked}
 
 
 def interval_of(estimate: float, se: float) -> str:
@@ -218,6 +236,8 @@ def interval_of(estimate: float, se: float) -> str:
 
 
 STRETCH = 12.0  # s of a run in a picture
+LEFT = ["effect", "condition", "named by these runs alone", "its parameters (95 % interval)"]
+OF_EFFECTS = [*LEFT[:2], "probability", *LEFT[2:]]
 LEAST_PROBABLE = 0.05  # below which an effect is not listed
 
 
@@ -250,12 +270,10 @@ def _person(
         "name": "Everybody" if who == ALL else str(who),
         "anchor": anchor,
         "sentences": list(_sentences(given, who)),
-        "fits": list(_fits(given, who, conditions)),
-        "searched": given.group is not None,
-        "conditions": ["estimate" if c == ALL else str(c) for c in conditions],
-        "parameters": list(_parameters(given, who, conditions)),
-        "effects": list(_effects(given, who)),
-        "path": list(_path(given, who, conditions)),
+        "fits": _fits(given, who, conditions),
+        "parameters": _parameters(given, who, conditions),
+        "effects": TextTable("Effects", OF_EFFECTS, list(_effects(given, who)), left=LEFT),
+        "path": _path(given, who, conditions),
         "pictures": list(_pictures(given, who, conditions, groups, gallery)),
     }
 
@@ -282,49 +300,54 @@ def _sentences(given: Experiment, who: Any) -> Iterator[str]:
         yield f"Looks wrong: {_where(row['condition'])}{run}{str(row['reason']).rstrip('.')}."
 
 
-def _fits(given: Experiment, who: Any, conditions: list[Any]) -> Iterator[dict[str, str]]:
+def _fits(given: Experiment, who: Any, conditions: list[Any]) -> TextTable:
     """VAF and ceiling of each condition."""
     people = _of(given.people.groups, who).drop_duplicates("condition").set_index("condition")
     runs = _of(given.people.runs, who)
+    header = ["condition", "runs", "all runs", "by run", "noise ceiling"]
+    header += ["held out", "held out, with effects"] if given.group is not None else []
+    rows = []
     for condition in conditions:
         row = people.loc[condition]
         vaf = runs.loc[runs["condition"] == condition, "vaf_group"].dropna()
-        found = {
-            "condition": "all runs" if condition == ALL else str(condition),
-            "runs": str(int((runs["condition"] == condition).sum())),
-            "vaf": _percent(row["vaf"]),
-            "of_runs": f"{vaf.min():.1f} to {vaf.max():.1f}" if len(vaf) else DASH,
-            "ceiling": _percent(row["ceiling"]),
-            "held": DASH,
-            "held_with": DASH,
-        }
+        cells = [
+            "all runs" if condition == ALL else str(condition),
+            str(int((runs["condition"] == condition).sum())),
+            _percent(row["vaf"]),
+            f"{vaf.min():.1f} to {vaf.max():.1f}" if len(vaf) else DASH,
+            _percent(row["ceiling"]),
+        ]
         if given.group is not None:
             own = _of(given.group.people_, who)
             own = own[own["condition"] == condition]
-            if len(own):
-                found["held"] = _percent(own["vaf"].iloc[0])
-                found["held_with"] = _percent(own["vaf_with"].iloc[0])
-        yield found
+            cells += [_percent(own[n].iloc[0]) if len(own) else DASH for n in ("vaf", "vaf_with")]
+        rows.append(cells)
+    return TextTable("VAF of the free run, %", header, rows, left=["condition"])
 
 
 def _percent(value: Any) -> str:
     return f"{float(value):.1f}" if np.isfinite(float(value)) else DASH
 
 
-def _parameters(given: Experiment, who: Any, conditions: list[Any]) -> Iterator[dict[str, Any]]:
+def _parameters(given: Experiment, who: Any, conditions: list[Any]) -> TextTable:
     """Each parameter in each condition, of all runs in one fit."""
     tables = [given.people.groups]
     if given.group is not None:
         tables = [given.group.parameters_] if not given.own_people else tables
     table = _of(pd.concat(tables, ignore_index=True), who)
     table = table[table["parameter"] != ""]
+    found = []
     for name, rows in table.groupby("parameter", sort=False):
         known = rows.drop_duplicates("condition").set_index("condition")
         cells = [
             _estimate(known.loc[condition]) if condition in known.index else DASH
             for condition in conditions
         ]
-        yield {"name": named(str(name)), "unit": str(rows["unit"].iloc[0]), "cells": cells}
+        found.append([named(str(name)), *cells, str(rows["unit"].iloc[0])])
+    names = ["estimate" if c == ALL else str(c) for c in conditions]
+    header = ["parameter", *names, "unit"]
+    caption = "Parameters, ± one standard error"
+    return TextTable(caption, header, found, left=["parameter", "unit"])
 
 
 def _estimate(row: pd.Series) -> str:
@@ -335,7 +358,7 @@ def _estimate(row: pd.Series) -> str:
     return f"{text} ± {number(se, se)}" if np.isfinite(se) and se > 0 else text
 
 
-def _effects(given: Experiment, who: Any) -> Iterator[dict[str, str]]:
+def _effects(given: Experiment, who: Any) -> Iterator[list[str]]:
     """Effects that the person may have: probability, and parameters with intervals."""
     if given.group is None:
         yield from _found(given, who)
@@ -346,13 +369,13 @@ def _effects(given: Experiment, who: Any) -> Iterator[dict[str, str]]:
             continue
         own = found[found["condition"] == row["condition"]]
         own = own[own["parameter"].str.startswith(f"{row['effect']}__")]
-        yield {
-            "condition": "" if row["condition"] == ALL else str(row["condition"]),
-            "effect": title_of(row["effect"]),
-            "probability": sure_text(row["probability"]),
-            "named": "yes" if row["named"] else "no",
-            "parameters": _listed(own) if row["has"] else DASH,
-        }
+        yield [
+            title_of(row["effect"]),
+            "" if row["condition"] == ALL else str(row["condition"]),
+            sure_text(row["probability"]),
+            "yes" if row["named"] else "no",
+            _listed(own) if row["has"] else DASH,
+        ]
 
 
 def sure_text(probability: float) -> str:
@@ -363,19 +386,14 @@ def sure_text(probability: float) -> str:
     return "< 1 %" if percent < 1.0 else f"{percent:.0f} %"
 
 
-def _found(given: Experiment, who: Any) -> Iterator[dict[str, str]]:
+def _found(given: Experiment, who: Any) -> Iterator[list[str]]:
     """Effects of a search that was made person by person."""
     for (condition, effect), rows in _of(given.people.found, who).groupby(
         ["condition", "effect"], sort=False
     ):
         if effect:
-            yield {
-                "condition": "" if condition == ALL else str(condition),
-                "effect": title_of(str(effect)),
-                "probability": DASH,
-                "named": "yes",
-                "parameters": _listed(rows),
-            }
+            where = "" if condition == ALL else str(condition)
+            yield [title_of(str(effect)), where, DASH, "yes", _listed(rows)]
 
 
 def _listed(rows: pd.DataFrame) -> str:
@@ -390,23 +408,27 @@ def _listed(rows: pd.DataFrame) -> str:
     return ", ".join(texts) or DASH
 
 
-def _path(given: Experiment, who: Any, conditions: list[Any]) -> Iterator[dict[str, str]]:
+def _path(given: Experiment, who: Any, conditions: list[Any]) -> TextTable:
     """The error on held-out rows at each step of the person's own search."""
-    if given.group is None:
-        return
-    for condition in conditions:
-        search = given.group.searches_.get((who, condition))
+    rows = []
+    for condition in conditions if given.group is not None else []:
+        search = given.group.searches_.get((who, condition))  # type: ignore[union-attr]
         if search is None:
             continue
         unit = search.predictions_.attrs.get("units", {}).get("measured", "")
-        for row in search.error_path_.to_dict("records"):
-            yield {
-                "condition": "" if condition == ALL else str(condition),
-                "model": str(row["model"]),
-                "vaf": _percent(row["vaf"]),
-                "loop": _percent(row["vaf_loop"]),
-                "rmse": f"{number(row['rmse'])} {unit}".rstrip(),
-            }
+        rows += [
+            [
+                str(row["model"]),
+                "" if condition == ALL else str(condition),
+                _percent(row["vaf"]),
+                _percent(row["vaf_loop"]),
+                f"{number(row['rmse'])} {unit}".rstrip(),
+            ]
+            for row in search.error_path_.to_dict("records")
+        ]
+    header = ["model", "condition", "VAF, %", "VAF in the closed loop, %", "RMSE"]
+    caption = "The error on held-out rows, step by step"
+    return TextTable(caption, header, rows, left=["model", "condition"])
 
 
 def _pictures(

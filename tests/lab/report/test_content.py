@@ -122,7 +122,7 @@ def test_what_has_no_name_has_its_shape_told_and_drawn() -> None:
     assert told["first"].startswith("It acts on the error")
     assert told["picture"].caption == "Departure from a straight line, deg, over error e, deg"
     assert "<svg" in told["picture"].narrow
-    assert [row[1] for row in told["nearest"]] == ["0.21", "0.44"]
+    assert [row[1] for row in told["nearest"].rows] == ["0.21", "0.44"]
 
 
 @pytest.mark.slow
