@@ -124,7 +124,7 @@ def _sections(cls: Any) -> Iterator[str]:
             "----------",
             *_wrapped(cls.citation or f"{cls.source}.", ""),
         ]
-    if cls.examples:
+    if cls.examples and cls.__module__.startswith(__package__):  # where it is imported from
         given = ", ".join(f"{n}={_literal(v)}" for n, v in cls.examples[0].items())
         shown = "place" if cls.free_form else "fixed"
         yield from ["", "Examples", "--------", f">>> from skhoid.effects import {cls.__name__}"]

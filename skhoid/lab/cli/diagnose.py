@@ -60,6 +60,7 @@ from .parser import (
     refuse_of_other_core,
     seed,
 )
+from .simulate import hidden_effects
 
 OF_DEMO = """\
 examples:
@@ -137,12 +138,10 @@ def add_demo(commands: Any) -> None:
 
 def demo(options: argparse.Namespace) -> int:
     """Hide effects in a simulated person, and find them."""
-    from ...effects import Effects
-
     names = [] if options.effect == ["none"] else options.effect
     if "none" in names:
         raise ValueError("--effect none hides nothing, and takes no other names.")
-    hidden = Effects.of([_hidden(name) for name in names])
+    hidden = hidden_effects(names)
     if options.no_pictures and options.no_report:
         refuse(options, ["out"], "has no use: --no-pictures and --no-report leave nothing there.")
     if options.no_pictures:
@@ -178,21 +177,6 @@ def demo(options: argparse.Namespace) -> int:
     if not options.json:
         say_next(AFTER_DEMO)
     return 0
-
-
-def _hidden(name: str) -> Any:
-    """The effect of an id, as large as it matters in the simulated runs."""
-    from ...effects import effect
-
-    known = effect(name)
-    if known.hidden:
-        return known.with_choices(**known.hidden)
-    why = "it responds to a column that the demo does not simulate"
-    if "human" not in known.domains:
-        why = "it is for machines"
-    elif known.noise:
-        why = "it is noise, which no model simulates"
-    raise ValueError(f"demo cannot hide {name}: {why}.")
 
 
 def _reveal(search: Any, names: list[str], best: float) -> None:

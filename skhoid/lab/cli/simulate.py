@@ -61,6 +61,13 @@ def add_simulate(commands: Any) -> None:
         metavar="NAME",
         help="of e, x, f_t, dist (default: e x f_t)",
     )
+    add(
+        "--effect",
+        nargs="+",
+        default=[],
+        metavar="ID",
+        help="hidden in the operator: ids of skhoid's catalogue, as large as in skhoid demo",
+    )
     add("--rate", type=positive, default=100.0, metavar="HZ", help="sampling rate (default: 100)")
     add("--random-phases", action="store_true", help="new phases of the target in each run")
     add("--open-loop", action="store_true", help="remnant does not go round the loop")
@@ -70,6 +77,27 @@ def add_simulate(commands: Any) -> None:
     add("--overwrite", action="store_true", help="replace files that exist")
     add("--picture", metavar="FILE", help="draw the first run and the spread (.png, .pdf, .svg)")
     add_output_options(add, tables=False)
+
+
+def hidden_effects(names: list[str]) -> Any:
+    """Effects of ids, as large as they matter in simulated runs."""
+    from ...effects import Effects
+
+    return Effects.of([_hidden(name) for name in names])
+
+
+def _hidden(name: str) -> Any:
+    from ...effects import effect
+
+    known = effect(name)
+    if known.hidden:
+        return known.with_choices(**known.hidden)
+    why = "it responds to a column that is not simulated"
+    if "human" not in known.domains:
+        why = "it is for machines"
+    elif known.noise:
+        why = "it is noise, which no model simulates"
+    raise ValueError(f"A simulated person cannot have {name}: {why}.")
 
 
 def simulate(options: argparse.Namespace) -> int:
@@ -91,6 +119,7 @@ def simulate(options: argparse.Namespace) -> int:
         remnant_order=int(order) if order.isdecimal() else order,
         channels=options.channels,
         sampling_rate=options.rate,
+        effects=hidden_effects(options.effect) if options.effect else None,
         random_phases=options.random_phases,
         open_loop=options.open_loop,
         random_state=number,
@@ -127,6 +156,7 @@ def simulate(options: argparse.Namespace) -> int:
                 "n_rows": len(X),
                 "dt_s": 1 / options.rate,
                 "channels": [*X.columns, y.name],
+                "effects": options.effect,
                 "seed": number,
                 "remnant": {str(label): share for label, share in by_run.items()},
                 "picture": options.picture,
