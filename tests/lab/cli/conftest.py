@@ -46,7 +46,7 @@ def biased_runs():
     return make_tracking_runs(
         "C1",
         n_runs=3,
-        duration=40.96,
+        duration=20.48,
         sampling_rate=50,
         channels=["e", "x", "f_t"],
         remnant_intensity=0.05,

@@ -85,13 +85,6 @@ def test_asked_inputs_are_the_inputs(run_json, tmp_path):
     assert found["inputs"] == ["f_t", "e"]
 
 
-def test_bad_factor_is_refused(capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["identify", "--decimate", "0"])
-    assert stop.value.code == 2
-    assert "must be a whole number, at least 1; got '0'" in capsys.readouterr().err
-
-
 def test_notes_are_shown_once_and_gaps_counted(capsys, run_files, tmp_path):
     table = pd.read_csv(run_files[0])
     table = table.drop(index=range(2000, 2100))
@@ -156,15 +149,6 @@ def test_instrumental_variables_need_and_use_the_target(capsys, run_json, tmp_pa
     assert "'e' is an input and cannot be its own instrument" in capsys.readouterr().err
     assert main(["identify", "--method", "iv"]) == 2
     assert "'f_t' is an input and cannot be its own instrument" in capsys.readouterr().err
-
-
-def test_instruments_that_nobody_named(capsys, run_files):
-    words = [*run_files, "--input", "target", "--output", "cursor", "--time", "t"]
-    assert main(["identify", *words, "--method", "iv"]) == 2
-    assert "There is no column 'f_t'" in (said := capsys.readouterr().err)
-    assert "unless --instruments names others" in said
-    assert main(["identify", *words, "--method", "iv", "--instruments", "f"]) == 2
-    assert "--instruments" not in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -7,11 +7,6 @@ import pytest
 
 from skhoid import make_tracking_runs, write_runs
 from skhoid.lab.cli import main
-from skhoid.lab.cli import study as arguments
-from skhoid.lab.studies.tournament_conditions import SIZES
-from skhoid.lab.studies.tournament_scores import QUESTIONS
-
-pytestmark = pytest.mark.slow  # simulates studies
 
 SMALL = ["--conditions", "C1", "--intensities", "0.1", "--replications", "3"]
 
@@ -23,6 +18,7 @@ def test_list(capsys):
     assert "experiment" in out
 
 
+@pytest.mark.slow  # simulates studies
 def test_words_and_files(capsys, tmp_path):
     words = ["study", "fig12", *SMALL, "--validation", "2", "--out", str(tmp_path)]
     assert main(words) == 0
@@ -36,6 +32,7 @@ def test_words_and_files(capsys, tmp_path):
     assert "belongs to a different study: entropy" in capsys.readouterr().err
 
 
+@pytest.mark.slow  # simulates studies
 def test_json(capsys):
     words = ["study", "fig13", *SMALL, "--validation", "2", "--json", "--jobs", "2"]
     assert main(words) == 0
@@ -45,6 +42,7 @@ def test_json(capsys):
     assert found["claims"][0]["holds"] is None
 
 
+@pytest.mark.slow  # simulates studies
 def test_all(capsys, tmp_path):
     words = ["study", "all", "--replications", "2", "--validation", "1", "--json"]
     words += ["--conditions", "C1", "--intensities", "0", "0.1", "--orders", "2", "nm"]
@@ -54,6 +52,7 @@ def test_all(capsys, tmp_path):
     assert (tmp_path / "appK" / "claims.csv").exists()
 
 
+@pytest.mark.slow  # simulates studies
 def test_recommend(capsys, tmp_path):
     words = ["study", "recommend", "--conditions", "C4", "--intensities", "0.1", "--rate", "50"]
     words += ["--replications", "4", "--validation", "3"]
@@ -64,6 +63,7 @@ def test_recommend(capsys, tmp_path):
     assert (tmp_path / "recommend" / "trade-off.png").exists()
 
 
+@pytest.mark.slow  # simulates studies
 def test_recommend_a_method(capsys, run_json):
     words = ["study", "recommend", "--question", "follow", "--methods", "rls", "arx"]
     words += ["--conditions", "C4", "--replications", "2", "--validation", "1"]
@@ -73,15 +73,7 @@ def test_recommend_a_method(capsys, run_json):
     assert found["estimator"].startswith("RecursiveARX(memory_time=")
 
 
-def test_recommend_a_method_in_words(capsys, tmp_path):
-    words = ["study", "recommend", "--question", "detect", "--causal", "--orders", "nm"]
-    words += ["--replications", "2", "--methods", "rls", "rls_smooth", "--out", str(tmp_path)]
-    assert main(words) == 0
-    assert "To see from K_edot that something changed: rls (" in capsys.readouterr().out
-    assert (tmp_path / "recommend" / "ranking.csv").exists()
-    assert (tmp_path / "recommend" / "bias.png").stat().st_size > 5000
-
-
+@pytest.mark.slow  # simulates studies
 def test_tournament(capsys, tmp_path, run_json):
     words = ["study", "tournament", "--size", "small", "--methods", "rls", "arx"]
     words += ["--conditions", "C1", "C4", "--replications", "2", "--validation", "1"]
@@ -96,6 +88,7 @@ def test_tournament(capsys, tmp_path, run_json):
     assert f"{folder}/by_cell.parquet" in found["files"]
 
 
+@pytest.mark.slow  # simulates studies
 def test_experiment(capsys, tmp_path):
     words = ["study", "experiment", "--subjects", "2", "--runs", "4", "--last", "3"]
     words += ["--conditions", "C4", "--out", str(tmp_path)]
@@ -105,6 +98,7 @@ def test_experiment(capsys, tmp_path):
     assert {"scores.csv", "verdicts.csv", "C4-lambda-arx.png", "C4-Lambda-operator.png"} <= made
 
 
+@pytest.mark.slow  # simulates studies
 def test_experiment_of_ones_own_files(capsys, tmp_path):
     X, y = make_tracking_runs("C4", 3, remnant_intensity=0.1, random_state=0)
     write_runs(X.rename(columns={"e": "error"}), y.rename("stick"), tmp_path / "runs.csv")
@@ -140,16 +134,7 @@ def test_errors(words, message, capsys):
     assert message in capsys.readouterr().err
 
 
-def test_choices_are_those_of_the_package():
-    assert tuple(QUESTIONS) == arguments.QUESTIONS
-    assert arguments.SIZES == SIZES
-
-
-def test_list_as_json(run_json):
-    studies = run_json("study", "list")["studies"]
-    assert {"fig13", "experiment", "recommend", "tournament", "all"} <= set(studies)
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["tsv", "parquet"])
 def test_table_formats(run_json, form):
     words = ["fig12", *SMALL, "--validation", "2", "--out", "out", "--no-pictures"]
@@ -161,3 +146,58 @@ def test_table_formats(run_json, form):
     read = pd.read_parquet if form == "parquet" else lambda path: pd.read_csv(path, sep="\t")
     assert len(read(files[0])) >= 3
     assert set(read(files[2])) == {"source", "statement", "found", "holds"}
+
+
+# Options that a study has not.
+
+FILES = ["run.csv", "--time", "t"]
+WORDS = {
+    "output": ["--output", "u"],
+    "time": ["--time", "t"],
+    "dt": ["--dt", "0.01"],
+    "run": ["--run", "run"],
+    "unit": ["--unit", "e=deg"],
+    "resample": ["--resample"],
+    "input": ["--input", "e"],
+    "rate": ["--rate", "50"],
+    "last": ["--last", "1"],
+    "measurement-time": ["--measurement-time", "80"],
+    "replications": ["--replications", "2"],
+    "validation": ["--validation", "2"],
+    "conditions": ["--conditions", "C1"],
+    "intensities": ["--intensities", "0"],
+    "orders": ["--orders", "2"],
+    "gains": ["--gains", "table"],
+    "subjects": ["--subjects", "1"],
+    "runs": ["--runs", "2"],
+    "seed": ["--seed", "0"],
+    "jobs": ["--jobs", "1"],
+    "out": ["--out", "out"],
+    "no-pictures": ["--no-pictures"],
+    "table-format": ["--table-format", "csv"],
+}
+OF_FILES = ["output", "time", "dt", "run", "unit", "resample", "input", "measurement-time"]
+SIMULATED = ["subjects", "runs", "last"]
+STRAY = {
+    ("list",): [*WORDS],
+    ("all",): [*OF_FILES, *SIMULATED, "rate"],
+    ("fig9",): [*OF_FILES, *SIMULATED, "rate"],
+    ("appI",): [*OF_FILES, *SIMULATED, "rate", "orders", "validation"],
+    ("recommend",): [*OF_FILES, *SIMULATED, "orders", "gains"],
+    ("experiment",): [
+        *OF_FILES,
+        *("replications", "validation", "intensities", "orders", "rate", "gains"),
+    ],
+    ("experiment", *FILES): [
+        *("replications", "validation", "conditions", "intensities", "orders", "rate", "gains"),
+        *("subjects", "runs", "seed"),
+    ],
+}
+
+
+@pytest.mark.parametrize(("words", "options"), STRAY.items(), ids=lambda part: part[0])
+def test_options_that_a_study_has_not(capsys, words, options):
+    for option in options:
+        assert main(["study", *words, *WORDS[option]]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith(f"skhoid: error: --{option} does not apply to "), said
