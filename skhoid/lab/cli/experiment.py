@@ -7,6 +7,7 @@ import contextlib
 import io
 import shlex
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -115,8 +116,9 @@ def experiment(options: argparse.Namespace) -> int:
     estimator = _estimator(options, X, y)
     group = None if options.effects == ["none"] else _searched(options, estimator, X, y)
     if group is not None:
-        _print_verdict(f"Verdict: {str(group.summary()).splitlines()[0]}", options)
-        _print("\n".join(str(group.summary()).splitlines()[1:]), options)
+        told = group.document()
+        _print_verdict(f"Verdict: {told.title}", options)
+        _print(replace(told, title="").text(), options)
         estimator = _with_effects(estimator, group)
     people = skhoid.identify_people(
         estimator,

@@ -398,10 +398,9 @@ def analyse_experiment(
     >>> result = analyse_experiment(X, y, transition_time=41.92)
     >>> print(result.summary())
     2 subjects, 1 condition; 5 runs of each, from 0 to 81.92 s at 100 Hz.
-    Delay 0.26 s; memory horizon 256 samples, 2.56 s.
     ...
-    C4: S2 adapts (K_e 0.084 to 0.058, -31 %, K_edot 0.035 to 0.078 s, +124 %);
-        S1 shows no change beyond the scatter of runs.
+    - C4: S2 adapts (K_e 0.084 to 0.058, -31 %, K_edot 0.035 to 0.078 s, +124 %); S1 shows no
+      change beyond the scatter of runs.
     ...
 
     Your own recordings of one person in one condition, in the files run1.csv to run7.csv with the

@@ -23,7 +23,7 @@ from ...effects import Effect, Effects, title_of, titles_of
 from ...model import simulated_model
 from ...pipelines import taken_apart
 from ...search import EVIDENCE_COLUMNS, Status, evidence_of
-from ...text import Summary, counted, p_text
+from ...text import Document, Item, Items, Note, Notes, Paragraph, Summary, counted, p_text
 from ..studies.identity import described
 from ..studies.store import Store, uniform
 from ..studies.workers import completed
@@ -314,8 +314,10 @@ class GroupEffectSearch(BaseEstimator):
     >>> group = GroupEffectSearch(search).fit(X, y)
     >>> print(group.summary())
     The group has bias.
+    <BLANKLINE>
     3 people.
-      bias: 3 of 3 people, prevalence 80 % (40 to 99 %).
+    <BLANKLINE>
+    - bias: 3 of 3 people, prevalence 80 % (40 to 99 %).
     """
 
     _parameter_constraints: dict = {
@@ -505,16 +507,37 @@ class GroupEffectSearch(BaseEstimator):
             )
         return pd.DataFrame(rows)
 
-    def summary(self) -> Summary:
+    def document(self) -> Document:
         """What the group shares, who is different, and what differs between conditions.
+
+        Returns
+        -------
+        document : Document
+        """
+        check_is_fitted(self, "prevalence_")
+        people = self.people_
+        several = len([c for c in dict.fromkeys(people["condition"]) if c != ALL])
+        what = counted(people["subject"].nunique(), "person").replace("persons", "people")
+        what += f", {counted(several, 'condition')}" if several else ""
+        lines = [*group_lines(self), *single_lines(self), *contrast_lines(self)]
+        return Document(
+            headline(self),
+            [
+                Paragraph(f"{what}."),
+                Items([Item(line) for line in lines], numbered=False),
+                Notes([Note("", line) for line in notes(self)]),
+            ],
+        )
+
+    def summary(self) -> Summary:
+        """The same as text.
 
         Returns
         -------
         text : Summary
             A string that notebooks show line by line.
         """
-        check_is_fitted(self, "prevalence_")
-        return Summary("\n".join(summary_of(self)))
+        return self.document().text()
 
     def plot(self, ax: Any = None) -> Any:
         """Draw who has which effect, and the prevalences.
@@ -573,23 +596,6 @@ def _members(
 
 MOST_NAMED = 6  # people in a sentence
 NOTED = 0.05  # p of a difference between conditions
-
-
-def summary_of(found: GroupEffectSearch) -> list[str]:
-    """The verdict, effects of the group, of single people, conditions, and who is left out."""
-    people = found.people_
-    names = list(dict.fromkeys(people["subject"]))
-    conditions = [c for c in dict.fromkeys(people["condition"]) if c != ALL]
-    several = f", {counted(len(conditions), 'condition')}" if conditions else ""
-    lines = [
-        headline(found),
-        f"{counted(len(names), 'person').replace('persons', 'people')}{several}.",
-    ]
-    lines += [f"  {line}" for line in group_lines(found)]
-    lines += [f"  {line}" for line in single_lines(found)]
-    lines += [f"  {line}" for line in contrast_lines(found)]
-    lines += [f"Note: {line}." for line in notes(found)]
-    return lines
 
 
 def headline(found: GroupEffectSearch) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +11,20 @@ import pandas as pd
 from scipy import stats
 
 from ...runs import RUN
-from ...text import Summary, counted
+from ...text import (
+    Block,
+    Document,
+    Heading,
+    Item,
+    Items,
+    Note,
+    Notes,
+    Paragraph,
+    TextTable,
+    Told,
+    as_sentence,
+    counted,
+)
 from .groups import ALL, CONDITION, SUBJECT
 
 SIGNIFICANT = 0.005  # of each of two gains, so that a cell is wrong in 1 % of cases
@@ -18,12 +32,11 @@ ENOUGH = 4  # runs, below which only large changes can be significant
 UNCHANGED = 0.01  # p of the batch a1 and a2, above which they are taken as the same
 STILL = 0.6  # variation of a1 and a2, relative to that of b0 and b1, below which they hold still
 WORSE = 0.5  # VAF points that Lambda may lose on other runs
-SEPARATOR = ";\n    "
 SCORES = ("rms_e", "tracking_score", "control_activity")
 
 
 @dataclass(frozen=True, repr=False)
-class ExperimentResult:
+class ExperimentResult(Told):
     """What :func:`analyse_experiment` found.
 
     All tables begin with the columns ``subject`` and ``condition`` (``"all"`` where the data have
@@ -150,15 +163,47 @@ class ExperimentResult:
         subjects = [subject for subject in self.subjects if subject in mean.index]
         return mean.loc[subjects, [(s, w) for s in SCORES for w in windows]]
 
-    def summary(self) -> Summary:
-        """The result as text.
+    def document(self) -> Document:
+        """Scores, who adapts, and whether Λ is justified.
 
         Returns
         -------
-        text : Summary
-            A string that notebooks show line by line.
+        document : Document
         """
-        return Summary("\n".join(_summary(self)))
+        runs = self.scores.groupby([SUBJECT, CONDITION])[RUN].nunique()
+        few, many = int(runs.min()), int(runs.max())
+        how_many = f"{few}" if few == many else f"{few} to {many}"
+        window = self.scores[self.scores["window"] == "T_m"]
+        title = (
+            f"{counted(len(self.subjects), 'subject')}, "
+            f"{counted(len(self.conditions), 'condition')}; "
+            f"{how_many} run{'s' * (many > 1)} of each, from {window['start'].min():g} to "
+            f"{window['stop'].max():g} s at {1 / self.dt:g} Hz."
+        )
+        horizon = f"{self.memory_horizon:g} samples, {self.memory_horizon * self.dt:g} s"
+        blocks: list[Block] = [
+            Paragraph(f"Delay {_range_text(self.delays['delay'])} s; memory horizon {horizon}."),
+            *_tell_scores(self),
+            Heading(
+                "Who adapts (gains in the last compared with the first "
+                f"{self.region:g} s, paired over runs; by chance in 1 % of cases)"
+            ),
+            _list(_who_adapts(self, condition) for condition in self.conditions),
+        ]
+        several = self.changes["n_runs"][self.changes["n_runs"] > 1]
+        if several.min() < ENOUGH:  # NaN where all have a single run
+            n = int(several.min())
+            factor = stats.t.isf(SIGNIFICANT / 2, n - 1)
+            text = (
+                f"with {n}, a mean change counts only above {factor:.0f} times its standard error"
+            )
+            blocks.append(Paragraph(f"Few runs tell little: {text}."))
+        blocks += [
+            Heading("Is Λ justified, which forgets b0 and b1 only?"),
+            _list(_who_needs(self, condition) for condition in self.conditions),
+            Notes([Note("", note) for note in self.notes]),
+        ]
+        return Document(title, blocks)
 
     def plot(
         self,
@@ -251,57 +296,24 @@ def verdicts(changes: pd.DataFrame, validation: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _summary(r: ExperimentResult) -> list[str]:
-    runs = r.scores.groupby([SUBJECT, CONDITION])[RUN].nunique()
-    few, many = int(runs.min()), int(runs.max())
-    how_many = f"{few}" if few == many else f"{few} to {many}"
-    window = r.scores[r.scores["window"] == "T_m"]
-    lines = [
-        f"{counted(len(r.subjects), 'subject')}, {counted(len(r.conditions), 'condition')}; "
-        f"{how_many} run{'s' * (many > 1)} of each, from {window['start'].min():g} to "
-        f"{window['stop'].max():g} s at {1 / r.dt:g} Hz.",
-        f"Delay {_range_text(r.delays['delay'])} s; memory horizon {r.memory_horizon:g} samples, "
-        f"{r.memory_horizon * r.dt:g} s.",
-        "",
-        f"Tracking scores (means over runs{' and conditions' * (len(r.conditions) > 1)})",
-    ]
-    lines += _scores_text(r)
-    lines += [
-        "",
-        "Who adapts (gains in the last compared with the first "
-        f"{r.region:g} s, paired over runs; by chance in 1 % of cases)",
-    ]
-    for condition in r.conditions:
-        lines.append(_who_adapts(r, condition))
-    several = r.changes["n_runs"][r.changes["n_runs"] > 1]
-    if several.min() < ENOUGH:  # NaN where all have a single run
-        n = int(several.min())
-        factor = stats.t.isf(SIGNIFICANT / 2, n - 1)
-        lines.append(
-            f"Few runs tell little: with {n}, a mean change counts only above {factor:.0f} times "
-            "its standard error."
-        )
-    lines += ["", "Is Λ justified, which forgets b0 and b1 only?"]
-    for condition in r.conditions:
-        lines.append(_who_needs(r, condition))
-    lines += [f"Note: {note}." for note in r.notes]
-    return lines
+def _list(texts: Iterable[str]) -> Items:
+    return Items([Item(text) for text in texts], numbered=False)
 
 
-def _scores_text(r: ExperimentResult) -> list[str]:
+def _tell_scores(r: ExperimentResult) -> list[Block]:
     table = r.score_table().xs("T_m", axis=1, level=1).dropna(axis=1, how="all")
-    shown = table.round(3)
-    lines = shown.to_string(index_names=False).splitlines()
-    if len(table) < 2:
-        return lines
-    said = []
-    for score, what in (("rms_e", "error"), ("control_activity", "control activity")):
-        if score in table:
-            said.append(f"highest {what} {table[score].idxmax()}, lowest {table[score].idxmin()}")
-    if said:
-        sentence = "; ".join(said)
-        lines.append(sentence[0].upper() + sentence[1:] + ".")
-    return lines
+    caption = f"Tracking scores (means over runs{' and conditions' * (len(r.conditions) > 1)})"
+    rows = [
+        [str(name), *(f"{value:.3f}" for value in row)]
+        for name, *row in table.itertuples(name=None)
+    ]
+    blocks: list[Block] = [TextTable(caption, ("", *table.columns), rows)]
+    said = [
+        f"highest {what} {table[score].idxmax()}, lowest {table[score].idxmin()}"
+        for score, what in (("rms_e", "error"), ("control_activity", "control activity"))
+        if score in table and len(table) > 1
+    ]
+    return [*blocks, Paragraph(as_sentence("; ".join(said)))] if said else blocks
 
 
 def _who_adapts(r: ExperimentResult, condition: Any) -> str:
@@ -328,8 +340,8 @@ def _person(row: dict[str, Any]) -> str:
 
 
 def _said(condition: Any, parts: list[str]) -> str:
-    """The text on a condition, a line for each part."""
-    text = SEPARATOR.join(parts) + "."
+    """The text on a condition."""
+    text = "; ".join(parts) + "."
     return text[0].upper() + text[1:] if condition == ALL else f"{condition}: {text}"
 
 

@@ -14,7 +14,7 @@ import pandas as pd
 from ... import CompensatoryTask, forgetting_factor
 from ...arx.many_runs import FORMS, HORIZONS, fit_runs, score_horizons, search_delays
 from ...simulation import Condition, change_times, operator_response
-from ...text import Summary
+from ...text import Document, Paragraph
 from .blocks import Block
 from .declared import CONDITIONS, INTENSITIES, Claim, PaperStudy, gains_of, range_text
 from .identity import identified_as
@@ -379,10 +379,19 @@ class ForgettingAdvice:
     def __repr__(self) -> str:
         return str(self)
 
-    def _repr_html_(self) -> str:
-        return Summary(self)._repr_html_()
-
     def __str__(self) -> str:
+        return str(self.document().text())
+
+    def _repr_html_(self) -> str:
+        return self.document().html()
+
+    def document(self) -> Document:
+        """What to do, what is as good, and from how many runs.
+
+        Returns
+        -------
+        document : Document
+        """
         runs = self.table["replication"].nunique()
         intensities = ", ".join(f"{P:.2g}" for P in self.table["remnant_intensity"].unique())
         if np.isinf(self.memory_horizon):
@@ -400,15 +409,13 @@ class ForgettingAdvice:
             else "All other horizons of the grid are worse by more than two standard errors."
         )
         apart = self._matrix()
-        return "\n".join(
-            [
-                head,
-                alike,
-                f"Forgetting only b0 and b1 (Λ), at its best: {apart:+.2f} points.",
-                f"From {runs} runs at P_n = {intensities}, {self.sampling_rate:g} Hz, scored from "
-                f"{self.window[0]:.4g} to {self.window[1]:.4g} s on runs that were not fitted.",
-            ]
-        )
+        texts = [
+            alike,
+            f"Forgetting only b0 and b1 (Λ), at its best: {apart:+.2f} points.",
+            f"From {runs} runs at P_n = {intensities}, {self.sampling_rate:g} Hz, scored from "
+            f"{self.window[0]:.4g} to {self.window[1]:.4g} s on runs that were not fitted.",
+        ]
+        return Document(head, [Paragraph(text) for text in texts])
 
     def _matrix(self) -> float:
         """VAF points gained by Λ over λ, each at its best."""

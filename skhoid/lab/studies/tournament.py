@@ -20,7 +20,7 @@ from ... import CompensatoryTask, make_tracking_runs
 from ..._sklearn import Interval, StrOptions, checked
 from ...human import delay_samples
 from ...simulation import Condition
-from ...text import Summary, wrapped
+from ...text import Document, Item, Items, Paragraph, Told
 from .monte_carlo import MonteCarloStudy
 from .tournament_conditions import SIZES, Change, TournamentCell, tournament_cells
 from .tournament_methods import TOURNAMENT_METHODS, TournamentMethod, available_methods
@@ -348,7 +348,7 @@ SIGNIFICANT = 2.0  # standard errors
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MethodAdvice:
+class MethodAdvice(Told):
     """The method that suits an experiment and a question, and the results behind it.
 
     Parameters
@@ -389,13 +389,19 @@ class MethodAdvice:
     def __repr__(self) -> str:
         return str(self)
 
-    def _repr_html_(self) -> str:
-        return Summary(self)._repr_html_()
-
     def __str__(self) -> str:
+        return str(self.summary())
+
+    def document(self) -> Document:
+        """Which method, how much better it is than others, and the estimator to fit.
+
+        Returns
+        -------
+        document : Document
+        """
         question, best = QUESTIONS[self.question], self.ranking.iloc[0]
         label = TOURNAMENT_METHODS[self.method].label
-        lines = wrapped(
+        title = (
             f"To {question.worded(self.parameter)}: {self.method} ({label}); {question.loss} "
             f"{best['loss']:.3g} {question.unit}."
         )
@@ -403,18 +409,24 @@ class MethodAdvice:
         alike = "All other methods are worse by more than two standard errors."
         if others:
             alike = f"Equally good within two standard errors: {', '.join(others)}."
-        lines += wrapped(alike if len(self.ranking) > 1 else "No other method took part.")
-        for name, row in self.ranking.iloc[1:].iterrows():
-            if name not in self.close:
-                lines += wrapped(
-                    f"  {name}: {row['difference']:+.3g} ± {row['se']:.2g} {question.unit}", "  "
-                )
+        worse = [
+            Item(f"{name}: {row['difference']:+.3g} ± {row['se']:.2g} {question.unit}")
+            for name, row in self.ranking.iloc[1:].iterrows()
+            if name not in self.close
+        ]
         P_n = self.result.cells["group"].str.partition(", ")[2].drop_duplicates()
-        lines += wrapped(
-            f"From {int(best['n'])} simulated runs ({'; '.join(P_n)}), tuned by validation VAF on "
-            "others. To fit to recordings:"
+        return Document(
+            title,
+            [
+                Paragraph(alike if len(self.ranking) > 1 else "No other method took part."),
+                *([Items(worse, numbered=False)] if worse else []),
+                Paragraph(
+                    f"From {int(best['n'])} simulated runs ({'; '.join(P_n)}), tuned by validation "
+                    "VAF on others. To fit to recordings:"
+                ),
+                Paragraph(repr(self.estimator)),
+            ],
         )
-        return "\n".join([*lines, "", repr(self.estimator)])
 
     def plot(self, kind: str = "bias", **options: Any) -> Any:
         """Draw the tournament behind it.
