@@ -50,8 +50,11 @@ def curve_of(hidden, seed):
     return said - true, half, dof
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("hidden", [SWING, LIMITED], ids=["gain", "map"])
+@pytest.mark.parametrize(
+    "hidden",
+    [pytest.param(SWING, marks=pytest.mark.whole), pytest.param(LIMITED, marks=pytest.mark.slow)],
+    ids=["gain", "map"],
+)
 def test_bands_hold_the_whole_curve_and_are_not_idle(hidden):
     found = [curve_of(hidden, seed) for seed in range(N_SEEDS)]
     off = np.array([np.abs(apart) / half for apart, half, _ in found])

@@ -16,7 +16,7 @@ from skhoid import (
 )
 from skhoid.effects import Bias, DeadZone, Effects, catalogue, title_of
 from skhoid.model.parameters import parameter_text
-from skhoid.search import Verdict, effect_search
+from skhoid.search import Verdict
 
 
 def said(search):
@@ -61,7 +61,7 @@ def test_what_is_hidden_is_named(name):
 
 @pytest.mark.slow
 def test_processes_do_not_change_the_result():
-    runs, names = recorded(**HIDDEN["bias"], seed=5), ["bias", "drift", "asym_gain"]
+    runs, names = recorded(2, 20.0, **HIDDEN["bias"], seed=5), ["bias", "drift"]
     one, two = (searched(runs, names, n_jobs=n) for n in (1, 2))
     pd.testing.assert_frame_equal(one.ranking_, two.ranking_, check_exact=True)
     pd.testing.assert_frame_equal(one.predictions_, two.predictions_, check_exact=True)
@@ -99,9 +99,8 @@ def test_the_summary_says_what_the_last_step_would_gain():
     [
         ({"inner": np.sign}, ("amplitude", "e"), 2),
         ({"gain": lambda t: 1 + 0.6 * np.sin(2 * np.pi * t / 8)}, ("time", "gain"), 2),
-        ({"outer": of_limited_rate}, ("amplitude", "rate of the output"), 0.6),
     ],
-    ids=["relay", "periodic gain", "rate limit"],
+    ids=["relay", "periodic gain"],
 )
 def test_what_no_effect_tried_explains_is_unknown(hidden, where, least):
     search = searched(recorded(**hidden, remnant=0.05), ["bias", "gain_drift", "extra_lag"])
@@ -112,21 +111,6 @@ def test_what_no_effect_tried_explains_is_unknown(hidden, where, least):
     assert "What none of the 3 effects tried explains" in said(search)
     assert 'effects="all"' in said(search)
     assert list(search.error_path_["effect"]) == ["baseline"]
-
-
-@pytest.mark.slow
-def test_only_where_all_was_tried_the_catalogue_lacks_it(monkeypatch, hidden_data):
-    few = [c for c in effect_search.CLASSES if c.name in ("bias", "drift")]
-    monkeypatch.setattr(effect_search, "CLASSES", few)
-    monkeypatch.setattr(effect_search, "BY_NAME", {c.name: c for c in few})
-    for effects in ("all", ["drift", "bias"]):
-        search = searched(hidden_data, effects)
-        assert search.verdict_ is Verdict.NOT_IN_CATALOGUE
-        assert "What no effect of the catalogue explains" in said(search)
-        assert 'effects="all"' not in said(search)
-    search = searched(hidden_data, "bias")
-    assert search.verdict_ is Verdict.NOT_TRIED
-    assert "What the only effect tried does not explain" in said(search)
 
 
 @pytest.mark.slow
@@ -164,17 +148,8 @@ def test_two_effects_are_both_named(two):
     assert two.error_path_["rmse"].is_monotonic_decreasing
 
 
-@pytest.mark.slow
-def test_max_effects(two):
-    X, y = recorded(inner=dead, outer=lambda u: u + 0.25)
-    one = searched((X, y), max_effects=1)
-    named = [name for name in one.best_effects_ if name != "unknown"]
-    assert named in ([], two.best_effects_[:1])
-    assert len(one.error_path_) == 2
-
-
 def test_no_effect_is_added_when_none_may_be(hidden_data):
-    none = searched(hidden_data, max_effects=0)
+    none = searched(hidden_data, ["bias"], max_effects=0)
     assert len(none.error_path_) == 1
     assert set(none.best_effects_) <= {"unknown"}
 
@@ -191,15 +166,15 @@ def test_an_own_effect_is_named(hidden_data):
 
 
 @pytest.mark.slow
-def test_effects_are_given_in_any_form(hidden_data):
+def test_effects_are_given_in_any_form():
+    runs = recorded(2, 20.0)
+
     def tried(effects):
-        search = searched(hidden_data, effects, max_effects=1)
-        return set(search.ranking_["effect"])
+        return set(searched(runs, effects, max_effects=0).ranking_["effect"])
 
     assert tried("bias") == {"bias"}
     assert tried(["bias", DeadZone()]) == {"bias", "dead_zone"}
     assert tried(Bias() + DeadZone()) == {"bias", "dead_zone"}
-    assert tried(DeadZone(form="gap")) == {"dead_zone"}
 
 
 @pytest.mark.slow
@@ -274,17 +249,6 @@ def test_the_ranking_is_consistent(search, request):
     k = tried["n_parameters"].to_numpy()
     logs = (2 * tried["delta_loglik"] - tried["delta_bic"]).to_numpy()[k > 0] / k[k > 0]
     assert np.ptp(logs) < 1e-6 * logs.mean()
-
-
-def test_the_best_step_of_the_ranking_is_that_of_the_path(found):
-    added = found.ranking_[found.ranking_["status"] == "added"].iloc[0]
-    assert added["step"] == added["rank"] == 1
-    assert added["form"] == "gap"
-    assert added["p_value"] < 1e-10
-    assert added["vaf_after"] == pytest.approx(found.error_path_["vaf"].iloc[1], abs=0.3)
-    assert added["parameters"].startswith("width = 0.29")
-    assert "± " in added["parameters"]
-    assert added["parameters"].endswith("deg")
 
 
 def test_held_out_predictions_come_from_parameters_of_the_other_runs(hidden_data):

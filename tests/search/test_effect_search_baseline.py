@@ -1,12 +1,9 @@
 """What a search says of the model it begins with does not depend on what it tries."""
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 
 from skhoid import ARXRegressor, EffectSearchCV, OperatorRegressor, make_tracking_runs
-from skhoid.search.results import Ranked
 
 LOOP = ["vaf", "rmse", "vaf_loop", "vaf_train"]
 MODELS = {"operator": OperatorRegressor(), "arx": ARXRegressor(na=2, nb=2, nk=14)}
@@ -33,7 +30,7 @@ def search_of(runs, model, effects):
 @pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 def test_the_baseline_is_one_number_whatever_is_tried(runs, model):
-    tried = [["bias"], ["saturation"], ["feedforward", "tv_gain"], ["saturation", "dead_zone"]]
+    tried = [["bias"], ["saturation", "dead_zone"]]
     searches = [search_of(runs, model, effects) for effects in tried]
     first = searches[0]
     assert any(one.best_effects_ for one in searches)
@@ -68,6 +65,6 @@ def test_a_ranking_without_rows_has_its_columns(model):
     search = search_of((X, y), model, ["tremor"])
     assert search.best_effects_ == []
     assert len(search.ranking_) == 0
-    assert list(search.ranking_) == [one.name for one in fields(Ranked)]
+    assert {"step", "effect", "status", "reason_code", "vaf_gain"} <= set(search.ranking_)
     assert "Nothing is missing" in search.summary()
     assert "Nothing is missing" in search._repr_html_()

@@ -48,13 +48,10 @@ ALL = [c.name for c in CLASSES]
 STUCK = {"intermittent"}
 # Weak linear answers, which three runs do not confirm in the closed loop.
 UNCONFIRMED = {*STUCK, "integral", "disturbance"}
-# One for each place where an effect acts; the rest are a study.
-OF_TRIAL_SLOW = {
-    *("wrong_delay", "scheduled_gain", "rectified", "hardening_stiffness", "integral", "preview"),
-    *("motion_feedback", "higher_order", "tremor", "quantised"),
-}
-# One that acts on the output, one that the spectrum shows; the others are `slow`.
-QUICK = {"bias", "tremor"}
+# Some that act at different places; the rest are a study.
+OF_TRIAL_SLOW = {"hardening_stiffness", "output_feedback", "quantised"}
+# Of the thesis's loop.
+OF_LOOP_SLOW = {"tv_delay", "lapses", "feedforward", "dead_zone"}
 
 
 def closed_share(search, X, y, oracle):
@@ -69,12 +66,12 @@ def closed_share(search, X, y, oracle):
     return (best - linear) / gap, gap
 
 
-def names(listed, stuck=STUCK, quick=QUICK, slow=None):
+def names(listed, stuck, quick, slow):
     reason = "stops beside the minimum, another name fits as well, or the loop does not confirm it"
     mark = pytest.mark.xfail(reason=reason, strict=True)
 
     def marks(name):
-        rest = pytest.mark.slow if slow is None or name in slow else pytest.mark.whole
+        rest = pytest.mark.slow if name in slow else pytest.mark.whole
         return [mark] * (name in stuck) + [rest] * (name not in quick)
 
     return [pytest.param(name, marks=marks(name)) for name in listed]
@@ -130,8 +127,7 @@ def check(search, share, gap, right):
     assert search.best_effects_[0] in search.summary()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", names(n for n in OF_LOOP if n != "tv_gain, step"))
+@pytest.mark.parametrize("name", names(OF_LOOP, (), (), OF_LOOP_SLOW))
 def test_what_the_thesiss_loop_hides_is_found_among_rivals(name):
     check(*search_loop(name, sorted({*RIVALS, name.split(",")[0]})))
 
@@ -169,7 +165,7 @@ def test_what_the_trial_hides_is_found_among_rivals(trial, name):
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("name", names(ALL, STUCK, ALL))
+@pytest.mark.parametrize("name", names(ALL, STUCK, ALL, ()))
 def test_what_the_trial_hides_is_found_in_the_catalogue(trial, name):
     search, share, gap, right = search_trial(trial, name, "all", 5)
     if name == "tremor":

@@ -26,13 +26,3 @@ def test_what_is_there_has_evidence_and_what_is_not_has_none(stopped):
     # It needs a target, which is not recorded.
     assert np.isnan(rows.loc[("", "feedforward"), "evidence"])
     assert rows.loc[("", "feedforward"), "reason"]
-
-
-@pytest.mark.slow
-def test_without_it_the_same_effect_is_weighed_beside_the_bare_model(stopped):
-    search = EffectSearchCV(OperatorRegressor())
-    beside = evidence_of(search, Effects([]), [Saturation()], *stopped)
-    itself = evidence_of(search, Effects.of([Saturation()]), [Saturation()], *stopped)
-    own = itself[itself["instead_of"] == "saturation"]
-    assert len(itself) == 1
-    np.testing.assert_allclose(beside["evidence"], own["evidence"], rtol=1e-3)

@@ -43,7 +43,7 @@ def test_wrong_delay_is_named_and_hides_nothing(dead, samples):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("samples", [10, -5])
+@pytest.mark.parametrize("samples", [-5])
 def test_wrong_delay_that_costs_little_is_not_named(samples):
     """Without a dead zone the other parameters make up for most of it."""
     found = searched(*answered(dead=0.0), 0.2 + samples / 50, OPEN)
@@ -92,7 +92,7 @@ def test_free_delay_needs_no_claim(free):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("samples", [10, pytest.param(-5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("samples", [10])
 def test_wrong_delay_in_a_loop_does_not_change_the_names(tracked, free, samples):
     X, y, person = tracked
     found = searched(X, y, person.tau_e + samples / RATE, LOOP, "1/s")
@@ -101,7 +101,7 @@ def test_wrong_delay_in_a_loop_does_not_change_the_names(tracked, free, samples)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("feedforward", [0.0, 0.5])
-@pytest.mark.parametrize("seed", range(60, 62))
+@pytest.mark.parametrize("seed", [60])
 def test_right_delay_in_a_loop_is_not_refuted(seed, feedforward):
     X, y, person = pursued("1/s", seed, feedforward=feedforward, early=-0.1)
     found = searched(X, y, person.tau_e, LOOP, "1/s")

@@ -12,7 +12,7 @@ from skhoid.model.extend import refitted
 from skhoid.model.fitting import Criterion
 from skhoid.model.model import Model
 from skhoid.model.simulator import Simulator
-from skhoid.search.judges import HeldOutRows, held_out, refitted_prediction, within_seen
+from skhoid.search.judges import held_out, refitted_prediction, within_seen
 
 
 @pytest.fixture(scope="module")
@@ -41,17 +41,6 @@ def test_rows_held_out_are_predicted_by_the_fit_without_them(fitted):
         np.testing.assert_allclose(found[fold.test], expected[fold.test], rtol=1e-9)
 
 
-def test_rows_of_no_fold_keep_the_prediction_of_all(fitted):
-    search, model = fitted
-    plain = Criterion(search.record)
-    one = search.folds[:1]
-    for predict in (held_out, refitted_prediction):
-        found = predict(model, plain, one)
-        rest = ~one[0].test
-        np.testing.assert_allclose(found[rest], model.output[rest], rtol=1e-12)
-        assert np.abs(found - model.output)[one[0].test].max() > 0
-
-
 @pytest.mark.parametrize("predict", [held_out, refitted_prediction])
 def test_measurements_held_out_do_not_matter(fitted, predict):
     search, model = fitted
@@ -66,14 +55,6 @@ def test_measurements_held_out_do_not_matter(fitted, predict):
     finally:
         record.y[:] = kept
     np.testing.assert_allclose(second, first, rtol=1e-6, atol=1e-9)
-
-
-def test_a_fold_of_everything_changes_nothing(fitted):
-    search, model = fitted
-    known = search.record.known
-    fold = HeldOutRows(known, known)
-    found = held_out(model, Criterion(search.record), [fold])
-    np.testing.assert_allclose(found, model.output, atol=1e-3 * np.std(model.output))
 
 
 def test_curves_over_a_channel_hold_beyond_what_a_fold_was_fitted_on(fitted):

@@ -32,7 +32,7 @@ def test_a_response_to_the_target_is(text):
     assert joint > LEAST_DELTA_BIC
 
 
-@pytest.mark.slow
+@pytest.mark.whole
 @pytest.mark.parametrize("text", ["1/s", "1/(s(s+1))"])
 def test_delta_bic_over_seeds(text):
     false = [delta_bic(text, seed)[1] for seed in range(60, 66)]

@@ -1,13 +1,10 @@
 """Progress of a search for effects, by scikit-learn's callbacks."""
 
-import pickle
-
 import pytest
 from sklearn.callback import ProgressBar
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import Bias
-from skhoid.search.steps import Progress
 
 
 class Counts:
@@ -64,11 +61,3 @@ def test_a_bar_is_drawn_where_it_is_asked_for(runs, capsys):
     assert capsys.readouterr() == ("", "")
     search.set_callbacks(ProgressBar()).fit(*runs)
     assert "EffectSearchCV - effects tried" in capsys.readouterr().out
-
-
-def test_in_other_processes_nothing_is_told():
-    told = Progress(object(), object())
-    copy = pickle.loads(pickle.dumps(told))
-    with copy.step(3) as done:
-        done(5)
-    assert vars(copy) == vars(Progress())
