@@ -49,7 +49,7 @@ def data():
 def size(request, monkeypatch):
     """Runs simulated all at once, or a few at a time."""
     if request.param == "many":
-        for module in ("effects.record", "greybox.side_by_side"):
+        for module in ("effects.record", "model.prepared"):
             monkeypatch.setattr(f"skhoid.{module}.LARGE", 2500)
         monkeypatch.setattr("skhoid.effects.record.CACHED", 2100)
 
