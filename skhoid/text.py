@@ -608,8 +608,8 @@ def _html(block: Block) -> str:
         case TextTable():
             return block.html()
         case Notes(notes):
-            items = "".join(f"<li>{escape(as_sentence(note.with_hint))}</li>" for note in notes)
-            return f"<ul>{items}</ul>" if notes else ""
+            listed = "".join(f"<li>{escape(as_sentence(note.with_hint))}</li>" for note in notes)
+            return f"<ul>{listed}</ul>" if notes else ""
 
 
 def _dict(block: Block) -> dict[str, Any]:

@@ -60,6 +60,11 @@ def page(made: Report) -> Node:
     return parse(made.html)
 
 
+def scripts(page: Node) -> list[Node]:
+    """Those that run: the data of what there is to touch do not."""
+    return [node for node in page.all("script") if "type" not in node.attributes]
+
+
 def section(page: Node, name: str) -> Node:
     return page.one("section", id=name)
 
@@ -206,7 +211,7 @@ def test_nothing_is_loaded_and_ids_are_unique(made: Report, page: Node) -> None:
     assert ids.most_common(1)[0][1] == 1
     used = set(re.findall(r'(?:url\(|href=")#([^")]+)', made.html))
     assert used <= set(ids)
-    assert len(page.all("script")) == 1
+    assert len(scripts(page)) == 1
 
 
 @pytest.mark.slow
@@ -227,10 +232,10 @@ def test_text_from_the_user_stays_text(runs: tuple[pd.DataFrame, pd.Series]) -> 
         made_with={EVIL: f"</dd>{EVIL}"},
     )
     page = parse(made.html)
-    assert len(page.all("script")) == 1
+    assert len(scripts(page)) == 1
     assert not page.all("img")
     assert not page.all("b")
-    assert EVIL not in page.one("script").text
+    assert all(EVIL not in node.text for node in page.all("script"))
     assert page.one("title").text == f"</title>{EVIL}"
     assert page.one("h1").text == f"</title>{EVIL}"
     rows = section(page, "data").all("table")[0].rows
