@@ -224,8 +224,8 @@ class Streaming(RunRegressor):
             )
         # Nothing is kept of rows that are refused.
         clock = copy(vars(self).get("_clock", Clock()))
-        self._streamed = self._signal_columns(values.shape[1])
-        inputs, output = columns_of(values, self._streamed), _kernels.gate(output)
+        columns = self._stream_columns(values.shape[1])
+        inputs, output = columns_of(values, columns), _kernels.gate(output)
         pieces = list(clock.pieces(grid.layout, inputs, output, new_run))
         recursion = deepcopy(recursion)
         self._take_parameters(recursion)
@@ -249,6 +249,13 @@ class Streaming(RunRegressor):
         self._refresh(recursion)
         return self
 
+    def _stream_columns(self, n_columns: int) -> list[int]:
+        """Columns that the recursion takes, noted as the fast path indexes by them."""
+        columns = self._signal_columns(n_columns)
+        everything = columns == list(range(n_columns))
+        self._streamed = slice(None) if everything else np.array(columns)
+        return columns
+
     def _started(self, pieces: list[Piece]) -> Recursion | None:
         """A recursion from the rows so far, if they suffice."""
         X = np.concatenate([piece.X for piece in pieces], dtype=np.float64)
@@ -264,7 +271,7 @@ class Streaming(RunRegressor):
     def _leave_for_streams(self, recursion: Recursion, layout: RunLayout) -> None:
         """Let streams go on after runs that were fitted: after a single one, without a break."""
         self._recursion, self._clock = recursion, Clock()
-        self._streamed = self._signal_columns(self.n_features_in_)
+        self._stream_columns(self.n_features_in_)
         self._asked = self._read_anew()
         if len(layout.labels) == 1:
             self._clock.run = layout.labels[-1]

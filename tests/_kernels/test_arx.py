@@ -1,8 +1,5 @@
 """Compiled loops and array code against their naive twins."""
 
-import os
-import subprocess
-import sys
 from fractions import Fraction
 from functools import reduce
 from types import SimpleNamespace
@@ -16,7 +13,7 @@ from support import naive
 from skhoid import _kernels
 from skhoid.arx.candidates import FittedCandidates
 from skhoid.arx.least_squares import Triangle, newey_west, solutions
-from skhoid.arx.orders import BLOCK, Orders, regressor_blocks, regressors
+from skhoid.arx.orders import Orders, regressors
 
 BOUND = 1e100
 
@@ -106,19 +103,6 @@ def test_regressors(problem):
     assert n_missing == twin_missing
 
 
-def test_regressors_with_missing_inputs():
-    rng = np.random.default_rng(1)
-    X, y = rng.standard_normal((60, 2)), rng.standard_normal(60)
-    X[[3, 30], [0, 1]] = np.nan
-    stretches = [(0, 25), (25, 60)]
-    orders = Orders(2, (2, 1), (1, 4))
-    table, rows, n_missing = regressors(y, X, np.array([0, 25]), np.array([25, 60]), orders)
-    phi, _, twin_rows, twin_missing = naive.regressor_rows(y, X, stretches, 2, (2, 1), (1, 4))
-    np.testing.assert_array_equal(rows, twin_rows)
-    np.testing.assert_array_equal(table[:, :-1], phi)
-    assert n_missing == twin_missing == 3  # e(3) costs rows 4 and 5, x(30) costs row 34
-
-
 @settings(max_examples=150, deadline=None)
 @given(problem=problems(missing=False))
 def test_free_run(problem):
@@ -145,16 +129,6 @@ def test_free_run_with_past_inputs_and_initial_outputs(problem, seed):
 def test_predict_ahead(horizon, problem):
     X, y, stretches, orders, theta = problem
     assert_same(*run_ahead(y, X, stretches, orders, theta, horizon))
-
-
-@settings(max_examples=40, deadline=None)
-@given(problem=problems())
-def test_a_horizon_longer_than_the_run_is_the_free_run(problem):
-    X, y, stretches, orders, theta = problem
-    ahead, _ = run_ahead(y, X, stretches, orders, theta, 1000)
-    free, _ = run_free(X, stretches, orders, theta)
-    inside = np.concatenate([np.arange(b, e) for b, e in stretches])
-    np.testing.assert_array_equal(ahead[inside], free[inside])
 
 
 @pytest.mark.slow
@@ -229,27 +203,6 @@ def test_newey_west_on_one_run(n_rows):
     )
 
 
-def test_newey_west_with_rows_left_out():
-    scores = np.random.default_rng(0).standard_normal((200, 2))
-    rows = np.delete(np.arange(210), np.arange(5, 210, 21))
-    twin = naive.newey_west(scores, rows, n_lags(200))
-    np.testing.assert_allclose(newey_west(scores, rows, np.array([0])), twin, rtol=1e-12)
-
-
-@pytest.mark.slow
-def test_loops_compiled_in_different_processes_are_not_confused(tmp_path):
-    """One process compiles the loop of one run, another that of many, a third uses both."""
-    simulate = "CompensatoryTask(duration=1.0, run_in=0.0).simulate({}).u.shape"
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    for runs in ([1], [20], [1, 20]):
-        shapes = ", ".join(simulate.format(n) for n in runs)
-        code = f"from skhoid import CompensatoryTask; print([{shapes}])"
-        done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd="/"
-        )
-        assert done.stdout.strip() == str([(n, 100) for n in runs]), done.stderr
-
-
 @settings(max_examples=60, deadline=None)
 @given(problems(missing=False), st.integers(1, 4))
 def test_free_runs_side_by_side_are_those_of_each_model(problem, n_models):
@@ -275,21 +228,6 @@ def test_free_runs_side_by_side_are_those_of_each_model(problem, n_models):
         alone, _ = run_free(X, stretches, model, each)
         for a, b in stretches:
             np.testing.assert_array_equal(column[a:b], alone[a:b])
-
-
-@pytest.mark.parametrize("n_rows", [3, 4096, 9000])
-def test_regressors_in_blocks(n_rows):
-    rng = np.random.default_rng(n_rows)
-    X, y = rng.standard_normal((n_rows + 20, 2)), rng.standard_normal(n_rows + 20)
-    y[rng.random(y.size) < 0.01] = np.nan
-    begin, end = np.array([0, 8]), np.array([8, n_rows + 20])
-    orders = Orders(2, (2, 1), (1, 4), True)
-    table, rows, missing = regressors(y, X, begin, end, orders)
-    blocks = list(regressor_blocks(y, X, begin, end, orders))
-    np.testing.assert_array_equal(np.concatenate([block[0] for block in blocks]), table)
-    np.testing.assert_array_equal(np.concatenate([block[1] for block in blocks]), rows)
-    assert sum(block[2] for block in blocks) == missing
-    assert max(len(block[0]) for block in blocks) <= BLOCK
 
 
 def ill_conditioned(n_rows, p):

@@ -44,18 +44,6 @@ def test_delayed_is_its_twin(x, data):
     np.testing.assert_allclose(greybox.delayed(x, _kernels.gate(delay)), expected, **EXACT)
 
 
-@pytest.mark.parametrize("delay", [0, 1, 7, -4])
-def test_a_delay_of_whole_samples_moves_the_signal(delay):
-    x = noise()
-    out = greybox.delayed(x, np.full((1, 1), float(delay)))
-    if delay >= 0:
-        assert np.array_equal(out[delay:], x[: len(x) - delay])
-        assert np.array_equal(out[:delay], np.repeat(x[:1], delay, axis=0))
-    else:
-        assert np.array_equal(out[:delay], x[-delay:])
-        assert np.array_equal(out[delay:], np.repeat(x[-1:], -delay, axis=0))
-
-
 def test_a_delay_between_samples_is_exact_for_cubic_polynomials():
     t = np.arange(40.0)[:, None]
     out = greybox.delayed(t**3 - 30 * t**2 + t, np.full((1, 1), 2.3))
@@ -77,19 +65,6 @@ def test_matrices_of_the_neuromuscular_system_are_its_exponential(omega, zeta, d
         np.testing.assert_allclose(got, expected, rtol=1e-9, atol=tolerance)
 
 
-@given(omega=st.floats(0.5, 1e3), zeta=st.floats(1.2, 3.0), dt=st.floats(1.0, 1e4))
-def test_matrices_of_an_overdamped_system_between_slow_samples(omega, zeta, dt):
-    found = greybox.held_linearly(np.array([omega]), np.array([zeta]), dt)[0]
-    p0, p1, p2, p3, position, _, _, _, next_position, *_ = found
-    assert np.isfinite(found).all()
-    # Where position and output are 1 they stay so; the companion is 2 zeta omega there.
-    at_rest = p0 + 2 * zeta * omega * p1 + position + next_position
-    assert at_rest == pytest.approx(1.0, abs=1e-9)
-    poles = omega * (-zeta + np.sqrt(zeta**2 - 1) * np.array([1.0, -1.0]))
-    np.testing.assert_allclose(p0 + p3, np.exp(poles * dt).sum(), rtol=1e-6, atol=1e-300)
-    np.testing.assert_allclose(-omega * omega * p1, p2, rtol=1e-12)
-
-
 @pytest.mark.parametrize("zeta", [0.35, 1.0, 2.0])
 def test_second_order_is_the_linear_system_of_scipy(zeta):
     omega, dt = 11.25, 0.01
@@ -103,24 +78,6 @@ def test_second_order_is_the_linear_system_of_scipy(zeta):
         of_position = lsim(([omega**2], denominator), position[:, j], t)[1]
         of_rate = lsim(([omega**2, 0.0], denominator), rate[:, j], t)[1]
         np.testing.assert_allclose(out[:, j], of_position + of_rate, rtol=1e-8, atol=1e-8)
-
-
-@pytest.mark.parametrize("n", [2, 3, 30])
-def test_differences_are_those_of_numpy(n):
-    x = noise(n)
-    np.testing.assert_allclose(
-        greybox.differentiated(x, 0.02), np.gradient(x, 0.02, axis=0), **EXACT
-    )
-
-
-def test_a_single_sample_does_not_change():
-    assert not greybox.differentiated(np.ones((1, 3)), 0.02).any()
-
-
-@pytest.mark.parametrize("shape", [(1, 1), (1, 3), (60, 1), (60, 3)])
-def test_signals_are_scaled_by_factors_of_any_shape(shape):
-    x, factor = noise(), np.random.default_rng(1).standard_normal(shape)
-    np.testing.assert_array_equal(greybox.scaled(x, factor), x * factor)
 
 
 @given(
@@ -213,26 +170,6 @@ def test_arx_response_is_its_twin(x, seed, na, nb, direct, cubic, square, consta
     np.testing.assert_allclose(out, expected, rtol=1e-9, atol=1e-9)
 
 
-def test_what_diverges_stays_within_the_bound():
-    x, b = noise(200), np.array([0.0, 1.0])
-    out = greybox.arx_response(x, np.array([-1.5]), b, 0.0, 0.0, 0.0, 1e6)
-    assert np.abs(out).max() == 1e6
-
-
-def test_filtered_is_lfilter():
-    x, b, a = noise(), np.array([0.3, -0.2, 0.5]), np.array([-1.5, 0.7])
-    expected = lfilter(b, np.r_[1.0, a], x, axis=0)
-    np.testing.assert_allclose(greybox.filtered(x, b, a), expected, **EXACT)
-
-
-@pytest.mark.parametrize("runs", range(1, 10))
-def test_lanes_do_not_mix(runs):
-    x, b, a = noise(30, runs), np.array([0.3, -0.2, 0.5]), np.array([-1.5, 0.7])
-    together = greybox.filtered(x, b, a)
-    alone = [greybox.filtered(_kernels.gate(x[:, [j]]), b, a) for j in range(runs)]
-    np.testing.assert_array_equal(together, np.hstack(alone))
-
-
 def test_smooth_levels_are_three_sines_beside_a_line():
     x, step, offset, sines = noise(), 0.3, 0.2, (0.2, 0.05, 0.01)
     turns = x / step - offset
@@ -264,24 +201,6 @@ def test_held_by_a_clock_is_its_twin(x, period, phase):
     np.testing.assert_allclose(
         out, by_run(naive.held_by_clock, x, period, phase), rtol=1e-9, atol=1e-9
     )
-
-
-@pytest.mark.parametrize("phase", [0.0, 2.0, 2.25, 2.5, 7.9])
-def test_a_clock_is_not_late_on_average(phase):
-    """What follows is linear between samples: the area under the steps is that of the hold."""
-    x = np.arange(43.0)[:, None]
-    out = greybox.held(x, x, 8.0, 0.0, phase)[:, 0]
-    ticks = np.arange(phase, 38.0, 8.0)
-    steps = np.diff(np.r_[0.0, ticks])  # the ramp is at a tick what the tick's time is
-    assert np.trapezoid(out[:40]) == pytest.approx(np.sum(steps * (39.0 - ticks)), abs=1e-6)
-    between = np.round(out[[round(t) + 3 for t in ticks[:-1]]], 9)
-    assert np.array_equal(between, np.round(ticks[:-1], 9))
-
-
-def test_a_clock_goes_on_ticking_while_nothing_moves():
-    x = np.where(np.arange(40) < 11, 0.0, np.arange(40.0))[:, None]
-    out = greybox.held(x, x, 7.0, 0.0, 0.0)[:, 0]
-    assert np.array_equal(out[[17, 24, 31, 38]], [14.0, 21.0, 28.0, 35.0])
 
 
 @given(
@@ -344,45 +263,11 @@ def test_stuck_is_its_twin_and_stays_within_its_distance(x, breakaway, share):
     assert np.all(np.abs(out - x) <= breakaway * (1 + 1e-9) + 1e-12)
 
 
-def test_what_sticks_again_jumps_to_its_distance():
-    x = np.linspace(0.0, 2.0, 21)[:, None]
-    out = greybox.stuck(x, 0.45, 0.15, False)[:, 0]
-    # Breaks away at 0.45, 0.75, 1.05 ..., between two samples, by 0.3.
-    np.testing.assert_allclose(out, np.repeat(0.3 * np.arange(7), [5, 3, 3, 3, 3, 3, 1]))
-
-
-def test_a_jump_moves_with_the_distance_at_which_it_happens():
-    x = np.linspace(0.0, 1.0, 11)[:, None]
-    for breakaway in (0.45, 0.47, 0.49, 0.53):
-        out = greybox.stuck(x, breakaway, breakaway - 0.3, False)[:, 0]
-        assert out[:7].sum() == pytest.approx(0.3 * (6.5 - 10 * breakaway))
-
-
-def test_friction_ends_however_far_away_its_input_runs():
-    x = np.array([0.0, 1e3, -1e9, 1e17, 1.7e17, 0.5])[:, None]
-    out = greybox.stuck(x, 0.006, 0.001, False)[:, 0]
-    assert out[5] == pytest.approx(0.5, abs=0.006)
-    np.testing.assert_allclose(out[1:5], x[1:5, 0], rtol=1e-3)
-    assert np.isinf(greybox.stuck(np.array([[0.0], [np.inf]]), 0.006, 0.001, False)[1, 0])
-
-
-def test_stuck_at_equal_friction_is_play():
-    x = np.array([0.0, 1.0, 2.0, 1.5, 0.5, 0.0, -1.0, 0.0])[:, None]
-    out = greybox.stuck(x, 0.5, 0.5, True)[:, 0]
-    np.testing.assert_allclose(out, [0.0, 0.5, 1.5, 1.5, 1.0, 0.5, -0.5, -0.5])
-
-
 def test_weighted_plays_are_the_sum_of_single_ones():
     x, gaps, weights = noise(), np.array([0.2, 0.5, 1.1]), np.array([0.5, -0.3, 1.2])
     ahead = [x - by_run(naive.stuck, x, gap, gap) for gap in gaps]
     out = greybox.stops_summed(x, gaps, weights)
     np.testing.assert_allclose(out, np.tensordot(weights, ahead, 1), atol=1e-12)
-
-
-def test_no_friction_and_no_limit_change_nothing():
-    x = noise()
-    assert np.array_equal(greybox.stuck(x, 0.0, 0.0, True), x)
-    np.testing.assert_allclose(greybox.rate_limited(x, 1e6), x, rtol=0, atol=1e-15)
 
 
 def test_kernels_leave_their_inputs_alone():

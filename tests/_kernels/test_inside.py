@@ -83,22 +83,6 @@ def test_what_led_to_the_first_samples_passes_through_the_forces(terms):
         np.testing.assert_allclose(out[:, j], expected, rtol=1e-8, atol=1e-9)
 
 
-def test_without_forces_it_is_the_linear_response():
-    x, a, b = noise(80), np.array([-1.2, 0.5]), np.array([0.0, 0.3, 0.1])
-    plain = greybox.arx_response(x, a, b, 0.0, 0.0, 0.2, 1e9)
-    np.testing.assert_allclose(run(x, a, b, b, [], constant=0.2), plain, rtol=1e-12)
-
-
-def test_coefficients_may_follow_time():
-    x = noise(50)
-    a, b = -0.5 + 0.3 * noise(50, 1, 1), 0.2 + 0.1 * noise(50, 2, 2)
-    nothing = NONE[0], *NONE, 0.0, np.zeros((0, 2))
-    out = inside.arx_inside(x, a, b, np.zeros(1), np.zeros(2), *nothing, DT, 1e9)
-    for j in range(2):
-        expected = naive.arx_inside(x[:, j], a, b, [0.0], (0.0, 0.0), [], 0.0, DT, 1e9)
-        np.testing.assert_allclose(out[:, j], expected, rtol=1e-12)
-
-
 def test_friction_holds_what_rests_and_lets_go_above_its_force():
     """A mass with friction F: nothing moves below it, and above it x - F drives it."""
     a, b, friction = [-0.98], [0.02], [(3.0, 0.0, 0.5, 1e-9, 0.0, 1.0)]
@@ -122,13 +106,6 @@ def test_a_tank_empties_by_torricellis_law():
     t = DT * np.arange(1200 - fill + 1)
     expected = np.maximum(np.sqrt(top) - k * t / 2, 0.0) ** 2
     np.testing.assert_allclose(y[fill - 1 :], expected, atol=2e-3 * top)
-
-
-def test_the_state_stays_at_a_stop_of_its_own():
-    x = np.r_[np.ones((100, 1)), -np.ones((20, 1))]
-    y = run(x, [-1.0], [0.1], [0.1], [(2.0, 0.0, -1e9, 2.0, 0.0, 0.0)])[:, 0]
-    assert y.max() == 2.0
-    assert y[100] == pytest.approx(1.9), "it returns at once"
 
 
 def test_what_diverges_stays_within_the_bound():
@@ -165,26 +142,3 @@ def test_a_limb_against_forces_is_its_twin(terms, varies):
     for j in range(2):
         expected = naive.limb_inside(position[:, j], rate[:, j], of_sample, terms, TABLES, DT)
         np.testing.assert_allclose(out[:, j], expected, rtol=1e-7, atol=1e-9)
-
-
-def test_a_limb_with_a_stiffening_spring_is_that_of_the_other_kernel():
-    matrices = greybox.held_linearly(np.array([10.0]), np.array([0.3]), DT)
-    position, rate = 2 * noise(200), 0.02 * noise(200, seed=1)
-    terms = np.array([(5.0, 0.0, 3.0, 2.0, 0.0, 0.0)])
-    out = inside.limb_inside(position, rate, matrices, terms, NONE[1], DT, 1e9)
-    expected = greybox.second_order(position, rate, matrices, 3.0, 2.0, 1e9)
-    np.testing.assert_allclose(out, expected, rtol=1e-8, atol=1e-10)
-
-
-@pytest.mark.parametrize("slope", [20.0, -0.5, -30.0])
-def test_a_limb_stays_finite_against_any_slope(slope):
-    """Very stiff, softer than it is, and pushing away, where it ends at the bound."""
-    matrices = greybox.held_linearly(np.array([10.0]), np.array([0.3]), DT)
-    for of_rate in (0.0, 1.0):
-        term, table = [[4.0, of_rate, -1.0, 0.25, 0.0, 0.0]], slope * np.linspace(-1, 1, 9)[None]
-        out = inside.limb_inside(
-            noise(300), np.zeros((300, 2)), matrices, np.array(term), table, DT, 1e9
-        )
-        assert (np.abs(out) <= 1e9).all()
-        if slope > 0:
-            assert np.abs(out).max() < 1.0

@@ -55,13 +55,3 @@ def test_it_rests_where_friction_holds_the_spring():
     assert abs(out[-1] - 1.0) <= 0.2
     held = limb.rubbing(0.15 * position, 0 * position, matrices, omega, zeta, 0.2, NONE, 1e9)
     assert np.abs(held).max() < 1e-15  # too little to break away
-
-
-def test_slowly_it_is_play_as_wide_as_the_friction():
-    t = np.arange(6000) * DT
-    position = np.sin(0.5 * t)[:, None]
-    omega, zeta = np.array([60.0]), np.array([0.7])
-    matrices = greybox.held_linearly(omega, zeta, DT)
-    out = limb.rubbing(position, 0 * position, matrices, omega, zeta, 0.2, NONE, 1e9)
-    play = greybox.stuck(position, 0.2, 0.2, True)
-    assert np.abs(out - play)[100:].max() < 0.04

@@ -3,10 +3,6 @@
 What a recursion finds is compared with its naive twin in ``tests/arx/test_recursive.py``.
 """
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -17,17 +13,6 @@ from skhoid.arx.rls import RecursionState
 N_ROWS, MOST = 300, 17
 ORDERS = np.array([0, 0, 1, 1]), np.array([1, 2, 3, 4])  # signal and lag of each regressor
 KINDS = ["one", "by parameter", "diagonal", "variable", "over time"]
-
-SCRIPT = """
-import runpy, sys, zlib
-
-test = runpy.run_path(sys.argv[1])
-signals, y = test["odd_runs"](6)
-for kind in sys.argv[2:]:
-    factors = test["forgetting_of"](kind, 16)
-    found = test["recursions"](signals[..., None].copy(), y[..., None].copy(), kind, factors)
-    print(kind, zlib.crc32(found[0].tobytes()))
-"""
 
 
 def odd_runs(n_runs, seed=0):
@@ -144,19 +129,3 @@ def test_one_division_for_four_does_not_overflow():
     wanted = np.concatenate(([1.0], alphas[:-1])) / alphas
     np.testing.assert_allclose(state.rows("D")[:, 0], wanted, rtol=1e-14)
     assert not np.array_equal(state.buffer, before)
-
-
-@pytest.mark.slow
-def test_kernels_that_two_processes_compiled(tmp_path):
-    """Numba numbers what a process compiles, and one number in two of them is one symbol."""
-
-    def found_in_a_process(*kinds):
-        code = [sys.executable, "-c", SCRIPT, __file__, *kinds]
-        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-        done = subprocess.run(code, capture_output=True, text=True, check=True, env=environment)
-        return done.stdout.splitlines()
-
-    one = found_in_a_process("one")
-    by_parameter = found_in_a_process("by parameter")
-    assert found_in_a_process("one", "by parameter") == one + by_parameter
-    assert found_in_a_process("by parameter", "one") == by_parameter + one

@@ -19,22 +19,6 @@ def test_factor_and_solution(n):
     np.testing.assert_allclose(out, np.linalg.solve(R, right), rtol=1e-9)
 
 
-def test_what_is_singular_is_not_factorised():
-    assert not kernels.factorised(np.ones((2, 2)), np.zeros((2, 2)), 1e-14)
-
-
-@pytest.mark.parametrize("na", [1, 2, 3, 5])
-def test_unit_circle(na):
-    random, work = rng(na), np.empty((2, na))
-    found, expected = [], []
-    for _ in range(300):
-        f = random.standard_normal(na) * random.choice([0.3, 1.0, 2.0])
-        expected.append(bool(np.abs(np.roots(np.r_[1.0, f])).max() < 1))
-        found.append(kernels.inside_unit_circle(f, na, work))
-    assert found == expected
-    assert 10 < sum(expected) < 290
-
-
 @pytest.mark.parametrize("forgetting", [1.0, 0.99])
 def test_noise_by_least_squares(forgetting):
     """P in factors is that of the textbook's recursion; large errors weigh less, as documented."""

@@ -54,18 +54,6 @@ def test_bias_and_standard_errors_over_forty_runs(state):
     assert np.all(np.abs(stated.mean(axis=0) / iv.std(axis=0) - 1) < 0.35)
 
 
-def test_runs_are_independent_of_their_order_and_labels():
-    parts = [recording("C1", GAINS["C1"], seed, label=seed, keep=4096) for seed in (1, 2)]
-    options = {"nk": 29, "method": "iv"}
-    both = ARXRegressor(**options).fit(
-        pd.concat([p[0] for p in parts]), pd.concat([p[1] for p in parts])
-    )
-    swapped = ARXRegressor(**options).fit(
-        pd.concat([p[0] for p in parts[::-1]]), pd.concat([p[1] for p in parts[::-1]])
-    )
-    np.testing.assert_allclose(both.coef_, swapped.coef_, rtol=1e-8)
-
-
 def test_missing_rows_cut_a_run():
     X, y = recording("C1", GAINS["C1"], 3)
     y = y.copy()
@@ -75,31 +63,6 @@ def test_missing_rows_cut_a_run():
     whole = ARXRegressor(nk=29, method="iv").fit(*recording("C1", GAINS["C1"], 3))
     assert holed.n_rows_missing_ > 0
     np.testing.assert_allclose(holed.coef_, whole.coef_, rtol=0.05)
-
-
-def test_scattered_missing_rows_cost_only_their_lags():
-    X, y = recording("C1", GAINS["C1"], 6)
-    y = y.copy()
-    y.iloc[100::100] = np.nan
-    with pytest.warns(UserWarning, match="81 rows"):
-        holed = ARXRegressor(nk=29, method="iv").fit(X, y)
-    assert holed.n_rows_missing_ <= 3 * 81
-    whole = ARXRegressor(nk=29, method="iv").fit(*recording("C1", GAINS["C1"], 6))
-    np.testing.assert_allclose(holed.coef_[:2], whole.coef_[:2], rtol=0.05)
-
-
-def test_a_missing_instrument_is_mentioned():
-    X, y = recording("C1", GAINS["C1"], 7)
-    X.iloc[4000:4010, 2] = np.nan
-    with pytest.warns(UserWarning, match="10 rows of 'f_t'"):
-        ARXRegressor(nk=29, method="iv").fit(X, y)
-
-
-def test_intercept_takes_an_offset():
-    X, y = recording("C1", GAINS["C1"], 4)
-    model = ARXRegressor(nk=29, method="iv", fit_intercept=True).fit(X, y + 3.0)
-    steady_state = model.intercept_ / (1 + model.a_.sum())
-    assert abs(steady_state - 3.0) < 0.5
 
 
 def test_errors_say_what_to_do():

@@ -15,7 +15,6 @@ from support.recursion_twin import (
     instants_of,
     recursive,
     sample_numbers,
-    shifted,
 )
 from support.synthetic import DT, arx_runs
 
@@ -27,62 +26,6 @@ pytestmark = pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
 
 
 # The twins themselves
-
-
-@pytest.mark.parametrize("forgetting", [0.9, 1.0, "over time"])
-def test_naive_recursion_is_weighted_least_squares(forgetting):
-    X, y = arx_runs(lengths=[300, 250])
-    y.iloc[[40, 41, 420]] = np.nan
-    instants = instants_of(X, y)
-    if forgetting == "over time":
-        forgetting = np.random.default_rng(0).uniform(0.8, 1.0, len(instants))
-    path, *_ = naive.recursive_least_squares(instants, forgetting, THETA0, P0)
-    exact = naive.weighted_least_squares(instants, forgetting, THETA0, P0, range(len(instants)))
-    np.testing.assert_allclose(path.astype(float), exact, rtol=0, atol=1e-11)
-
-
-@pytest.mark.parametrize(
-    ("forgetting", "form"), [(0.8, "joint"), ((0.95, 0.9, 0.8, 0.7), "diagonal")]
-)
-def test_naive_smoother_is_one_least_squares_problem(forgetting, form):
-    """All theta(t) at once: errors, increments and start, each whitened by its covariance.
-
-    Different factors in the joint form imply increments of which no random walk is made.
-    """
-    X, y = arx_runs(1, 30)
-    instants = instants_of(X, y)
-    forgetting = np.broadcast_to(forgetting, (30, P))
-    path, Ps, forgotten, _ = naive.recursive_least_squares(instants, forgetting, THETA0, P0, form)
-    smoothed, covariance = naive.smooth_path(path, Ps, forgotten)
-    rows, right = [], []
-
-    def equation(blocks, value, variance):
-        root = np.linalg.inv(np.linalg.cholesky(np.asarray(variance, float)))
-        row = np.zeros((len(value), 30, P))
-        for t, block in blocks.items():
-            row[:, t] = root @ block
-        rows.append(row.reshape(len(value), -1))
-        right.append(root @ value)
-
-    before = P0
-    for t, found in enumerate(instants):
-        increment = forgotten[t] - before
-        if t == 0:
-            equation({0: np.eye(P)}, THETA0, P0)
-        elif found:
-            equation({t - 1: -np.eye(P), t: np.eye(P)}, np.zeros(P), increment)
-        else:
-            equation({t - 1: -np.eye(P), t: np.eye(P)}, np.zeros(P), 1e-14 * np.eye(P))
-        for _, phi, u in found:
-            equation({t: phi[None]}, np.array([u]), np.eye(1))
-        before = Ps[t]
-    A, b = np.vstack(rows), np.concatenate(right)
-    exact = np.linalg.lstsq(A, b, rcond=None)[0].reshape(30, P)
-    np.testing.assert_allclose(smoothed, exact, rtol=0, atol=1e-6)
-    root = np.linalg.inv(np.linalg.qr(A, mode="r"))
-    exact = (root @ root.T).reshape(30, P, 30, P)
-    for t in (5, 15, 29):
-        np.testing.assert_allclose(covariance[t], exact[t, :, t], rtol=1e-5, atol=1e-7)
 
 
 # Exactness
@@ -124,16 +67,6 @@ def test_exponentially_weighted_least_squares_over_65536_samples(record, forgett
     assert model.n_held_ == 0
     np.testing.assert_array_equal(model.coef_, model.coef_path_[-1])
     np.testing.assert_allclose(model.time_path_, DT * np.unique(sample_numbers(X)), atol=1e-9)
-
-
-@pytest.mark.parametrize("n_runs", [1, 4])
-def test_without_forgetting_and_prior_it_is_least_squares(n_runs):
-    X, y = arx_runs(n_runs, 2000)
-    batch = ARXRegressor(**ORDERS).fit(X, y)
-    model = recursive(init="zeros", p0=1e12).fit(X, y)
-    np.testing.assert_allclose(model.coef_, batch.coef_, rtol=1e-10)
-    np.testing.assert_allclose(model.standard_errors_, batch.standard_errors_, rtol=0.01)
-    assert model.forgetting_ == 1.0
 
 
 @pytest.mark.slow
@@ -300,13 +233,6 @@ def test_memory_horizon_and_time(horizon):
         np.testing.assert_allclose(model.memory_horizon_, horizon, rtol=1e-10)
 
 
-def test_memory_time_means_seconds_on_any_grid():
-    X, y = arx_runs(1, 300)
-    slow = pd.MultiIndex.from_product([[1], 0.02 * np.arange(300)], names=["run", "time"])
-    model = recursive(memory_time=0.64).fit(X.set_axis(slow), y.set_axis(slow))
-    assert model.memory_horizon_ == pytest.approx(32)
-
-
 @pytest.mark.parametrize("n_runs", [1, 3])
 def test_initial_estimate_is_least_squares_of_the_first_seconds(n_runs):
     X, y = arx_runs(n_runs, 800)
@@ -349,36 +275,6 @@ def test_order_of_pooled_runs(params, order, seed):
     other = recursive(**params).fit(*(pd.concat([t.loc[[run]] for run in order]) for t in (X, y)))
     np.testing.assert_allclose(other.coef_path_, one.coef_path_, rtol=1e-9, atol=1e-10)
     np.testing.assert_allclose(other.covariance_, one.covariance_, rtol=1e-8, atol=1e-14)
-
-
-@pytest.mark.parametrize("seconds", [0.07, 3.0, -1.0])
-def test_time_shift(seconds):
-    X, y = arx_runs(2, 200)
-    params = {"forgetting": 0.95, "init": "ols", "init_window": 1.0, "p0": None}
-    one = recursive(**params).fit(X, y)
-    other = recursive(**params).fit(shifted(X, seconds), shifted(y, seconds))
-    np.testing.assert_array_equal(other.coef_path_, one.coef_path_)
-    np.testing.assert_allclose(other.time_path_, one.time_path_ + seconds, atol=1e-9)
-    np.testing.assert_array_equal(other.predict(shifted(X, seconds)), one.predict(X))
-
-
-@settings(max_examples=15, deadline=None)
-@given(
-    c=st.floats(-12, 12).map(lambda v: 10.0**v),
-    d=st.floats(-12, 12).map(lambda v: 10.0**v),
-    smooth=st.booleans(),
-)
-def test_units_of_input_and_output(c, d, smooth):
-    """a has no unit, b that of the output per input; P0 and the protection follow the units."""
-    X, y = changing_runs(400)
-    params = {"forgetting": 0.95, "init": "ols", "init_window": 1.0, "p0": None, "smooth": smooth}
-    one = recursive(**params).fit(X, y)
-    other = recursive(**params).fit(d * X, c * y)
-    units = np.array([1.0, 1.0, c / d, c / d])
-    np.testing.assert_allclose(other.coef_path_ / units, one.coef_path_, rtol=1e-8, atol=1e-8)
-    np.testing.assert_allclose(other.one_step_errors_ / c, one.one_step_errors_, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(other.standard_errors_ / units, one.standard_errors_, rtol=1e-7)
-    assert other.score(d * X, c * y) == pytest.approx(one.score(X, y), rel=1e-6)
 
 
 @settings(max_examples=15, deadline=None)
@@ -427,15 +323,6 @@ def test_average_estimates_is_the_mean_of_single_fits():
     np.testing.assert_allclose(together.one_step_errors_, errors, rtol=1e-10, atol=1e-13)
 
 
-def test_pooled_runs_of_one_recording_repeated_count_it_twice():
-    X, y = arx_runs(1, 300)
-    twice = [pd.concat({1: t.loc[1], 2: t.loc[1]}, names=["run", "time"]) for t in (X, y)]
-    pooled = recursive(forgetting=0.97).fit(*twice)
-    # Both copies of a row weigh as one of doubled weight: half the prior, as P is doubled.
-    single = recursive(forgetting=0.97, p0=2 * P0).fit(X, y)
-    np.testing.assert_allclose(pooled.coef_path_, single.coef_path_, rtol=1e-9, atol=1e-11)
-
-
 # Smoothing, and forgetting that suits the problem
 
 
@@ -456,19 +343,6 @@ def test_smoothing(forgetting, n_runs):
     np.testing.assert_allclose(
         model.covariance_path_, model.noise_variance_ * covariance, rtol=1e-6, atol=1e-12
     )
-
-
-def test_smoothing_is_closer_to_the_truth():
-    """At half the distance or less over ten runs with a step: without lag, with less spread."""
-    distances = []
-    for seed in range(10):
-        X, y = changing_runs(1200, seed=seed, noise=0.5)
-        truth = np.where(np.arange(1200) < 600, 1.0, 3.0)
-        for smooth in (False, True):
-            path = recursive(memory_horizon=20, smooth=smooth).fit(X, y).coef_path_[:, 2]
-            distances.append(np.mean((path - truth)[100:] ** 2))
-    filtered, smoothed = np.mean(np.reshape(distances, (-1, 2)), axis=0)
-    assert smoothed < 0.5 * filtered
 
 
 def test_variable_forgetting():

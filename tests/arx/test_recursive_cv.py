@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from sklearn.base import clone
-from sklearn.model_selection import GridSearchCV, GroupKFold, LeaveOneGroupOut, LeavePGroupsOut
+from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut, LeavePGroupsOut
 from sklearn.pipeline import make_pipeline
 from support.synthetic import NK, arx_runs, with_levels
 
@@ -83,45 +83,6 @@ def test_scores_are_those_of_grid_search(runs, steps, scorer):
     assert search.n_runs_pooled_ == 3
 
 
-@pytest.mark.parametrize("orders", [{"nk": NK}, {"na": 0, "nb": 4, "nk": 0}])
-@pytest.mark.parametrize("parameters", ["path", "last"])
-def test_scores_of_runs_that_start_at_different_times(runs, parameters, orders):
-    X, y = (table[np.arange(len(table)) > 30] for table in runs)
-    params = {**orders, "parameters": parameters, "init_window": 1.0}
-    slow = GridSearchCV(
-        RecursiveARX(**params), {"memory_horizon": [10, 200]}, scoring=VAFScorer(),
-        cv=LeaveOneGroupOut(),
-    ).fit(X, y, groups=run_labels(X))  # fmt: skip
-    fast = RecursiveARXCV([10, 200], **params).fit(X, y)
-    for split in range(4):
-        name = f"split{split}_test_score"
-        np.testing.assert_allclose(fast.cv_results_[name], slow.cv_results_[name], atol=1e-9)
-
-
-def test_forgetting_in_a_grid_is_the_same_knob(runs):
-    X, y = runs
-    horizons = [20, 100]
-    slow = GridSearchCV(
-        make_pipeline(RecursiveARX(nk=NK)),
-        {"recursivearx__forgetting": list(forgetting_factor(horizons))},
-        scoring=VAFScorer(),
-        cv=LeaveOneGroupOut(),
-    ).fit(X, y, groups=run_labels(X))
-    fast = RecursiveARXCV(horizons, nk=NK).fit(X, y)
-    np.testing.assert_allclose(
-        fast.cv_results_["mean_test_score"], slow.cv_results_["mean_test_score"], atol=1e-9
-    )
-
-
-def test_more_settings_than_lanes_and_threads(runs):
-    X, y = runs
-    horizons = np.geomspace(2, 500, 21)
-    many = RecursiveARXCV(horizons, nk=NK, n_jobs=2).fit(X, y).cv_results_
-    for at in (0, 15, 16, 20):
-        one = RecursiveARXCV(horizons[[at]], nk=NK).fit(X, y).cv_results_
-        assert one["mean_test_score"][0] == many["mean_test_score"][at]
-
-
 def test_results_by_their_definitions(runs):
     X, y = runs
     search = RecursiveARXCV(HORIZONS, nk=NK).fit(X, y)
@@ -163,12 +124,6 @@ def test_the_best_is_fitted_on_all_runs(runs):
     assert again.get_params()["memory_horizons"] == HORIZONS
     more = [with_levels(table.loc[[1]], run=9) for table in (X, y)]
     np.testing.assert_array_equal(search.partial_fit(*more).coef_, model.partial_fit(*more).coef_)
-
-
-def test_the_default_is_table_5(runs):
-    X, y = runs
-    search = RecursiveARXCV(nk=NK, cv=GroupKFold(2)).fit(X, y)
-    assert search.cv_results_["memory_horizon"] == [*(2.0**i for i in range(1, 14)), np.inf]
 
 
 @pytest.mark.parametrize(

@@ -4,15 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.exceptions import NotFittedError
-from sklearn.utils._param_validation import InvalidParameterError
-from support.recursion_twin import P0, THETA0, changing_runs, recursive, shifted
-from support.synthetic import DT
+from support.recursion_twin import P0, changing_runs, recursive, shifted
 
 from skhoid import (
     Decimator,
     IrregularSamplingError,
     PoorExcitationWarning,
-    RecursiveARX,
     RunIndexError,
     ShortRunError,
 )
@@ -21,7 +18,6 @@ N = 200
 X, Y = changing_runs(N)
 ARRAYS = (X.to_numpy(), Y.to_numpy())
 NOT_SYMMETRIC = P0 + np.diag([1.0, 1.0, 1.0], 1)
-INDEFINITE = P0 - 12 * np.eye(4)
 
 
 def fit(X=X, y=Y, **params):
@@ -49,15 +45,9 @@ def with_infinity(table, at=150):
 ERRORS = {
     # forgetting
     "lambda of zero": (lambda: fit(forgetting=0.0), ValueError, ["forgetting", "got 0"]),
-    "negative lambda": (lambda: fit(forgetting=-0.5), ValueError, ["forgetting", "-0.5"]),
-    "lambda above one": (lambda: fit(forgetting=1.01), ValueError, ["forgetting", "1.01"]),
     "lambda of NaN": (lambda: fit(forgetting=np.nan), ValueError, ["forgetting", "nan"]),
-    "a percentage": (lambda: fit(forgetting=99), ValueError, ["forgetting", "99"]),
     "unknown word": (
         lambda: fit(forgetting="adaptive"), ValueError, ["forgetting", "adaptive", "auto"]
-    ),
-    "one parameter's lambda": (
-        lambda: fit(forgetting=[1.0, 1.0, 0.0, 0.9]), ValueError, ["forgetting", "0"]
     ),
     "too few in the matrix": (
         lambda: fit(forgetting=[0.9, 0.9]), ValueError, ["forgetting", "(2,)", "4", str(N)]
@@ -65,39 +55,13 @@ ERRORS = {
     "too many instants": (
         lambda: fit(forgetting=np.full(N + 1, 0.9)), ValueError, ["forgetting", f"({N + 1},)"]
     ),
-    "instants by the wrong number of parameters": (
-        lambda: fit(forgetting=np.full((N, 3), 0.9)), ValueError, ["forgetting", f"({N}, 3)"]
-    ),
-    "three dimensions": (
-        lambda: fit(forgetting=np.full((N, 4, 1), 0.9)), ValueError, ["forgetting", f"({N}, 4, 1)"]
-    ),
-    "over time, above one": (
-        lambda: fit(forgetting=np.linspace(0.9, 1.1, N)), ValueError, ["forgetting"]
-    ),
     "a function of the wrong shape": (
         lambda: fit(forgetting=lambda t: np.full((t.size, 3), 0.9)),
         ValueError,
         ["forgetting", f"({N}, 3)"],
     ),
-    "a function of the wrong length": (
-        lambda: fit(forgetting=lambda t: t[:-1] * 0 + 0.9), ValueError, ["forgetting", f"({N - 1},"]
-    ),
-    "a function above one": (
-        lambda: fit(forgetting=lambda t: 1.0 + t), ValueError, ["forgetting"]
-    ),
-    "a function of NaN": (
-        lambda: fit(forgetting=lambda t: t * np.nan), ValueError, ["forgetting", "nan"]
-    ),
     "lambda and N0": (
         lambda: fit(forgetting=0.9, memory_horizon=10), ValueError, ["forgetting", "memory_horizon"]
-    ),
-    "lambda and T0": (
-        lambda: fit(forgetting=0.9, memory_time=0.1), ValueError, ["forgetting", "memory_time"]
-    ),
-    "N0 and T0": (
-        lambda: fit(memory_horizon=10, memory_time=0.1),
-        ValueError,
-        ["memory_horizon", "memory_time"],
     ),
     "auto and N0": (
         lambda: fit(forgetting="auto", memory_horizon=10), ValueError, ["auto", "memory_horizon"]
@@ -108,40 +72,26 @@ ERRORS = {
     "memory shorter than a sample": (
         lambda: fit(memory_time=0.005), ValueError, ["longer than one sample", "got 0.5 samples"]
     ),
-    "memory of NaN": (lambda: fit(memory_horizon=np.nan), ValueError, ["nan"]),
     "memory horizons of another number": (
         lambda: fit(memory_horizon=[10, 20, 30]), ValueError, ["memory_horizon", "(3,)", "4"]
     ),
-    "unknown form": (lambda: fit(forgetting_form="full"), ValueError, ["forgetting_form", "joint"]),
     # start
     "unknown start": (lambda: fit(init="batch"), ValueError, ["init", "batch", "ols"]),
     "start of another size": (
         lambda: fit(init=[0.0, 1.0]), ValueError, ["init", "4 finite", "a1, a2"]
     ),
-    "start of NaN": (lambda: fit(init=THETA0 * np.nan), ValueError, ["init", "nan"]),
     "negative P0": (lambda: fit(p0=-1.0), ValueError, ["p0", "-1.0"]),
-    "P0 of zero": (lambda: fit(p0=0.0), ValueError, ["p0", "0.0"]),
-    "infinite P0": (lambda: fit(p0=np.inf), ValueError, ["p0", "inf"]),
     "lags without end in a stream": (
         lambda: stream(ARRAYS, nk=10**9), ValueError, ["1000000001 samples back", "limits are 1000"]
     ),
     "P0 too large": (lambda: fit(p0=1e300), ValueError, ["p0", "1e+300", "1e+100"]),
-    "P0 too small": (lambda: fit(p0=1e-200), ValueError, ["p0", "1e-200", "1e-100"]),
     "P0 of another size": (lambda: fit(p0=np.eye(3)), ValueError, ["p0", "(3, 3)", "4"]),
-    "diagonal of another size": (lambda: fit(p0=[1.0, 2.0]), ValueError, ["p0", "(2,)", "4"]),
-    "negative on the diagonal": (lambda: fit(p0=[1.0, 1.0, -1.0, 1.0]), ValueError, ["p0"]),
     "P0 not symmetric": (lambda: fit(p0=NOT_SYMMETRIC), ValueError, ["p0", "symmetric"]),
-    "P0 indefinite": (lambda: fit(p0=INDEFINITE), ValueError, ["p0", "positive definite"]),
-    "no window": (lambda: fit(init="ols", init_window=0.0), ValueError, ["init_window"]),
     "window shorter than the lags": (
         lambda: fit(init="ols", init_window=0.04), ValueError, ["init_window", "0.04"]
     ),
     "reset at no time": (lambda: fit(reset_times=[1.0, np.nan]), ValueError, ["reset_times"]),
-    "reset times as words": (lambda: fit(reset_times="1 s"), ValueError, ["reset_times"]),
     # others
-    "unknown combination": (lambda: fit(combine="mean"), ValueError, ["combine", "pooled"]),
-    "unknown parameters": (lambda: fit(parameters="first"), ValueError, ["parameters", "path"]),
-    "smooth as a word": (lambda: fit(smooth="rts"), ValueError, ["smooth"]),
     "smoothing with a joint matrix": (
         lambda: fit(smooth=True, memory_horizon=[np.inf, np.inf, 20, 20]),
         ValueError,
@@ -156,7 +106,6 @@ ERRORS = {
     "infinite output": (
         lambda: fit(y=with_infinity(Y)), ValueError, ["Input y", "infinity", "row 150"]
     ),
-    "infinite input": (lambda: fit(with_infinity(X)), ValueError, ["infinity"]),
     "run too short": (
         lambda: fit(X[:4], Y[:4]), ShortRunError, ["Run 1", "4 successive rows", "need 5"]
     ),
@@ -182,14 +131,6 @@ ERRORS = {
         RunIndexError,
         ["run 1", "0.99 s", "0.5 s", "new_run=True"],
     ),
-    "time repeats": (
-        lambda: stream((X[:100], Y[:100]), (X[99:150], Y[99:150])),
-        RunIndexError,
-        ["run 1", "0.99 s", "new_run=True"],
-    ),
-    "time goes backwards by single rows": (
-        lambda: stream(row(10), row(11), row(9), dt=DT), RunIndexError, ["0.11 s", "0.09 s"]
-    ),
     "time off the grid": (
         lambda: stream((X[:100], Y[:100]), tuple(shifted(t[100:], 0.004) for t in (X, Y))),
         IrregularSamplingError,
@@ -197,38 +138,6 @@ ERRORS = {
     ),
     "a row without sampling time": (
         lambda: stream(row(0)), IrregularSamplingError, ["one row", "dt="]
-    ),
-    "another sampling time": (
-        lambda: stream(
-            (X[:100], Y[:100]),
-            tuple(t[100:].set_axis(t.index[100:].set_levels(
-                0.02 * np.arange(N), level="time")) for t in (X, Y)),
-        ), IrregularSamplingError, ["0.02 s", "0.01 s"]
-    ),
-    "an array after a table": (
-        lambda: stream((X[:100], Y[:100]), (ARRAYS[0][100:], ARRAYS[1][100:])),
-        ValueError,
-        ["without"],
-    ),
-    "other columns": (
-        lambda: stream((X[:100], Y[:100]), (X[100:].rename(columns={"e": "x"}), Y[100:])),
-        ValueError,
-        ["feature names", "- x", "- e"],
-    ),
-    "more columns": (
-        lambda: stream(
-            (ARRAYS[0][:100], ARRAYS[1][:100]), (np.zeros((1, 2)), np.zeros(1)), dt=DT
-        ),
-        ValueError,
-        ["2 features", "1 features"],
-    ),
-    "more rows than outputs": (
-        lambda: stream((ARRAYS[0][:100], ARRAYS[1][:99])), ValueError, ["inconsistent"]
-    ),
-    "more outputs than rows, later": (
-        lambda: stream((ARRAYS[0][:100], ARRAYS[1][:100]), (np.zeros((1, 1)), np.zeros(2))),
-        ValueError,
-        ["inconsistent"],
     ),
     "an infinite row": (
         lambda: stream((ARRAYS[0][:100], ARRAYS[1][:100]), (np.full((1, 1), np.inf), np.zeros(1))),
@@ -239,24 +148,6 @@ ERRORS = {
         lambda: stream((ARRAYS[0][:100], ARRAYS[1][:100]), (np.zeros((1, 1)), np.full(1, -np.inf))),
         ValueError,
         ["Input y", "infinity"],
-    ),
-    "a row of one dimension": (
-        lambda: stream((ARRAYS[0][:100], ARRAYS[1][:100]), (np.zeros(1), np.zeros(1))),
-        ValueError,
-        ["2D", "reshape"],
-    ),
-    "two outputs": (
-        lambda: stream((ARRAYS[0][:100], ARRAYS[1][:100]), (np.zeros((2, 1)), np.zeros((2, 2)))),
-        ValueError,
-        ["1d"],
-    ),
-    "a stream of no rows": (
-        lambda: stream((ARRAYS[0][:100], ARRAYS[1][:100]), (ARRAYS[0][:0], ARRAYS[1][:0])),
-        ValueError,
-        ["0 sample(s)"],
-    ),
-    "a stream without y": (
-        lambda: stream((ARRAYS[0], None)), ValueError, ["requires y"]
     ),
     "smoothing a stream": (
         lambda: stream(ARRAYS, smooth=True), ValueError, ["smooth", "partial_fit"]
@@ -269,16 +160,6 @@ ERRORS = {
     ),
     "an array over time in a stream": (
         lambda: stream(ARRAYS, forgetting=np.full(N, 0.9)), ValueError, ["forgetting", "function"]
-    ),
-    "an array over time at fit, and then a stream": (
-        lambda: fit(forgetting=np.full(N, 0.9)).partial_fit(X, Y, new_run=True),
-        ValueError,
-        ["forgetting", "partial_fit"],
-    ),
-    "a function of the wrong shape in a stream": (
-        lambda: stream(ARRAYS, forgetting=lambda t: np.full((t.size, 3), 0.9)),
-        ValueError,
-        ["forgetting"],
     ),
     "not fitted": (lambda: recursive().predict(X), NotFittedError, ["RecursiveARX"]),
 }  # fmt: skip
@@ -313,33 +194,9 @@ def test_a_refused_block_leaves_the_stream_as_it_was(block):
     np.testing.assert_array_equal(model.coef_, stream((inputs, output)).coef_)
 
 
-@pytest.mark.parametrize(
-    "params",
-    [
-        {"na": -1},
-        {"nb": 0},
-        {"nk": -1},
-        {"init_window": -1.0},
-        {"store_covariance": "yes"},
-        {"combine": 3},
-        {"dt": 0.0},
-    ],
-)
-def test_parameters_out_of_range(params):
-    (name,) = params
-    with pytest.raises(InvalidParameterError, match=name):
-        RecursiveARX(**params).fit(X, Y)
-
-
 def test_a_window_without_excitation_is_mentioned():
     still = X.copy()
     still.iloc[:120] = 0.0
     with pytest.warns(PoorExcitationWarning, match=r"a1, a2, b0, b1.*init_window"):
         model = fit(still, init="ols", init_window=1.0)
     assert np.isfinite(model.coef_path_).all()
-
-
-@pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
-def test_nothing_measured():
-    with pytest.raises(ValueError, match="nothing was measured"):
-        fit(y=Y * np.nan)

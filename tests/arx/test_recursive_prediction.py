@@ -4,8 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.signal import lfilter
-from sklearn.model_selection import LeaveOneGroupOut, cross_val_score
-from sklearn.pipeline import make_pipeline
 from support import naive
 from support.recursion_twin import (
     ORDERS,
@@ -19,14 +17,10 @@ from support.recursion_twin import (
 from support.synthetic import DT, arx_runs
 
 from skhoid import (
-    ARXRegressor,
     Decimator,
-    DelayShift,
     RecursiveARX,
     RunInTrimmer,
     RunTimeWarning,
-    run_labels,
-    vaf_score,
 )
 
 NK = ORDERS["nk"]
@@ -68,13 +62,6 @@ def test_predict_follows_the_path(fitted):
     np.testing.assert_allclose(found, twin_of_predict(model, far), rtol=1e-10, atol=1e-12)
 
 
-def test_runs_that_share_no_time_are_mentioned():
-    X, y = changing_runs(300, 2)
-    late = [pd.concat([t.loc[[1]], shifted(t.loc[[2]], 50.0)]) for t in (X, y)]
-    with pytest.warns(RunTimeWarning, match=r"Run 1 shares no instant"):
-        recursive(memory_horizon=30).fit(*late)
-
-
 def test_predict_across_a_gap_and_of_pieces(fitted):
     model, X, _ = fitted
     keep = np.ones(len(X), bool)
@@ -87,15 +74,6 @@ def test_predict_across_a_gap_and_of_pieces(fitted):
     np.testing.assert_allclose(
         model.predict(piece), twin_of_predict(model, piece), rtol=1e-10, atol=1e-12
     )
-
-
-def test_the_last_parameters_make_a_constant_model(fitted):
-    path_model, X, y = fitted
-    model = recursive(memory_horizon=30, parameters="last").fit(X, y)
-    path = np.tile(model.coef_, (len(X), 1))
-    twin = naive.free_run_along(X[["e"]].to_numpy(), stretches_of(X), split, path, (NK,))
-    np.testing.assert_allclose(model.predict(X), twin, rtol=1e-10, atol=1e-12)
-    assert np.abs(path_model.predict(X) - twin).max() > 0.1
 
 
 @pytest.mark.parametrize("horizon", [1, 2, 5])
@@ -117,30 +95,12 @@ def test_predict_ahead(horizon, parameters):
         np.testing.assert_allclose(found, twin, rtol=1e-10, atol=1e-12)
 
 
-@pytest.mark.parametrize("parameters", ["path", "last"])
-def test_further_ahead_than_a_run_is_a_free_run(parameters):
-    X, y = changing_runs(200, 2)
-    model = recursive(memory_horizon=30, parameters=parameters).fit(X, y)
-    theta = model.initial_coef_ if parameters == "path" else model.coef_
-    path = np.tile(theta, (400, 1))
-    twin = naive.free_run_along(X[["e"]].to_numpy(), stretches_of(X), split, path, (NK,))
-    for horizon in (200, 10**12, 10**30):
-        found = model.predict_ahead(X, y, horizon)
-        np.testing.assert_allclose(found, twin, rtol=1e-10, atol=1e-12)
-
-
 def test_one_step_ahead_of_one_run_is_what_the_recursion_saw():
     X, y = changing_runs(300, 1)
     model = recursive(memory_horizon=10).fit(X, y)
     known = ~np.isnan(model.one_step_errors_)
     errors = (y - model.predict_ahead(X, y)).to_numpy()
     np.testing.assert_allclose(errors[known], model.one_step_errors_[known], atol=1e-12)
-
-
-def test_score_is_the_vaf_of_the_free_run(fitted):
-    model, X, y = fitted
-    assert model.score(X, y) == pytest.approx(vaf_score(y, model.predict(X)), rel=1e-12)
-    assert model.score(X, y) > ARXRegressor(**ORDERS).fit(X, y).score(X, y) + 5
 
 
 def test_initial_state_is_found_along_the_path():
@@ -158,33 +118,6 @@ def test_initial_state_is_found_along_the_path():
     model.coef_path_ = np.column_stack([-1.5 * constant, 0.7 * constant, b0, 0.0 * constant])
     assert np.abs(model.predict(X) - y).max() > 1
     np.testing.assert_allclose(model.simulate(X, y, initial_state="estimate"), y, atol=1e-8)
-
-
-def test_unstable_parameters_stay_within_the_bound():
-    X, y = arx_runs(1, 3000)
-    model = RecursiveARX(**ORDERS, init=[-3.0, 2.0, 1.0, 1.0], p0=1e-9, init_window=1.0).fit(X, y)
-    prediction = model.predict(X)
-    assert np.isfinite(prediction).all()
-    assert np.abs(prediction).max() == 1e100
-    assert np.isfinite(model.score(X, y))
-
-
-def test_predict_without_time_starts_at_the_first_instant():
-    X, y = changing_runs(300)
-    named = recursive(memory_horizon=30).fit(X, y)
-    bare = recursive(memory_horizon=30, dt=DT).fit(X.to_numpy(), y.to_numpy())
-    np.testing.assert_array_equal(bare.coef_path_, named.coef_path_)
-    np.testing.assert_array_equal(bare.predict(X.to_numpy()), named.predict(X))
-    np.testing.assert_array_equal(bare.predict(X.to_numpy()[:50]), named.predict(X)[:50])
-
-
-def test_run_column():
-    X, y = changing_runs(300, 2)
-    named = recursive(memory_horizon=30, inputs=["e"]).fit(X, y)
-    frame = X.reset_index("run").reset_index(drop=True)
-    column = recursive(memory_horizon=30, inputs=["e"], run="run", dt=DT).fit(frame, y.to_numpy())
-    np.testing.assert_array_equal(column.coef_path_, named.coef_path_)
-    np.testing.assert_array_equal(column.predict(frame), named.predict(X))
 
 
 # The grid that marks leave
@@ -211,17 +144,6 @@ def test_decimated_rows():
     by_hand.fit(pd.DataFrame({"e": thin[0]}, index=slow), pd.Series(thin[1], index=slow))
     np.testing.assert_allclose(model.coef_path_, by_hand.coef_path_, rtol=0, atol=1e-6)
     assert model.predict(marked).shape == (4000,)
-
-
-def test_in_a_pipeline_under_cross_validation():
-    X, y = changing_runs(600, 3, noise=0.3)
-    pipe = make_pipeline(DelayShift(0.03), RecursiveARX(2, 2, memory_horizon=30, init_window=2.0))
-    constant = make_pipeline(DelayShift(0.03), ARXRegressor(2, 2))
-    options = {"cv": LeaveOneGroupOut(), "groups": run_labels(X)}
-    scores = cross_val_score(pipe, X, y, **options)
-    assert (scores > cross_val_score(constant, X, y, **options) + 3).all()
-    direct = RecursiveARX(2, 2, 3, memory_horizon=30, init_window=2.0)
-    np.testing.assert_allclose(scores, cross_val_score(direct, X, y, **options), atol=0.5)
 
 
 def test_rows_of_a_marked_run_in_are_not_learnt_from():

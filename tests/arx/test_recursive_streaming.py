@@ -4,19 +4,15 @@ import pickle
 from copy import deepcopy
 from itertools import pairwise
 
-import joblib
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
-from support import naive
-from support.recursion_twin import P0, THETA0, P, changing_runs, instants_of, recursive
+from support.recursion_twin import THETA0, changing_runs, recursive
 from support.synthetic import DT, arx_runs
 
-from skhoid import Decimator, RecursiveARX, ShortRunError
+from skhoid import RecursiveARX
 
 N = 300
 X, Y = changing_runs(N)
@@ -67,15 +63,6 @@ def test_any_cut_of_arrays(params, cuts):
     assert_same_bits(stream(recursive(**params), *ARRAYS, cuts), whole)
 
 
-@each_forgetting
-@settings(max_examples=6, deadline=None)
-@given(cuts=cut_places)
-def test_any_cut_of_tables(params, cuts):
-    whole = recursive(**params).fit(X, Y)
-    # A block of one row does not tell the sampling time.
-    assert_same_bits(stream(recursive(**params, dt=DT), X, Y, cuts), whole)
-
-
 @pytest.mark.slow
 @each_forgetting
 def test_one_row_at_a_time(params):
@@ -94,42 +81,6 @@ def test_pickled_in_between(params, cuts):
 
     whole = recursive(**params).fit(*ARRAYS)
     assert_same_bits(stream(recursive(**params), *ARRAYS, cuts, again), whole)
-
-
-def test_kinds_of_blocks_can_be_mixed():
-    """The fast path for float64 rows, and everything that goes round it, give the same bits."""
-    inputs, output = ARRAYS
-    whole = recursive(forgetting=0.97).fit(inputs, output)
-    model = recursive(forgetting=0.97)
-    model.partial_fit(inputs[:50], output[:50])
-    model.partial_fit(inputs[50:60].tolist(), output[50:60].tolist())
-    model.partial_fit(np.asfortranarray(inputs[60:61]), output[60:61])
-    locked = inputs[61:62].copy()
-    locked.setflags(write=False)
-    model.partial_fit(locked, output[61:62])
-    model.partial_fit(inputs[62:63].astype(object), output[62:63])
-    model.partial_fit(inputs[63:64].astype(">f8"), output[63:64].astype(">f8"))
-    padded = np.column_stack([inputs, inputs])
-    model.partial_fit(padded[64:150, :1], output[64:150])  # not contiguous
-    model.partial_fit(inputs[150:], pd.Series(output[150:]))
-    assert_same_bits(model, whole)
-
-
-def test_float32_rows_are_the_float64_rows_of_the_same_value():
-    inputs, output = (a.astype(np.float32) for a in ARRAYS)
-    whole = recursive(forgetting=0.97).fit(inputs.astype(float), output.astype(float))
-    assert_same_bits(stream(recursive(forgetting=0.97), inputs, output, [100, 101]), whole)
-
-
-@settings(max_examples=15, deadline=None)
-@given(cuts=cut_places, seed=st.integers(0, 2**16))
-def test_missing_values_anywhere(cuts, seed):
-    rng = np.random.default_rng(seed)
-    inputs, output = ARRAYS[0].copy(), ARRAYS[1].copy()
-    inputs[rng.random(N) < 0.05] = np.nan
-    output[rng.random(N) < 0.1] = np.nan
-    whole = recursive(forgetting=0.97).fit(inputs, output)
-    assert_same_bits(stream(recursive(forgetting=0.97), inputs, output, cuts), whole)
 
 
 @pytest.mark.parametrize(
@@ -167,53 +118,11 @@ def test_buffers_until_the_initial_window_is_full(start, cuts):
     assert_same_bits(model, given_start)
 
 
-def test_nothing_is_fitted_before_the_window_is_full():
-    model = recursive(init="ols", p0=None, init_window=1.0, dt=DT)
-    for row in range(99):
-        model.partial_fit(ARRAYS[0][row : row + 1], ARRAYS[1][row : row + 1])
-    with pytest.raises(NotFittedError):
-        model.predict(ARRAYS[0])
-    model.partial_fit(ARRAYS[0][99:110], ARRAYS[1][99:110])
-    assert model.predict(ARRAYS[0]).shape == (N,)
-
-
-def test_later_blocks_do_not_change_the_start():
-    """The stream is causal, and its start that of its first window."""
-    params = {"init": "ols", "p0": None, "init_window": 1.0, "dt": DT, "forgetting": 0.97}
-    one = stream(recursive(**params), *ARRAYS, [150])
-    other = recursive(**params).partial_fit(ARRAYS[0][:150], ARRAYS[1][:150])
-    np.testing.assert_array_equal(one.initial_coef_, other.initial_coef_)
-    np.testing.assert_array_equal(one.initial_covariance_, other.initial_covariance_)
-
-
 # Runs and gaps
 
 
 RUNS_X, RUNS_Y = arx_runs(lengths=[120, 90, 100], seed=5)
 BORDERS = [120, 210]
-
-
-def sequential_instants():
-    """Instants of the runs one after another."""
-    found = []
-    for run in (1, 2, 3):
-        found += instants_of(RUNS_X.loc[[run]], RUNS_Y.loc[[run]])
-    return found
-
-
-@pytest.fixture(scope="module")
-def sequential():
-    path, *_ = naive.recursive_least_squares(sequential_instants(), 0.97, THETA0, P0)
-    return path[-1].astype(float)
-
-
-@settings(max_examples=15, deadline=None)
-@given(cuts=st.lists(st.integers(1, 309), unique=True, max_size=6).map(sorted))
-def test_runs_one_after_another(cuts, sequential):
-    model = stream(recursive(forgetting=0.97, dt=DT), RUNS_X, RUNS_Y, cuts)
-    np.testing.assert_allclose(model.coef_, sequential, rtol=1e-10)
-    whole = recursive(forgetting=0.97, dt=DT).partial_fit(RUNS_X, RUNS_Y)
-    assert_same_bits(model, whole)
 
 
 def test_new_run_said_by_the_caller():
@@ -232,24 +141,6 @@ def test_new_run_said_by_the_caller():
     unsaid = stream(recursive(forgetting=0.97, inputs=[0], dt=DT), inputs, output, BORDERS)
     assert unsaid.n_updates_ == by_index.n_updates_ + 2 * 4
     assert (unsaid.coef_ != by_index.coef_).any()
-
-
-def test_the_same_label_again_is_a_new_run_only_if_said():
-    model = recursive(forgetting=0.97, dt=DT).partial_fit(X[:100], Y[:100])
-    model.partial_fit(X[:100], Y[:100], new_run=True)
-    assert model.n_updates_ == 2 * 96
-    twin = 2 * instants_of(X[:100], Y[:100])
-    path, *_ = naive.recursive_least_squares(twin, 0.97, THETA0, P0)
-    np.testing.assert_allclose(model.coef_, path[-1].astype(float), rtol=1e-10)
-
-
-def test_run_column():
-    frame = RUNS_X.reset_index("run").reset_index(drop=True)
-    by_index = recursive(forgetting=0.97, inputs=["e"]).partial_fit(RUNS_X, RUNS_Y)
-    for cuts in ([], [50, 120, 121, 215]):
-        model = recursive(forgetting=0.97, inputs=["e"], run="run", dt=DT)
-        stream(model, frame, RUNS_Y.to_numpy(), cuts)
-        assert_same_bits(model, by_index)
 
 
 @pytest.mark.slow
@@ -284,11 +175,6 @@ def test_a_stream_keeps_no_path():
     np.testing.assert_array_equal(streamed.predict_ahead(X, Y), last.predict_ahead(X, Y))
 
 
-def test_fit_forgets_what_was_streamed():
-    model = recursive(forgetting=0.97, dt=DT).partial_fit(X, Y).fit(X, Y)
-    assert_same_bits(model, recursive(forgetting=0.97).fit(X, Y))
-
-
 def test_partial_fit_after_fit_goes_on():
     """From theta and P of the fit; a new run clears the lags."""
     model = recursive(forgetting=0.97, dt=DT).fit(X[:200], Y[:200])
@@ -296,14 +182,6 @@ def test_partial_fit_after_fit_goes_on():
     twice = recursive(forgetting=0.97, dt=DT).partial_fit(X[:200], Y[:200])
     twice.partial_fit(X[:200], Y[:200], new_run=True)
     np.testing.assert_array_equal(model.coef_, twice.coef_)
-
-
-def test_partial_fit_after_fit_of_one_run_knows_its_lags():
-    whole = recursive(forgetting=0.97).fit(X, Y)
-    model = recursive(forgetting=0.97, dt=DT).fit(X[:200], Y[:200])
-    assert_same_bits(model.partial_fit(X[200:], Y[200:]), whole)
-    bare = recursive(forgetting=0.97, dt=DT).fit(ARRAYS[0][:200], ARRAYS[1][:200])
-    assert_same_bits(stream(bare, ARRAYS[0][200:], ARRAYS[1][200:], [1, 50]), whole)
 
 
 def test_partial_fit_after_fit_of_pooled_runs_begins_a_new_run():
@@ -344,96 +222,7 @@ def test_resets_follow_the_time_of_the_run():
 # scikit-learn's contracts
 
 
-@pytest.mark.parametrize("way", ["fit", "partial_fit"])
-def test_clone_pickle_and_joblib(way, tmp_path):
-    model = getattr(recursive(forgetting=0.97, dt=DT), way)(X, Y)
-    fresh = clone(model)
-    assert fresh.get_params().keys() == model.get_params().keys()
-    assert fresh.get_params()["forgetting"] == 0.97
-    assert not hasattr(fresh, "coef_")
-    joblib.dump(model, tmp_path / "model.joblib")
-    for copy in (pickle.loads(pickle.dumps(model)), joblib.load(tmp_path / "model.joblib")):
-        assert_same_bits(copy, model)
-        np.testing.assert_array_equal(copy.predict(X), model.predict(X))
-        more_x, more_y = X.iloc[:50], Y.iloc[:50]
-        copy.partial_fit(more_x, more_y, new_run=True)
-        continued = pickle.loads(pickle.dumps(model)).partial_fit(more_x, more_y, new_run=True)
-        assert_same_bits(copy, continued)
-
-
-def test_parameters_are_stored_as_given():
-    given_params = {
-        "na": 3, "nb": [1, 2], "nk": (0, 4), "inputs": ["e", "x"], "fit_intercept": True,
-        "forgetting": None, "memory_horizon": [np.inf] * 3 + [64] * 4, "memory_time": None,
-        "forgetting_form": "diagonal", "init": "zeros", "init_window": 5.0, "p0": 3.0,
-        "reset_times": [1.0], "combine": "average_estimates", "parameters": "last",
-        "smooth": True, "store_covariance": True, "roles": {"a": "e"}, "dt": 0.5, "run": "r",
-    }  # fmt: skip
-    model = RecursiveARX(**given_params)
-    found = model.get_params()
-    assert all(found[name] is value for name, value in given_params.items())
-    assert clone(model).get_params().keys() == found.keys()
-    default = RecursiveARX()
-    assert (default.na, default.nb, default.nk) == (2, 2, 0)
-    assert default.init_window == 30.72
-
-
-def test_feature_names():
-    runs_x, runs_y = arx_runs(1, N)
-    for way in ("fit", "partial_fit"):
-        model = getattr(recursive(forgetting=0.97, dt=DT), way)(runs_x, runs_y)
-        assert list(model.feature_names_in_) == ["e", "x"]
-        assert model.n_features_in_ == 2
-        assert model.inputs_ == ["e"]
-        assert model.parameter_names_ == ["a1", "a2", "b0", "b1"]
-    with pytest.raises(ValueError, match="feature names"):
-        model.partial_fit(runs_x[["x", "e"]], runs_y, new_run=True)
-
-
-def test_fitting_returns_self_and_leaves_the_data_alone():
-    inputs, output = ARRAYS[0].copy(), ARRAYS[1].copy()
-    model = recursive(forgetting=0.97)
-    assert model.fit(inputs, output) is model
-    assert model.partial_fit(inputs, output, new_run=True) is model
-    np.testing.assert_array_equal(inputs, ARRAYS[0])
-    np.testing.assert_array_equal(output, ARRAYS[1])
-    assert model.coef_.shape == (P,)
-    # What a caller keeps of it does not change under his hands.
-    kept, before = model.coef_, model.coef_.copy()
-    model.partial_fit(inputs, output, new_run=True)
-    np.testing.assert_array_equal(kept, before)
-    inputs[:], output[:] = 1e9, -1e9  # a caller may use his buffer again
-    reused = recursive(forgetting=0.97)
-    block = np.empty((1, 1))
-    for row in range(N):
-        block[0, 0] = ARRAYS[0][row, 0]
-        reused.partial_fit(block, ARRAYS[1][row : row + 1])
-    assert_same_bits(reused, recursive(forgetting=0.97).fit(*ARRAYS))
-
-
 # What is refused leaves nothing behind
-
-
-def test_a_refused_beginning_can_be_repeated():
-    e, u = ARRAYS
-    model = RecursiveARX(nk=3, init=[1, 2], p0=1, dt=0.01)
-    with pytest.raises(ValueError, match="init"):
-        model.partial_fit(e[:100], u[:100])
-    model.set_params(init=np.zeros(4)).partial_fit(e[:100], u[:100])
-    assert model.n_updates_ == 96
-
-
-def test_a_function_that_fails_later_takes_no_row():
-    e, u = ARRAYS
-    too_large = {"forgetting": lambda t: 0.9 + 0.2 * (t > 1)}
-    model = RecursiveARX(nk=3, init="zeros", p0=1, dt=0.01, **too_large)
-    model.partial_fit(e[:90], u[:90])
-    before = model.coef_
-    with pytest.raises(ValueError, match="at most 1"):
-        model.partial_fit(e[90:150], u[90:150])
-    np.testing.assert_array_equal(model.coef_, before)
-    model.partial_fit(e[90:100], u[90:100])
-    assert model.n_updates_ == 96
 
 
 def test_orders_cannot_change_in_a_stream():
@@ -478,18 +267,6 @@ def test_what_fit_chose_goes_on_until_another_forgetting_is_set():
         ).partial_fit(e, u)
 
 
-def test_a_stream_after_a_decimated_fit_is_refused():
-    X, y = arx_runs(n_runs=1, n_rows=400)
-    decimator = Decimator(2).fit(X)
-    model = RecursiveARX(init="zeros", p0=1).fit(decimator.transform(X), y)
-    with pytest.raises(ValueError, match="Decimator"):
-        model.partial_fit(X[:50], y[:50])
-    first = RecursiveARX(init="zeros", p0=1)
-    with pytest.raises(ValueError, match="decimated"):
-        first.partial_fit(decimator.transform(X), y)
-    assert first.partial_fit(X, y).n_updates_ == 398
-
-
 @pytest.mark.parametrize("params", [{"smooth": True}, {"forgetting": "auto"}])
 def test_what_needs_whole_runs_streams_after_fit(params):
     e, u = ARRAYS
@@ -510,10 +287,3 @@ def test_predictions_before_the_window_is_full_say_so():
         model.predict(e)
     for name in ("coef_", "covariance_", "n_updates_", "n_held_", "noise_variance_"):
         assert not hasattr(model, name)
-
-
-def test_a_window_without_enough_usable_rows_is_refused_as_by_fit():
-    e, u = ARRAYS[0], np.where(np.arange(N) % 2, ARRAYS[1], np.nan)
-    for learn in (RecursiveARX.fit, RecursiveARX.partial_fit):
-        with pytest.raises(ShortRunError, match="first 1 s hold 0 usable rows for 4 parameters"):
-            learn(RecursiveARX(nk=3, dt=0.01, init_window=1.0), e, u)

@@ -233,8 +233,6 @@ def test_two_responses_from_interleaved_lines():
     assert found["x"].coherence is None
 
 
-
-
 def test_stated_deviations_of_two_responses():
     """40 runs: the spread over runs has a relative standard deviation of 8 %, and the stated one
     comes from six bins beside each line, where the remnant does not drown the estimate."""
@@ -326,8 +324,6 @@ def test_ensemble_statistics_by_hand():
     assert alone.covariance is None
     assert alone.magnitude_sd is None
     assert alone.complex_phase_sd is None
-
-
 
 
 # Spectra

@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer, MinMaxScaler, StandardScaler
-from support import closed_loop as cl
 from support import naive
 from support.synthetic import DT, arx_runs, kept_rows, run_time, signals, stretches_of
 
@@ -13,7 +12,6 @@ from skhoid import (
     ARXRegressor,
     Decimator,
     DelayShift,
-    RunIndexError,
     RunInTrimmer,
 )
 
@@ -31,31 +29,6 @@ def test_filters_against_their_twins(method, lengths, factor):
             np.testing.assert_allclose(out[column].to_numpy()[begin:end], expected, atol=1e-12)
     number = np.rint(X.index.get_level_values("time").to_numpy() / DT)
     np.testing.assert_array_equal(kept_rows(out), number % factor == 0)
-
-
-@pytest.mark.parametrize("factor", [2, 3, 7])
-@pytest.mark.parametrize("n_rows", [1, 2, 40, 1000, 1001])
-def test_odd_padding_against_its_twin(n_rows, factor):
-    """The ideal filter, of the run reflected about its end points by 50 rows of the new grid."""
-    X = signals([n_rows], n_columns=1)
-    e = X["e"].to_numpy()
-    margin = min(n_rows - 1, 50 * factor)
-    before = [2 * e[0] - e[i] for i in range(margin, 0, -1)]
-    after = [2 * e[-1] - e[n_rows - 1 - i] for i in range(1, margin + 1)]
-    expected = naive.brick_wall(np.array([*before, *e, *after]), factor)[margin : margin + n_rows]
-    found = Decimator(factor, padding="odd", dt=DT).fit_transform(X)["e"]
-    np.testing.assert_allclose(found, expected, atol=1e-11)
-
-
-def test_odd_padding_does_not_ring_on_a_ramp():
-    X = signals([400], n_columns=1)
-    X["e"] = np.linspace(0.0, 10.0, 400)
-    error = {
-        padding: np.abs(Decimator(4, padding=padding).fit_transform(X)["e"] - X["e"]).max()
-        for padding in ("periodic", "odd")
-    }
-    assert error["odd"] < 0.2
-    assert error["periodic"] > 3
 
 
 def test_filters_cross_no_run_and_no_gap_and_no_end_of_the_run_in():
@@ -162,48 +135,3 @@ def test_a_band_limited_signal_comes_back(factor, share):
     inside = slice(30 * factor, -30 * factor)
     assert np.abs(back - signal)[inside].max() < 4e-3
     assert np.abs(back - signal)[::factor].max() < 1e-3  # kept rows are nearly unchanged
-
-
-@pytest.mark.parametrize("factor", [2, 4, 8])
-def test_the_target_of_the_thesis_comes_back(factor):
-    signal = cl.target(8192)
-    back = through(signal, factor)
-    power = np.mean(signal**2)
-    # The rows after the last kept one are extrapolated, by less than a step of the new grid.
-    assert np.mean((back - signal)[: -10 * factor] ** 2) / power < 1e-5
-    assert np.mean((back - signal) ** 2) / power < 1e-4
-
-
-def test_linear_interpolation_would_be_worse():
-    n, factor = 4096, 8
-    t = np.arange(n)
-    signal = np.sin(2 * np.pi * 64 * t / n)  # a quarter of the new Nyquist frequency
-    linear = np.interp(t, t[::factor], signal[::factor])
-    inside = slice(300, -300)
-    band_limited = through(signal, factor)
-    assert np.abs(linear - signal)[inside].max() > 20 * np.abs(band_limited - signal)[inside].max()
-
-
-@pytest.mark.parametrize("factor", [2, 3, 4, 5])
-def test_a_block_mean_belongs_to_the_middle_of_its_block(factor):
-    """A mean over d rows lies (d - 1)/2 rows after the first: a ramp comes back where it was."""
-    n = 2000
-    slow = np.sin(2 * np.pi * 5 * np.arange(n) / n)
-    back = through(slow, factor, method="aggregate")
-    inside = slice(100, -100)
-    assert np.abs(back - slow)[inside].max() < 3e-3
-    half_a_row_off = np.sin(2 * np.pi * 5 * (np.arange(n) + 0.5) / n)
-    assert np.abs(half_a_row_off - slow).max() > 5e-3
-
-
-def test_short_runs_and_rows_without_kept_ones():
-    X, y = arx_runs(seed=3, smooth=1)
-    pipe = make_pipeline(Decimator(4), ARXRegressor(1, 1, 1)).fit(X, y)
-    for rows in (slice(0, 1), slice(1, 4), slice(0, 5), slice(117, 120)):
-        assert np.isfinite(pipe.predict(X.iloc[rows])).all()
-
-
-def test_decimating_twice_is_refused():
-    X = signals([50])
-    with pytest.raises(RunIndexError, match="factor=6"):
-        make_pipeline(Decimator(2), Decimator(3)).fit(X)

@@ -3,16 +3,13 @@
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.pipeline import make_pipeline
-from support.synthetic import NK, A, B, arx_runs, with_levels
+from support.synthetic import arx_runs, with_levels
 
 from skhoid import (
     ARXRegressor,
     Decimator,
-    DelayShift,
     RecursiveARX,
     RunIndexError,
-    RunInTrimmer,
     ensemble_average,
     make_tracking_runs,
     operator_parameters,
@@ -46,17 +43,6 @@ def test_common_instants_missing_values_and_outer_levels():
         y_two.xs("B", level="subject").droplevel("run"), y.loc[3], check_names=False
     )
     assert len(y_two) == 80 + 90
-
-
-def test_remnant_falls():
-    X, y, truth = make_tracking_runs(
-        "C1", 16, remnant_intensity=0.2, random_state=0, return_truth=True
-    )
-    linear = pd.Series(truth.u_without_remnant.to_numpy().ravel(), index=y.index)
-    _, y_mean = ensemble_average(X, y)
-    _, linear_mean = ensemble_average(X, linear)
-    ratio = (y_mean - linear_mean).var() / (y - linear).var()
-    assert ratio == pytest.approx(1 / 16, rel=0.5)
 
 
 def test_errors_of_the_average():
@@ -97,36 +83,3 @@ def test_references_are_batch_models_of_the_windows(adapting):
         operator = operator_parameters(model).iloc[0]
         assert row["K_edot"] == pytest.approx(operator["K_edot"])
         assert row["sd_omega_nm"] == pytest.approx(operator["sd_omega_nm"])
-
-
-def test_references_of_pipelines(adapting):
-    X, y = adapting
-    steps = (RunInTrimmer(10.0), Decimator(2), DelayShift(0.29))
-    pipe = make_pipeline(*steps, RecursiveARX(memory_time=2.56))
-    found = reference_fits(X, y, estimator=pipe, length=20.0)
-    assert found.loc["ini", ["start", "stop"]].tolist() == pytest.approx([10.0, 30.0])
-    fitted = reference_fits(X, y, estimator=pipe.fit(X, y), length=20.0)
-    pd.testing.assert_frame_equal(found, fitted)
-    np.testing.assert_allclose(found["tau_e"], 0.28)
-
-
-def test_references_of_arrays_and_other_orders():
-    X, y = arx_runs(n_runs=1, n_rows=4000, noise=0.01)
-    estimator = ARXRegressor(2, 2, NK, dt=0.01)
-    found = reference_fits(X[["e"]].to_numpy(), y.to_numpy(), estimator=estimator, length=15)
-    np.testing.assert_allclose(found.loc["fin", ["a1", "a2", "b0", "b1"]], [*A, *B], rtol=0.01)
-    three = reference_fits(X, y, estimator=RecursiveARX(3, 2, NK), length=15)
-    assert "K_e" not in three
-    assert list(reference_fits(X, y, ["ini"]).columns[:4]) == ["start", "stop", "a1", "sd_a1"]
-
-
-def test_errors_of_references(adapting):
-    X, y = adapting
-    with pytest.raises(ValueError, match="'ini', 'fin' or"):
-        reference_fits(X, y, ["middle"])
-    with pytest.raises(TypeError, match="ARX model"):
-        reference_fits(X, y, estimator=Decimator())
-    with pytest.raises(ValueError, match=r"500-600.*nothing was measured"):
-        reference_fits(X, y, (500, 600), estimator=RecursiveARX(nk=29))
-    with pytest.raises(ValueError, match="length=100 s is longer"):
-        reference_fits(X, y, "fin", estimator=RecursiveARX(nk=29), length=100)

@@ -52,7 +52,3 @@ def test_gaps_hold_the_last_value(share, dtype, order):
         counting = set() if gaps is None else set(gaps.rows[gaps.counts].tolist())
         assert counting == missing_rows(values[:, column], STRETCHES)
     np.testing.assert_array_equal(values, before)
-
-
-def test_nothing_is_read_of_an_empty_grid():
-    assert HeldInputs(np.zeros((0, 2)), [0, 1], [])[:].shape == (0, 2)

@@ -9,8 +9,6 @@ from support import naive
 from support.synthetic import DT, arx_runs, signals
 
 from skhoid import ARXRegressor, Decimator, OrderSearchCV, RunInTrimmer
-from skhoid.preprocessing.transformers import run_in_rows
-from skhoid.runs import read_layout
 
 
 @settings(max_examples=40, deadline=None)
@@ -56,28 +54,6 @@ def test_one_step_predictions_use_the_real_past_of_the_window():
     e = X[["e"]].to_numpy()
     twin = naive.predict_ahead(y.to_numpy(), e, [(0, 120)], model.a_, [model.b_], (3,), horizon=2)
     np.testing.assert_allclose(ahead, twin, rtol=1e-10, atol=1e-12)
-
-
-@pytest.mark.parametrize("samples", [7, 14, 28, 29, 57, 58])
-def test_a_run_in_of_whole_samples_is_that_many(samples):
-    """0.07 / 0.01 is 7.000000000000001 and 0.29 / 0.01 is 28.999999999999996."""
-    X = signals([100])
-    for step in (RunInTrimmer(samples / 100), RunInTrimmer(measurement_time=1 - samples / 100)):
-        marked = step.fit_transform(X).index.get_level_values("run-in").to_numpy(dtype=bool)
-        np.testing.assert_array_equal(marked, np.arange(100) < samples)
-
-
-def test_a_window_shorter_than_a_sample():
-    with pytest.raises(ValueError, match="measurement_time"):
-        RunInTrimmer(measurement_time=0.001).fit_transform(signals([50]))
-
-
-@pytest.mark.parametrize("name", ["run_in", "measurement_time"])
-@pytest.mark.parametrize("seconds", [-1, np.nan, np.inf])
-def test_a_time_that_is_none_is_refused(name, seconds):
-    layout = read_layout(signals([50]), dt=DT)
-    with pytest.raises(ValueError, match=f"{name} must be a time in seconds, 0 or more; got"):
-        run_in_rows(layout, **{name: seconds})
 
 
 def test_order_search_trims_before_it_decimates():

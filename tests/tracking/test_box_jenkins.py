@@ -1,20 +1,16 @@
 """RecursiveBoxJenkins: exact where it is linear, unbiased where least squares is not."""
 
 import numpy as np
-import pandas as pd
 import pytest
-from sklearn.base import clone
 from support.synthetic import NK, arx_runs
 
 from skhoid import (
-    MissingDataWarning,
     RecursiveARX,
     RecursiveBoxJenkins,
-    ShortRunError,
     make_tracking_runs,
     operator_parameters,
 )
-from skhoid.tracking.whitened import SETTLE, START_WORTH, foreseen
+from skhoid.tracking.whitened import SETTLE, START_WORTH
 
 pytestmark = pytest.mark.slow  # compiles for many seconds
 
@@ -89,31 +85,12 @@ def test_intervals(loop):
     np.testing.assert_allclose(model.covariance_path_[-1], model.covariance_)
 
 
-def test_units_scale_the_coefficients(loop):
-    X, y = loop
-    one = RecursiveBoxJenkins(nk=29, memory_time=5.0).fit(X, y)
-    other = RecursiveBoxJenkins(nk=29, memory_time=5.0).fit(X * 1e3, y * 1e-2)
-    scale = np.array([1, 1, 1e-5, 1e-5])
-    np.testing.assert_allclose(other.coef_path_, one.coef_path_ * scale, rtol=1e-4)
-
-
 def test_one_memory_per_parameter(loop):
     X, y = loop
     slow = RecursiveBoxJenkins(nk=29, memory_time=[20.0, 20.0, 5.0, 5.0]).fit(X, y)
     fast = RecursiveBoxJenkins(nk=29, memory_time=5.0).fit(X, y)
     a_slow, a_fast = (m.coef_path_[4000:, 0].std() for m in (slow, fast))
     assert a_slow < 0.7 * a_fast
-
-
-def test_it_does_not_diverge_with_a_short_memory():
-    X, y = make_tracking_runs(
-        "C4", n_runs=6, remnant_intensity=0.25, remnant_order=4, random_state=9, run_in=20.0
-    )
-    for run in range(6):
-        model = RecursiveBoxJenkins(nk=29, memory_time=2.56).fit(X.loc[[run]], y.loc[[run]])
-        assert np.abs(model.coef_path_).max() < 10
-        poles = [np.abs(np.roots(np.r_[1, a])).max() for a in model.coef_path_[::200, :2]]
-        assert max(poles) < 1
 
 
 def test_given_start_and_late_options(loop):
@@ -132,25 +109,6 @@ def test_predictions_ahead_use_the_noise(loop):
     assert one < ten < free
 
 
-@pytest.mark.parametrize("horizon", [1, 2, 5])
-def test_forecasts_of_noise(horizon):
-    v, d = np.random.default_rng(0).standard_normal(40), np.array([-1.2, 0.5, 0.1])
-    for t in range(horizon + 3, 40):
-        known = v[: t - horizon + 1].tolist()
-        for _ in range(horizon):
-            known.append(-(d @ np.array(known[-1:-4:-1])))
-        assert foreseen(v, np.tile(d, (40, 1)), horizon)[t] == pytest.approx(known[-1], abs=1e-12)
-
-
-def test_missing_rows_are_told(loop):
-    X, y = loop[0].copy(), loop[1].copy()
-    y.iloc[100:110] = np.nan
-    with pytest.warns(MissingDataWarning, match="10 rows"):
-        model = RecursiveBoxJenkins(nk=29).fit(X, y)
-    assert model.n_rows_missing_ == 10
-    assert np.isnan(model.one_step_errors_[100:110]).all()
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -167,17 +125,3 @@ def test_missing_rows_are_told(loop):
 def test_errors(loop, options, message):
     with pytest.raises(ValueError, match=message):
         RecursiveBoxJenkins(**{"nk": 29, **options}).fit(*loop)
-
-
-def test_short_runs(loop):
-    X, y = loop
-    with pytest.raises(ShortRunError, match="Use longer runs, a longer init_window"):
-        RecursiveBoxJenkins(nk=29).fit(X.iloc[:260], y.iloc[:260])
-
-
-def test_it_is_cloned_and_set(loop):
-    model = clone(RecursiveBoxJenkins(nk=29)).set_params(memory_time=5.0)
-    assert model.get_params()["memory_time"] == 5.0
-    table = model.fit(*loop).parameters_
-    assert isinstance(table, pd.DataFrame)
-    assert (table["sd"] > 0).all()

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
-from support.whitened_runs import DT, NK, THETA, whitened_runs
+from support.whitened_runs import DT, NK, THETA
 
 from skhoid import RecursiveBoxJenkins, make_tracking_runs, operator_parameters
 
@@ -48,31 +48,6 @@ def test_it_ends_at_output_error_least_squares():
     np.testing.assert_allclose(np.mean(spread, axis=0), 1.0, atol=0.05)
 
 
-def test_the_distance_to_least_squares_vanishes():
-    """Four times the rows: the distance in units of the standard deviation halves."""
-    distances = []
-    for n in (3000, 12_000):
-        off = []
-        for seed in range(20, 36):
-            e, u = output_error_run(n, seed)
-            theta, covariance = output_error_estimate(e, u)
-            found = RecursiveBoxJenkins(**SMALL).fit(e[:, None], u).coef_
-            off.append((found - theta) / np.sqrt(np.diag(covariance)))
-        distances.append(np.sqrt(np.mean(np.square(off))))
-    assert distances[1] < 0.75 * distances[0]
-
-
-def test_no_row_counts_twice():
-    """na = 0, λ = 1 is linear regression, whose standard errors are known."""
-    rng = np.random.default_rng(0)
-    e = rng.standard_normal(1000)
-    u = 0.5 * e + rng.standard_normal(1000)
-    found = RecursiveBoxJenkins(0, 1, 0, noise_order=0, init_window=1000 * DT, dt=DT)
-    found.fit(e[:, None], u)
-    expected = np.sqrt(np.mean((u - 0.5 * e) ** 2) / (e @ e))
-    assert found.standard_errors_[0] == pytest.approx(expected, rel=0.1)
-
-
 def test_intervals_of_short_runs_cover():
     """Three runs of 35 s, λ = 1, white noise: measured 82 to 85 % of 95 % intervals."""
     covered = []
@@ -84,33 +59,6 @@ def test_intervals_of_short_runs_cover():
         found = RecursiveBoxJenkins(nk=NK, noise_order=0).fit(X, u)
         covered.append(np.abs(found.coef_ - THETA) < 1.96 * found.standard_errors_)
     assert np.mean(covered) > 0.91
-
-
-@pytest.mark.parametrize("zeros", [(), (2, 3)], ids=["all", "B"])
-def test_a_start_at_zero_is_left(zeros):
-    """RecursiveARX begins with init="zeros"; here such a theta0 is kept for ever, silently."""
-    X, y = whitened_runs(1, 3000)
-    start = THETA.copy() if zeros else np.zeros(4)
-    start[list(zeros)] = 0.0
-    options = {**SMALL, "inputs": ["e"], "dt": None, "noise_order": 2}
-    found = RecursiveBoxJenkins(**options, init=start).fit(X, y)
-    assert found.n_updates_ > 2900
-    assert np.abs(found.coef_ - start).max() > 1e-6
-
-
-def test_a_far_start_is_left():
-    X, y = whitened_runs(1, 6000)
-    options = {**SMALL, "inputs": ["e"], "dt": None, "noise_order": 2, "memory_time": 10.0}
-    found = RecursiveBoxJenkins(**options, init=[0.0, 0.0, 0.1, 0.1]).fit(X, y)
-    np.testing.assert_allclose(found.coef_, THETA, atol=0.1)
-    assert np.abs(found.coef_path_[0] - [0, 0, 0.1, 0.1]).max() == 0
-
-
-def test_a_start_outside_the_unit_circle_is_brought_inside():
-    X, y = whitened_runs(1, 2000)
-    found = RecursiveBoxJenkins(nk=NK, inputs=["e"], init=[-2.2, 1.3, 0.5, 0.3]).fit(X, y)
-    assert np.abs(np.roots(np.r_[1, found.initial_coef_[:2]])).max() < 1
-    assert np.isfinite(found.coef_path_).all()
 
 
 def test_intervals_of_the_operator_cover():
@@ -158,25 +106,3 @@ def test_nothing_diverges(condition):
                 omega = operator_parameters(model)["omega_nm"].to_numpy()[2000:]
             lost.append(np.mean(~((omega > 3) & (omega < 35))))
     assert np.mean(lost) < 0.03
-
-
-@pytest.mark.xfail(
-    strict=True,
-    reason="with T0 = 2.56 s and P_n = .25 most runs of orders 1 and 2 end in real poles, for good",
-)
-@pytest.mark.parametrize("order", [1, 2])
-def test_a_short_memory_does_not_lose_the_operator(order):
-    """Measured at the end of 25 runs: 76 % lost at order 1, 64 % at 2, 40 % at 3, none at 4."""
-    X, y = make_tracking_runs(
-        "C1", n_runs=25, remnant_intensity=0.25, remnant_order=order, channels=["e", "f_t"],
-        random_state=100 + order,
-    )  # fmt: skip
-    lost = 0
-    for run in range(25):
-        model = RecursiveBoxJenkins(nk=29, inputs=["e"], memory_time=2.56)
-        model.fit(X.loc[[run]], y.loc[[run]])
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
-            omega = operator_parameters(model)["omega_nm"].iloc[-1]
-        lost += not 3 < omega < 35
-    assert lost <= 3

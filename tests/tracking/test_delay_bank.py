@@ -1,20 +1,15 @@
 """DelayBankARX: its recursions are those of RecursiveARX, its probabilities those of a twin."""
 
-import pickle
-import time
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
-from sklearn.model_selection import GridSearchCV, GroupKFold
-from sklearn.pipeline import make_pipeline
 from support import delay_bank_twin as twin
 from support.delay_bank_twin import jumping_run
 from support.synthetic import DT, arx_runs
 
-from skhoid import Decimator, RecursiveARX, ShortRunError, make_tracking_runs
+from skhoid import RecursiveARX, ShortRunError, make_tracking_runs
 from skhoid._kernels import delay_bank as kernels
 from skhoid.effects import TimeVaryingDelay
 from skhoid.tracking.delay_bank import TEMPER, VARIANCE_MEMORY, DelayBankARX
@@ -95,16 +90,6 @@ def test_one_delay_in_a_stream():
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
-def test_a_stream_of_one_delay_begins_from_data_like_the_recursion_with_a_gap():
-    X, y = with_gaps(1)
-    params = {"init_window": 2.6, "dt": DT, "memory_horizon": 100}
-    one = DelayBankARX(5, **params).partial_fit(X[:250], y[:250]).partial_fit(X[250:], y[250:])
-    other = RecursiveARX(nk=5, **params).partial_fit(X[:250], y[:250])
-    other.partial_fit(X[250:], y[250:])
-    np.testing.assert_array_equal(one.initial_coef_, other.initial_coef_)
-    np.testing.assert_array_equal(one.coef_, other.coef_)
-
-
 def test_each_candidate_is_the_recursion_on_the_same_rows():
     X, y = arx_runs(1, 400, nk=5, smooth=2)
     model = bank(store_covariance=True).fit(X[["e"]], y)
@@ -157,24 +142,6 @@ def test_probabilities_are_those_of_the_twin(ahead):
     np.testing.assert_array_equal(model.nk_path_, np.array(DELAYS)[expected.argmax(axis=1)])
 
 
-def test_the_likelihood_is_pooled_over_runs():
-    X, y = arx_runs(2, 250, nk=5, smooth=2, noise=0.5)
-    X = X[["e"]]
-    row = np.tile(np.arange(250), 2)
-    model = bank(stay_time=0.5).fit(X, y)
-    paths = []
-    for nk in DELAYS:  # pooled recursions, begun so late that all have the same first update
-        late = row >= max(DELAYS) - nk
-        path = RecursiveARX(nk=nk, **GIVEN).fit(X[late], y[late]).coef_path_
-        paths.append(np.vstack([np.tile(THETA0, (250 - len(path), 1)), path]))
-    runs = [(X.loc[run, "e"].to_numpy(), y.loc[run].to_numpy()) for run in (1, 2)]
-    expected = twin.probabilities(
-        paths, runs, DELAYS, steps=20, leave=DT / 0.5, power=TEMPER / 20,
-        memory=VARIANCE_MEMORY / DT, settled=kernels.SETTLED,
-    )  # fmt: skip
-    np.testing.assert_allclose(model.probabilities_, expected, rtol=1e-6, atol=1e-12)
-
-
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("leave", [0.02, 0.4])
 def test_viterbi_is_the_best_of_all_paths(seed, leave):
@@ -185,26 +152,6 @@ def test_viterbi_is_the_best_of_all_paths(seed, leave):
     found = kernels.most_probable(fits, leave)
     assert twin.value_of(found, fits, leave) == pytest.approx(value, abs=1e-12)
     np.testing.assert_array_equal(found[1:], path[1:])
-
-
-def test_viterbi_is_as_good_as_dynamic_programming_over_full_matrices():
-    rng = np.random.default_rng(0)
-    fits = -rng.exponential(1.0, (300, 12))
-    found = kernels.most_probable(fits, 0.01)
-    value = twin.path_by_table(fits, 0.01)
-    assert twin.value_of(found, fits, 0.01) == pytest.approx(value, rel=1e-12)
-    assert np.abs(np.diff(found)).max() == 1
-
-
-def test_probabilities_without_measurements_spread():
-    e, u, _ = jumping_run(n_rows=1500)
-    u = u.copy()
-    u[1000:] = np.nan
-    model = DelayBankARX(range(15, 26), memory_horizon=256, init_window=5, dt=DT).fit(e, u)
-    entropy = -np.sum(model.probabilities_ * np.log(model.probabilities_ + 1e-300), axis=1)
-    assert (np.diff(entropy[1010:]) > 0).all()
-    np.testing.assert_allclose(model.probabilities_.sum(axis=1), 1.0)
-    np.testing.assert_array_equal(model.coef_, model.coef_path_[-1])
 
 
 # What it finds
@@ -245,16 +192,6 @@ def test_predictions_follow_delay_and_coefficients():
     np.testing.assert_allclose((u - ahead)[3000:], known, atol=1e-9 * np.abs(u).max())
 
 
-def test_last_parameters_have_the_last_delay():
-    e, u, _ = jumping_run()
-    model = DelayBankARX(
-        [20, 35], memory_horizon=256, init_window=15, dt=DT, ahead=0, parameters="last"
-    ).fit(e, u)
-    assert model.nk_ == 35
-    assert model.orders_.nk == (35,)
-    assert model.score(e[2200:], u[2200:]) > 90
-
-
 @pytest.mark.slow
 def test_in_the_loop_a_change_of_the_delay_is_followed_roughly():
     effect = TimeVaryingDelay(change=0.12, rate=2.0, time=40.0)
@@ -286,26 +223,6 @@ def test_any_cut_of_a_stream_gives_what_fit_gives(begun):
         assert_same(model, whole)
 
 
-def test_one_row_at_a_time_beyond_the_room_of_the_buffer():
-    X, y = arx_runs(1, 900, nk=5, smooth=2)
-    X, y = X[["e"]].to_numpy(), y.to_numpy()
-    model = bank()
-    for t in range(len(y)):
-        model.partial_fit(X[t : t + 1], y[t : t + 1])
-    assert_same(model, bank().fit(X, y))
-
-
-def test_a_stream_goes_on_after_fit_and_after_a_pickle():
-    X, y = with_gaps(1)
-    model = bank().fit(X[:260], y[:260])
-    model.partial_fit(X[260:300], y[260:300])
-    model = pickle.loads(pickle.dumps(model))
-    model.partial_fit(X[300:], y[300:])
-    assert_same(model, bank().fit(X, y))
-    assert not hasattr(model, "delay_path_")
-    assert not hasattr(model, "coef_path_")
-
-
 def test_a_stream_goes_on_after_pooled_runs_but_not_after_forgetting_over_time():
     X, y = arx_runs(3, 200, nk=5)
     X = X[["e"]]
@@ -319,48 +236,12 @@ def test_a_stream_goes_on_after_pooled_runs_but_not_after_forgetting_over_time()
         varying.partial_fit(X[200:], y[200:])
 
 
-def test_a_new_run_clears_the_lags():
-    X, y = arx_runs(2, 200, nk=5)
-    arrays = X[["e"]].to_numpy(), y.to_numpy()
-    table = bank().partial_fit(X[["e"]], y)
-    model = bank().partial_fit(arrays[0][:200], arrays[1][:200])
-    model.partial_fit(arrays[0][200:], arrays[1][200:], new_run=True)
-    assert_same(model, table)
-
-
 def assert_same(one, other):
     for name in ("coef_", "covariance_", "last_probabilities_", "delay_", "delay_sd_", "nk_"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
-@pytest.mark.slow
-def test_twenty_delays_take_less_than_50_us_a_row():
-    e, u, _ = jumping_run()
-    model = DelayBankARX(range(11, 51, 2), **GIVEN).partial_fit(e[:500], u[:500])
-    best = np.inf
-    for first in range(500, 3500, 300):
-        begin = time.process_time()
-        for t in range(first, first + 300):
-            model.partial_fit(e[t : t + 1], u[t : t + 1])
-        best = min(best, (time.process_time() - begin) / 300)
-    assert best < 50e-6
-
-
 # scikit-learn, and errors
-
-
-def test_pipelines_and_searches():
-    X, y = arx_runs(2, 400, nk=6, smooth=2)
-    groups = X.index.get_level_values("run")
-    search = GridSearchCV(
-        bank(init="ols", p0=None, init_window=2.0), {"memory_horizon": [20, 200]}, cv=GroupKFold(2)
-    )
-    assert search.fit(X[["e"]], y, groups=groups).best_estimator_.nk_path_.shape == (400,)
-    thinned = make_pipeline(Decimator(factor=2), bank([2, 3, 4], dt=None))
-    thinned.fit(X[["e"]], y)
-    assert thinned[-1].dt_ == 2 * DT
-    assert thinned[-1].delay_path_.shape == (200,)
-    assert thinned.predict(X[["e"]]).shape == (800,)
 
 
 def test_two_inputs_with_an_intercept_have_one_delay():
@@ -382,23 +263,6 @@ def test_two_inputs_with_an_intercept_have_one_delay():
     for begin, end in pairwise([0, 77, 150, 300]):
         streamed.partial_fit(X[begin:end], y[begin:end])
     assert_same(streamed, model)
-
-
-def test_the_order_of_delays_does_not_matter_and_none_has_those_of_people():
-    X, y = arx_runs(1, 200, nk=5)
-    one, other = bank(DELAYS).fit(X[["e"]], y), bank(DELAYS[::-1]).fit(X[["e"]], y)
-    np.testing.assert_array_equal(one.probabilities_, other.probabilities_)
-    assert clone(other).nk == DELAYS[::-1]
-    default = bank(None).fit(X[["e"]], y)
-    np.testing.assert_array_equal(default.candidates_, np.arange(11, 52, 2))
-
-
-def test_the_summary_tells_of_the_delay():
-    X, y = arx_runs(1, 200, nk=5)
-    text = bank().fit(X[["e"]], y).summary()
-    assert "4 delays, nk = 3 to 12" in text
-    assert "Delay at the end" in text
-    assert "bias" in text
 
 
 @pytest.mark.parametrize(

@@ -14,12 +14,10 @@ from sklearn.exceptions import NotFittedError
 from support.whitened_runs import DT, NK, arrays_of, whitened_runs
 
 from skhoid import (
-    Decimator,
     MissingDataWarning,
     RecursiveBoxJenkins,
     RecursiveIV,
     RunIndexError,
-    RunInTrimmer,
 )
 
 N, WINDOW = 900, 400
@@ -166,33 +164,6 @@ def test_pickled_in_between(name):
 
 
 @each
-def test_kinds_of_blocks_can_be_mixed(name):
-    model = of_arrays(name)
-    model.partial_fit(A[:500], U[:500])
-    model.partial_fit(A[500:520].tolist(), U[500:520].tolist())
-    model.partial_fit(np.asfortranarray(A[520:540]), U[520:540])
-    locked = A[540:541].copy()
-    locked.setflags(write=False)
-    model.partial_fit(locked, U[540:541])
-    model.partial_fit(A[541:560].astype(object), U[541:560])
-    model.partial_fit(A[560:600].astype(">f8"), U[560:600].astype(">f8"))
-    padded = np.column_stack([A, A])
-    model.partial_fit(padded[600:700, :2], U[600:700])
-    model.partial_fit(A[700:], pd.Series(U[700:]))
-    assert_same_bits(model, of_arrays(name).fit(A, U))
-
-
-@each
-def test_rows_that_wait_are_copies(name):
-    model, table, output = of_arrays(name), A[:100].copy(), U[:100].copy()
-    for begin in range(0, N, 100):
-        table[:], output[:] = A[begin : begin + 100], U[begin : begin + 100]
-        model.partial_fit(table, output)
-        table[:], output[:] = 1e9, -1e9
-    assert_same_bits(model, of_arrays(name).fit(A, U))
-
-
-@each
 def test_there_is_no_estimate_before_the_window_is_full(name):
     model = of_arrays(name).partial_fit(A[: WINDOW - 1], U[: WINDOW - 1])
     with pytest.raises(NotFittedError, match=f"collected 399 rows of the {WINDOW}"):
@@ -220,65 +191,10 @@ def test_refused_rows_leave_nothing(name, fitted):
 
 
 @each
-def test_decimated_rows_are_refused(name):
-    thinned = Decimator(2).fit(X).transform(X)
-    with pytest.raises(ValueError, match="cannot take decimated rows"):
-        of_tables(name).partial_fit(thinned, Y)
-
-
-@each
-def test_a_fit_begins_anew(name):
-    model = of_arrays(name).partial_fit(A[::-1].copy(), U)
-    model.fit(A, U)
-    assert_same_bits(model, of_arrays(name).fit(A, U))
-    pending = of_arrays(name).partial_fit(A[:50], U[:50])
-    assert_same_bits(pending.fit(A, U), model)
-    assert np.isfinite(pending.predict(A)).all()
-
-
-@each
-def test_a_clone_has_no_stream(name):
-    model = clone(of_arrays(name).partial_fit(A, U))
-    assert_same_bits(model.partial_fit(A, U), of_arrays(name).fit(A, U))
-
-
-@each
 def test_after_a_fit_of_several_runs_a_stream_begins_anew(name):
     model = of_tables(name, dt=DT).fit(*whitened_runs(2, 600, seed=2))
     model.partial_fit(X, Y)
     assert_same_bits(model, of_tables(name, dt=DT).fit(X, Y))
-
-
-@each
-def test_estimates_at_the_moment_are_used(name):
-    """Predictions, tables and errors of a stream use its latest estimate."""
-    model = of_arrays(name).partial_fit(A, U)
-    np.testing.assert_array_equal(model.parameters_["value"], model.coef_)
-    before = model.predict(A)
-    coef = model.coef_
-    model.partial_fit(A[:50] * 2, U[:50])
-    assert (model.coef_ != coef).any()  # and the array handed out does not change
-    assert (model.predict(A) != before).any()
-
-
-@each
-def test_other_inputs_of_a_later_fit_are_streamed(name):
-    if name == "instruments":
-        swapped = {"inputs": [1], "instruments": [0]}
-    else:
-        swapped = {"inputs": [1]}
-    model = of_arrays(name).partial_fit(A, U)
-    model.set_params(**swapped).fit(A[:600], U[:600]).partial_fit(A[600:], U[600:])
-    assert_same_bits(model, of_arrays(name).set_params(**swapped).fit(A, U))
-
-
-@each
-def test_a_marked_run_in(name):
-    marked = RunInTrimmer(4.0).fit(X).transform(X)
-    whole = of_tables(name, dt=DT).fit(marked, Y)
-    streamed = of_tables(name, dt=DT).partial_fit(marked, Y)
-    for attribute in ("coef_", "noise_ar_", "covariance_", "n_updates_"):
-        np.testing.assert_array_equal(getattr(streamed, attribute), getattr(whole, attribute))
 
 
 @each

@@ -1,26 +1,17 @@
 """LPVARX against least squares written out, the truth behind simulated runs, and other models."""
 
-import pickle
-
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import lfilter
-from sklearn.base import clone
-from sklearn.model_selection import GridSearchCV
-from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import SplineTransformer
 from support.synthetic import DT, NK, arx_runs, run_time, stretches_of
 
 from skhoid import (
     ARXRegressor,
-    Decimator,
-    DelayShift,
     MissingDataWarning,
     RankDeficiencyError,
     ShortRunError,
     Sigmoid,
-    arx_to_operator,
     make_tracking_runs,
     operator_parameters,
 )
@@ -116,21 +107,6 @@ def test_it_is_least_squares_on_stacked_regressors(params, functions, intercept)
     np.testing.assert_allclose(fitted.standard_errors_, sd, rtol=1e-6)
 
 
-def test_several_channels_and_inputs():
-    """A polynomial of two channels; the two other columns are the inputs."""
-    rng = np.random.default_rng(3)
-    Z = X.rename(columns={"e": "p"}).assign(q=rng.standard_normal(len(X)), w=np.cos(V * 4))
-    fitted = LPVARX(1, 1, [NK, 0], scheduling=["v", "w"]).fit(Z, Y)
-    assert (fitted.inputs_, fitted.scheduling_) == (["p", "q"], ["v", "w"])
-    functions = np.stack([V**0, V, np.cos(V * 4)], 1)
-    rows = np.concatenate([np.arange(a + NK, b) for a, b in stretches_of(X)])
-    phi = np.stack([-Y.to_numpy()[rows - 1], Z["p"].to_numpy()[rows - NK], Z["q"].to_numpy()[rows]])
-    table = np.concatenate([phi[i] * functions[rows].T for i in range(3)]).T
-    found = np.linalg.lstsq(table, Y.to_numpy()[rows], rcond=None)[0]
-    np.testing.assert_allclose(fitted.estimates_, found, rtol=1e-10)
-    assert fitted.coef_at([[0.1, 0.2]]).shape == (1, 3)
-
-
 def test_a_constant_basis_is_the_batch_model():
     Xc, Yc = arx_runs(3, 200)
     one = ARXRegressor(nk=NK, fit_intercept=True).fit(Xc, Yc)
@@ -193,37 +169,6 @@ def test_the_truth_behind_simulated_runs(condition, rate):
 # Uncertainty
 
 
-def test_intervals_cover():
-    """95 % of 4 coefficients at 3 values of v in 60 runs, whose share has a sd below 2 %."""
-    at, covered = np.array([-0.4, 0.0, 0.4]), []
-    truth = THETA[0] + np.multiply.outer(at, THETA[1])
-    for seed in range(60):
-        fitted = model().fit(*recording((150,), noise=0.5, seed=seed))
-        theta, covariance = fitted.coef_at(at, return_covariance=True)
-        sd = np.sqrt(np.einsum("tii->ti", covariance))
-        covered.append(np.abs(theta - truth) < 1.96 * sd)
-    assert np.mean(covered) == pytest.approx(0.95, abs=0.04)
-
-
-def test_hac_allows_for_coloured_errors():
-    """The spread of estimates under a coloured error is nearer to the sd of "hac"."""
-    rng = np.random.default_rng(0)
-    found = {"ols": [], "hac": []}
-    estimates = []
-    for _ in range(100):
-        v = np.repeat([0.0, 1.0], 200)
-        e = lfilter([1], [1, -0.7], rng.standard_normal(400))
-        white = lfilter([1], [1, -0.7], rng.standard_normal(400))
-        data = np.stack([e, v], 1), (1 + v) * e + white
-        for kind, sds in found.items():
-            fitted = LPVARX(0, 1, scheduling=[1], inputs=[0], covariance=kind).fit(*data)
-            sds.append(np.sqrt(fitted.estimates_covariance_[0, 0]))
-        estimates.append(fitted.estimates_[0])
-    spread = np.std(estimates)
-    assert np.mean(found["ols"]) < 0.75 * spread
-    assert np.mean(found["hac"]) == pytest.approx(spread, rel=0.3)
-
-
 def test_covariance_of_the_path_is_propagated():
     fitted = LPVARX(nk=NK, basis=STEP).fit(*recording(by="time"))
     assert fitted.coef_path_.shape == (300, 4)
@@ -258,15 +203,6 @@ def test_predictions_follow_the_scheduling_of_the_rows_given():
     np.testing.assert_allclose((Y - ahead).to_numpy()[known], errors[known], atol=1e-9)
 
 
-def test_initial_states_and_score():
-    fitted = model().fit(X, Y)
-    late, measured = X.iloc[50:300], Y.iloc[50:300]
-    from_rest = np.sum((measured - fitted.simulate(late)) ** 2)
-    fitted_start = fitted.simulate(late, measured, initial_state="estimate")
-    assert np.sum((measured - fitted_start) ** 2) < from_rest
-    assert fitted.score(X, Y) > ARXRegressor(nk=NK).fit(X, Y).score(X, Y) + 5
-
-
 def test_nan_in_any_channel_leaves_out_rows():
     Xn, Yn = X.copy(), Y.copy()
     Xn.iloc[50:53, 1] = np.nan  # v: these rows alone
@@ -286,65 +222,7 @@ def test_nan_in_any_channel_leaves_out_rows():
     np.testing.assert_array_equal(held, fitted.predict(X.assign(v=Xn["v"].ffill())))
 
 
-def test_lags_do_not_cross_gaps():
-    kept = np.r_[0:120, 160:300]
-    fitted = model().fit(X.iloc[kept], Y.iloc[kept])
-    functions = np.stack([V**0, V], 1)
-    parts = [stacked(X.iloc[a:b], Y.iloc[a:b], functions[a:b]) for a, b in ((0, 120), (160, 300))]
-    table, u = (np.concatenate(part) for part in zip(*parts, strict=True))
-    np.testing.assert_allclose(
-        fitted.estimates_, np.linalg.lstsq(table, u, rcond=None)[0], rtol=1e-10
-    )
-
-
 # The API
-
-
-def test_operator_parameters_of_a_channel():
-    """The table has one row, of the average model; values of the channel by coef_at."""
-    data = make_tracking_runs("C4", n_runs=1, random_state=0)
-    late = (data[0].index.get_level_values("time") > 40.96).astype(float)
-    fitted = LPVARX(nk=29, scheduling="late").fit(data[0].assign(late=late), data[1])
-    assert len(operator_parameters(fitted)) == 1
-    assert not hasattr(fitted, "coef_path_")
-    theta, covariance = fitted.coef_at([0.0, 1.0], return_covariance=True)
-    values, deviations, _ = arx_to_operator(theta, fitted.dt_, covariance)
-    np.testing.assert_allclose(values["K_edot"], [0.036, 0.084], rtol=0.03)
-    assert (deviations["K_edot"] > 0).all()
-
-
-def test_pipelines():
-    data = make_tracking_runs("C3", n_runs=2, random_state=0)
-    X3 = data[0].assign(s=STEP.unit()(data[0].index.get_level_values("time")))
-    basis = Sigmoid(0.0, 1.0, rate=0.5, time=40.96)
-    found = make_pipeline(Decimator(4), DelayShift(0.28), LPVARX(nk=0, basis=basis)).fit(*data)
-    assert found[-1].dt_ == pytest.approx(0.04)
-    assert found.score(*data) > 95
-    assert operator_parameters(found)["K_edot"].iloc[[0, -1]].diff().iloc[-1] > 0.03
-    shifted = make_pipeline(DelayShift(0.29), LPVARX(basis=basis)).fit(*data)
-    lagged = LPVARX(nk=29, basis=basis).fit(*data)
-    np.testing.assert_allclose(shifted[-1].estimates_, lagged.estimates_, rtol=1e-7)
-    np.testing.assert_allclose(operator_parameters(shifted), operator_parameters(lagged), rtol=1e-5)
-    channel = make_pipeline(Decimator(4), LPVARX(nk=7, scheduling="s"))
-    assert channel.fit(X3, data[1]).score(X3, data[1]) > 80
-
-
-def test_clone_pickle_and_search():
-    fitted = LPVARX(nk=NK, basis=STEP).fit(*recording(by="time"))
-    again = pickle.loads(pickle.dumps(clone(fitted))).fit(*recording(by="time"))
-    np.testing.assert_array_equal(again.coef_path_, fitted.coef_path_)
-    search = GridSearchCV(model(), {"basis": ["linear", SplineTransformer()]}, cv=2).fit(X, Y)
-    assert search.best_estimator_.scheduling_ == ["v"]
-    text = LPVARX(nk=NK, basis=STEP, covariance="hac").fit(*recording(by="time")).summary(X, Y)
-    assert "b1[1]" in text
-    assert "Sigmoid(initial=0.0" in text
-
-
-def test_arrays():
-    fitted = LPVARX(nk=NK, scheduling=1, dt=DT).fit(X.to_numpy()[:300], Y.to_numpy()[:300])
-    same = model().fit(X.iloc[:300], Y.iloc[:300])
-    np.testing.assert_allclose(fitted.estimates_, same.estimates_, rtol=1e-12)
-    assert (fitted.inputs_, fitted.scheduling_) == (["x0"], ["x1"])
 
 
 @pytest.mark.parametrize(

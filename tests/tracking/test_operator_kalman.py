@@ -1,17 +1,12 @@
 """OperatorKalman: what it finds, and that it survives what recordings and people do to it."""
 
-import pickle
 import re
 import warnings
 
 import numpy as np
 import pytest
-from sklearn.base import clone
-from sklearn.exceptions import NotFittedError
-from sklearn.model_selection import GridSearchCV, GroupKFold
-from sklearn.pipeline import Pipeline
 
-from skhoid import Decimator, RecursiveARX, make_tracking_runs, operator_parameters, run_labels
+from skhoid import RecursiveARX, make_tracking_runs, operator_parameters
 from skhoid.exceptions import PoorExcitationWarning, RankDeficiencyError, ShortRunError
 from skhoid.tracking.kalman import Noise, cascade, fitted_noise
 from skhoid.tracking.operator_kalman import OperatorKalman
@@ -21,8 +16,6 @@ pytestmark = pytest.mark.slow  # compiles for many seconds, and fits
 METHODS = ["ukf", "ekf", "dual_ekf"]
 NAMES = ["K_e", "K_edot", "omega_nm", "zeta_nm", "tau_e"]
 TRUE = {"K_e": 0.09, "K_edot": 0.036, "omega_nm": 11.25, "zeta_nm": 0.35, "tau_e": 0.28}
-GIVEN = {**TRUE, "remnant": 0.02}
-FROM_FIRST_ROW = {"init": GIVEN, "remnant_time_constant": 0.06}
 
 
 @pytest.fixture(scope="module")
@@ -127,31 +120,11 @@ def test_a_stream_gives_the_numbers_of_a_fit(quiet, method, cut):
         _ = stream.parameters_path_
 
 
-def test_a_stream_begins_with_its_first_row_if_all_is_given(quiet):
-    X, y = one(quiet, rows=600)
-    whole = OperatorKalman(dt=0.01, **FROM_FIRST_ROW).fit(X, y)
-    stream = OperatorKalman(dt=0.01, **FROM_FIRST_ROW)
-    for begin in range(0, 600, 50):
-        stream.partial_fit(X[begin : begin + 50], y[begin : begin + 50])
-    # The window, from which fit knows the size of z, is not known to a stream.
-    np.testing.assert_allclose(last(stream), last(whole), rtol=0.2)
-
-
 def test_a_stream_goes_on_after_a_fit(quiet):
     X, y = one(quiet, rows=3500)
     whole = OperatorKalman(dt=0.01).fit(X, y)
     half = OperatorKalman(dt=0.01).fit(X[:3000], y[:3000]).partial_fit(X[3000:], y[3000:])
     np.testing.assert_array_equal(last(half), last(whole))
-
-
-def test_a_new_run_clears_signals_and_keeps_estimates(quiet):
-    X, y = one(quiet, rows=3000)
-    model = OperatorKalman(dt=0.01).fit(X, y)
-    before = last(model)
-    model.partial_fit(X[:20], y[:20], new_run=True)
-    np.testing.assert_array_equal(last(model), before)
-    model.partial_fit(X[20:200], y[20:200])
-    assert (last(model) != before).all()
 
 
 def test_runs_are_lanes_combined_by_their_certainty(quiet):
@@ -184,36 +157,6 @@ def test_missing_measurements_are_no_information(quiet):
     assert (path.iloc[3999] != path.iloc[3499]).any()
 
 
-def test_half_of_the_measurements_suffice(quiet):
-    X, y = one(quiet, rows=6000)
-    y[np.random.default_rng(0).random(y.size) < 0.5] = np.nan
-    found = last(OperatorKalman(dt=0.01).fit(X, y))
-    np.testing.assert_allclose(found, [TRUE[name] for name in NAMES], rtol=0.12)
-
-
-def test_a_missing_error_stops_measurements_for_a_delay(quiet):
-    X, y = one(quiet, rows=3200)
-    X[3000] = np.nan
-    model = OperatorKalman(dt=0.01).fit(X, y)
-    unknown = np.flatnonzero(np.isnan(model.one_step_errors_[2900:]))
-    assert unknown.min() == 101
-    assert 25 <= unknown.size <= 35
-    assert np.isfinite(model.parameters_path_.to_numpy()).all()
-
-
-def test_a_gap_restarts_signals(quiet):
-    X, y = quiet
-    kept = np.r_[0:3000, 4000:6000]
-    X, y = X.loc[[0]].iloc[kept], y.loc[[0]].iloc[kept]
-    model = OperatorKalman().fit(X, y)
-    unknown = np.flatnonzero(np.isnan(model.one_step_errors_))
-    assert set(range(3000, 3028)) <= set(unknown)
-    assert not set(range(3040, 5000)) & set(unknown)
-    np.testing.assert_allclose(model.time_path_[[2999, 3000]], [29.99, 40.0])
-    smooth = OperatorKalman(smooth=True).fit(X, y).parameters_path_
-    assert np.isfinite(smooth.to_numpy()).all()
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_a_constant_part_of_the_output_is_told_or_fitted(quiet, method):
     X, y = one(quiet, rows=6000)
@@ -238,13 +181,6 @@ def test_a_constant_part_of_the_output_is_told_or_fitted(quiet, method):
     np.testing.assert_allclose(last(stream), last(model), rtol=1e-9)
 
 
-def test_a_constant_part_needs_a_window():
-    model = OperatorKalman(dt=0.01, fit_intercept=True, **FROM_FIRST_ROW)
-    model.partial_fit(np.zeros((10, 1)), np.zeros(10))
-    with pytest.raises(NotFittedError, match="collected 10 rows"):
-        model.predict(np.zeros((10, 1)))
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_pauses_are_survived(quiet, method):
     X, y = one(quiet, rows=4000)
@@ -261,32 +197,6 @@ def test_pauses_are_survived(quiet, method):
         # The dual filter, which neglects covariances, needs longer for zeta_nm.
         tolerance = 1.0 if (method, name) == ("dual_ekf", "zeta_nm") else 0.25
         assert abs(path[name].iloc[-1] / value - 1) < tolerance, name
-
-
-def test_nothing_but_zeros_is_survived_from_given_parameters():
-    model = OperatorKalman(dt=0.01, **FROM_FIRST_ROW)
-    model.partial_fit(np.zeros((16_000, 1)), np.zeros(16_000))
-    np.testing.assert_allclose(last(model), [TRUE[name] for name in NAMES], rtol=0.05)
-    assert np.isfinite(model.parameters_["sd"]).all()
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_bad_starts_stay_within_bounds_and_mostly_come_back(quiet, method):
-    X, y = one(quiet, rows=8000)
-    rng = np.random.default_rng(3)
-    near = 0
-    for _ in range(20):
-        factors = np.exp(rng.uniform(-0.7, 0.7, 5))
-        init = {name: value * f for (name, value), f in zip(TRUE.items(), factors, strict=True)}
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", PoorExcitationWarning)
-            model = OperatorKalman(method, dt=0.01, init=init).fit(X, y)
-        values = model.parameters_["value"]
-        path = model.parameters_path_
-        assert np.isfinite(path.to_numpy()).all()
-        assert path["omega_nm"].between(2.999, 30.001).all()
-        near += all(abs(values[name] / value - 1) < 0.3 for name, value in TRUE.items())
-    assert near >= {"ukf": 12, "ekf": 10, "dual_ekf": 8}[method]
 
 
 def test_signs_of_gains_are_those_of_the_data(quiet):
@@ -313,65 +223,11 @@ def test_the_remnant_is_found():
     assert abs(white.white / 0.01 - 1) < 0.1
 
 
-@pytest.mark.slow
-def test_process_noise_and_memory_time_are_one_knob(changing):
-    X, y, _ = changing
-    data = X.loc[[0]], y.loc[[0]]
-    models = [OperatorKalman(memory_time=T).fit(*data) for T in (4.0, 16.0)]
-    noises = [model.process_noise_["K_e"] for model in models]
-    assert noises[0] == pytest.approx(4 * noises[1])
-    same = OperatorKalman(process_noise=noises[0]).fit(*data)
-    np.testing.assert_array_equal(last(same), last(models[0]))
-    rough = [np.abs(np.diff(np.log(m.parameters_path_["K_edot"]))).sum() for m in models]
-    assert rough[0] > 1.5 * rough[1]
-    each = dict.fromkeys(models[0].process_noise_, 0.0) | {"K_edot": 0.1}
-    free = OperatorKalman(process_noise=each, p0=1e-6).fit(*data).parameters_path_
-    assert np.ptp(free["K_edot"]) > 0.01
-    assert np.ptp(free["omega_nm"]) < 1e-3
-
-
-def test_a_fitted_model_is_pickled_and_goes_on(quiet):
-    X, y = one(quiet, rows=3000)
-    model = OperatorKalman(dt=0.01).fit(X[:2900], y[:2900])
-    other = pickle.loads(pickle.dumps(model))
-    for each in (model, other):
-        each.partial_fit(X[2900:], y[2900:])
-    np.testing.assert_array_equal(last(other), last(model))
-    before = model.process_noise_
-    assert model.set_params(process_noise=9.0).process_noise_ == before
-
-
 def test_a_constant_covariance_is_that_of_the_first_window(quiet):
     model = OperatorKalman(covariance="constant").fit(*quiet)
     path = model.parameters_path_
     relative = path["sd_omega_nm"] / path["omega_nm"]
     assert np.ptp(relative) < 1e-12 * relative.iloc[0] + 1e-12
-
-
-@pytest.mark.slow
-def test_a_grid_search_and_a_pipeline_find_it(changing):
-    X, y, _ = changing
-    search = GridSearchCV(
-        OperatorKalman("ekf"),
-        {"process_noise": [0.001, 0.05]},
-        cv=GroupKFold(2),
-        error_score="raise",
-    )
-    search.fit(X, y, groups=run_labels(X))
-    assert search.best_params_["process_noise"] == 0.05
-    pipe = Pipeline([("thin", Decimator(2)), ("model", OperatorKalman())]).fit(X, y)
-    assert pipe[-1].dt_ == 0.02
-    assert pipe.score(X, y) > 60
-    assert pipe.predict(X).shape == y.shape
-    assert clone(search.best_estimator_).get_params() == search.best_estimator_.get_params()
-
-
-def test_remnant_orders_are_taken_or_chosen(quiet):
-    X, y = one(quiet, rows=4000)
-    for order in (0, 2, "auto"):
-        model = OperatorKalman(dt=0.01, remnant_order=order).fit(X, y)
-        assert model.remnant_order_ == (order if order != "auto" else model.remnant_order_)
-        assert abs(last(model)[1] / 0.036 - 1) < 0.15
 
 
 @pytest.mark.parametrize(
@@ -406,10 +262,3 @@ def test_data_that_do_not_suffice_are_refused(quiet):
         OperatorKalman(dt=0.01).fit(np.zeros_like(X), y)
     with pytest.raises(ValueError, match="one linear input"):
         OperatorKalman(dt=0.01).fit(np.hstack([X, X]), y)
-
-
-def test_parameters_at_a_bound_are_told(quiet):
-    X, y = one(quiet, rows=5000)
-    with pytest.warns(PoorExcitationWarning, match="omega_nm"):
-        model = OperatorKalman(dt=0.01, bounds={"omega_nm": (3, 8)}).fit(X, y)
-    assert model.n_clamped_["omega_nm"] > 1000

@@ -7,15 +7,12 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
-from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
 
 from skhoid import (
     ARXRegressor,
     Decimator,
     HumanOperator,
-    MissingDataWarning,
     make_tracking_runs,
     operator_parameters,
     zoh_parameters,
@@ -78,38 +75,6 @@ def test_whole_delays_are_those_of_an_arx_model(runs, tau_e):
     arx = ARXRegressor(nk=nk).fit(X, y)
     arx.coef_ = zoh_parameters(HumanOperator(), DT)
     np.testing.assert_allclose(told, arx.simulate(X), atol=1e-11)
-
-
-@pytest.mark.parametrize("omega_zeta", [(11.25, 0.35), (20.0, 1.0), (8.0, 1.7)])
-def test_any_damping_is_that_of_lfilter(runs, omega_zeta):
-    X, y = runs
-    omega, zeta = omega_zeta
-    told = everywhere({**TRUE, "omega_nm": omega, "zeta_nm": zeta}).fit(X, y).predict(X)
-    a1, a2, b0, b1 = zoh_parameters(HumanOperator(omega_nm=omega, zeta_nm=zeta), DT)
-    e = X.loc[1, "e"].to_numpy()
-    expected = lfilter(np.r_[np.zeros(29), b0, b1], [1, a1, a2], e)
-    np.testing.assert_allclose(told[len(e) :], expected, atol=1e-10)
-
-
-def test_fractions_of_a_sample_are_a_straight_line_between():
-    e = np.random.default_rng(0).standard_normal((400, 1))
-    y = np.zeros(400)
-
-    def told(tau_e):
-        return everywhere({**TRUE, "tau_e": tau_e}).set_params(dt=DT).fit(e, y).predict(e)
-
-    for share in (0.1, 0.5, 0.9):
-        mixed = (1 - share) * told(0.2) + share * told(0.21)
-        np.testing.assert_allclose(told(0.2 + share * DT), mixed, atol=1e-12)
-
-
-def test_delays_vary_without_steps():
-    """A delay that sweeps over whole samples does not jump there."""
-    t = np.arange(4000) * DT
-    e = np.sin(t)[:, None]
-    path = {0: {**TRUE, "tau_e": 0.2}, 4000: {**TRUE, "tau_e": 0.3}}
-    u = Told(path, dt=DT).fit(e, t).predict(e)
-    assert np.abs(np.diff(u, 3))[500:].max() < 1e-4
 
 
 def slow_change():
@@ -183,71 +148,11 @@ def test_each_sample_of_the_error_keeps_the_gains_that_it_met():
     np.testing.assert_allclose(found, u, atol=1e-12)
 
 
-def test_between_instants_the_geometric_mean_holds():
-    e = np.random.default_rng(0).standard_normal((300, 1))
-    ends = {0: {**TRUE, "K_e": 0.01}, 200: {**TRUE, "K_e": 1.0}, 299: {**TRUE, "K_e": 1.0}}
-    known = Told(ends | {100: {**TRUE, "K_e": 0.1}}, dt=DT)
-    known.at = dict(sorted(known.at.items()))
-    found = Told(ends, dt=DT).fit(e, e[:, 0]).predict(e)
-    np.testing.assert_allclose(found, known.fit(e, e[:, 0]).predict(e), atol=1e-12)
-
-
 def test_before_and_after_the_path_its_ends_hold(runs):
     X, y = runs
     inner = Told({1000: TRUE, 1500: OTHER}).fit(X, y)
     outer = Told({0: TRUE, 1000: TRUE, 1500: OTHER, 4095: OTHER}).fit(X, y)
     np.testing.assert_array_equal(inner.predict(X), outer.predict(X))
-
-
-def test_stretches_that_touch_the_path_are_not_warned_of(runs):
-    X, y = runs
-    model = Told({1000: TRUE, 1500: OTHER}).fit(X, y)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", RunTimeWarning)
-        model.predict(X)
-    late = X.index.get_level_values("time") > 16
-    with pytest.warns(RunTimeWarning, match=r"lie outside the fitted times, 10 to 15 s"):
-        model.predict(X[late])
-
-
-def test_signs_may_change():
-    e = np.random.default_rng(0).standard_normal((300, 1))
-    path = {0: {**TRUE, "K_edot": -0.02}, 299: {**TRUE, "K_edot": 0.02}}
-    u = Told(path, dt=DT).fit(e, e[:, 0]).predict(e)
-    assert np.isfinite(u).all()
-
-
-def test_what_is_unknown_is_passed_over():
-    """NaN at an instant: the neighbours are joined; nothing known at all: no output."""
-    e = np.random.default_rng(0).standard_normal((300, 1))
-    nothing = dict.fromkeys(ESTIMATED, np.nan)
-    holed = Told({0: TRUE, 100: nothing, 299: OTHER}, dt=DT).fit(e, e[:, 0])
-    whole = Told({0: TRUE, 299: OTHER}, dt=DT).fit(e, e[:, 0])
-    np.testing.assert_array_equal(holed.predict(e), whole.predict(e))
-    unknown = Told({0: nothing, 299: nothing}, dt=DT).fit(e, e[:, 0])
-    np.testing.assert_array_equal(unknown.predict(e), np.zeros(300))
-
-
-def test_gaps_and_runs_begin_at_rest(runs):
-    X, y = runs
-    kept = np.ones(len(X), dtype=bool)
-    kept[1000:1100] = False
-    model = everywhere(TRUE).fit(X, y)
-    whole, holed = model.predict(X), model.predict(X[kept])
-    np.testing.assert_array_equal(holed[:1000], whole[:1000])
-    np.testing.assert_array_equal(holed[1000:1029], 0.0)
-    alone = model.predict(X[kept].iloc[1000:3996])
-    np.testing.assert_allclose(holed[1000:3996], alone, atol=1e-12)
-
-
-def test_missing_inputs_are_held(runs):
-    X, y = runs[0].copy(), runs[1]
-    model = everywhere(TRUE).fit(X, y)
-    X.iloc[500:503, 0] = np.nan
-    with pytest.warns(MissingDataWarning, match="3 rows of the inputs"):
-        holed = model.predict(X)
-    X.iloc[500:503, 0] = X.iloc[499, 0]
-    np.testing.assert_array_equal(holed, model.predict(X))
 
 
 def test_decimated_runs(runs):
@@ -289,10 +194,3 @@ def test_tables_have_units_and_intervals(runs):
     text = str(model.summary(X, y))
     assert "VAF, free run" in text
     assert "one step" not in text
-
-
-def test_an_unfitted_path_says_so(runs):
-    with pytest.raises(Exception, match="not fitted"):
-        clone(Told()).predict(runs[0])
-    with pytest.raises(AttributeError, match="parameters_path_"):
-        Told().parameters_path_  # noqa: B018

@@ -7,11 +7,8 @@ from scipy.signal import lfilter
 from skhoid.arx.orders import Orders
 from skhoid.tracking.whitened import (
     Window,
-    lagged,
     stabilised,
     stable,
-    unit_factors,
-    whole_stretches,
 )
 
 ORDERS = Orders.of(2, 2, 3, 1)
@@ -44,22 +41,6 @@ def test_the_truth_is_found_beside_noise_that_least_squares_takes_for_the_system
     assert start.noise_variance == pytest.approx(0.09, rel=0.1)
 
 
-def test_without_noise_it_is_exact():
-    X, y = recording(noise=0.0)
-    theta = Window([(X, y)], ORDERS, 0, 0.05).estimate().theta
-    np.testing.assert_allclose(theta, THETA, atol=1e-8)
-
-
-def test_factors():
-    R = np.linalg.qr(np.random.default_rng(0).standard_normal((9, 4)), mode="r")
-    U, D = unit_factors(R)
-    upper = np.eye(4)
-    columns, rows = np.tril_indices(4, -1)
-    upper[rows, columns] = U
-    np.testing.assert_allclose(upper @ np.diag(D) @ upper.T, np.linalg.inv(R.T @ R), rtol=1e-10)
-    assert all(np.isfinite(part).all() for part in unit_factors(np.zeros((3, 3))))
-
-
 def test_poles_outside_are_moved_inside():
     assert stable(THETA[:2])
     np.testing.assert_array_equal(stabilised(THETA, 2), THETA)
@@ -67,19 +48,3 @@ def test_poles_outside_are_moved_inside():
     assert stable(moved[:2])
     assert np.sort(np.roots(np.r_[1.0, moved[:2]])) == pytest.approx([0.5, 0.97])
     np.testing.assert_array_equal(moved[2:], [0.3, 0.1])
-
-
-def test_lags():
-    np.testing.assert_array_equal(lagged(np.arange(1.0, 4), 2), [0, 0, 1])
-    np.testing.assert_array_equal(lagged(np.arange(1.0, 4), 9), [0, 0, 0])
-
-
-def test_stretches_are_whole():
-    X, y = np.ones((10, 1)), np.arange(10.0)
-    y[0] = np.nan
-    X[5] = np.nan
-    fresh = np.zeros(10, dtype=bool)
-    fresh[7] = True
-    parts = whole_stretches(X, y, 8, fresh)
-    assert [part[1].tolist() for part in parts] == [[1, 2, 3, 4], [6], [7, 8]]
-    assert whole_stretches(X * np.nan, y, 8, fresh) == []

@@ -4,11 +4,10 @@ import warnings
 
 import numpy as np
 import pytest
-from support.whitened_runs import DT, NK, THETA, whitened_runs
+from support.whitened_runs import NK, THETA, whitened_runs
 
 from skhoid import (
     ARXRegressor,
-    MissingDataWarning,
     RecursiveIV,
     make_tracking_runs,
     operator_parameters,
@@ -46,57 +45,6 @@ def test_it_has_no_bias_where_least_squares_of_the_same_rows_has():
     }
     assert np.abs(z["iv"]).max() < 4
     assert np.abs(z["ols"]).max() > 20
-
-
-@pytest.mark.parametrize("scale", [1.0, 1e-6, 1e6])
-def test_an_instrument_twice_is_one(scale):
-    X, y = whitened_runs(1, 2000)
-    one = RecursiveIV(**SMALL, memory_time=10.0).fit(X, y)
-    twice = X.assign(f_t=scale * X["f_t"], again=scale * X["f_t"])
-    other = RecursiveIV(**SMALL, memory_time=10.0, instruments=["f_t", "again"]).fit(twice, y)
-    # More lags are taken of one signal than of two, hence not the same to the bit.
-    assert other.n_updates_ == one.n_updates_
-    np.testing.assert_allclose(other.coef_path_[200:], one.coef_path_[200:], rtol=1e-6)
-
-
-def test_two_instruments_tell_more_than_one():
-    rng = np.random.default_rng(3)
-    X, y = whitened_runs(1, 3000)
-    X = X.assign(f_d=rng.standard_normal(len(X)))
-    e = X["e"].to_numpy() + X["f_d"].to_numpy()
-    effect = np.zeros(len(X))
-    for t in range(NK + 1, len(X)):
-        past = X["f_d"].to_numpy()
-        effect[t] = (
-            1.2 * effect[t - 1] - 0.5 * effect[t - 2] + 0.5 * past[t - NK] + 0.3 * past[t - NK - 1]
-        )
-    X, y = X.assign(e=e), y + effect
-    options = {**SMALL, "memory_time": 20.0}
-    one = RecursiveIV(**options, instruments=["f_t"]).fit(X, y)
-    both = RecursiveIV(**options, instruments=["f_t", "f_d"]).fit(X, y)
-    assert (both.standard_errors_ < one.standard_errors_).all()
-    np.testing.assert_allclose(both.coef_, THETA, atol=0.05)
-
-
-def test_missing_instruments_are_told():
-    X, y = whitened_runs(1, 1500)
-    X.iloc[700:710, 1] = np.nan
-    with pytest.warns(MissingDataWarning, match="10 rows of 'f_t'"):
-        RecursiveIV(**SMALL).fit(X, y)
-
-
-def test_rows_whose_instruments_are_missing_are_left_out():
-    X, y = whitened_runs(1, 1500)
-    X.iloc[700:710, 1] = np.nan
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", MissingDataWarning)
-        model = RecursiveIV(**SMALL, memory_time=10.0).fit(X, y)
-    assert model.n_rows_missing_ == 10
-    unknown = np.flatnonzero(np.isnan(model.one_step_errors_[300:])) + 300
-    lags = NK + round(1.6 / DT) + 2 + 1  # the last instrument, D, and the row itself
-    assert unknown[0] == 700
-    assert abs(unknown.size - (10 + lags)) <= 2
-    np.testing.assert_allclose(model.coef_, THETA, atol=0.1)
 
 
 @pytest.mark.parametrize("condition", ["C1", "C4", "C6"])

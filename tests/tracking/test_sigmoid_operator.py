@@ -4,11 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.special import expit
-from sklearn.base import clone
 from support import window_twin as twin
 
 from skhoid import make_tracking_runs
-from skhoid.exceptions import ShortRunError
 from skhoid.tracking.operator_fitting import OperatorFit
 from skhoid.tracking.sigmoid_operator import SigmoidOperator, followed
 
@@ -106,21 +104,6 @@ def test_frequency_and_gains_may_have_sigmoids_of_their_own():
     assert np.ptp(shared["time"]) == 0
 
 
-@pytest.mark.parametrize("condition", ["C3", "C6"])
-def test_gains_before_and_after(condition):
-    X, y = make_tracking_runs(
-        condition, n_runs=3, remnant_intensity=0.15, random_state=6, sampling_rate=50.0
-    )
-    model = SigmoidOperator().fit(X, y)  # three runs pooled
-    ends = {k: v if condition == "C3" else v[::-1] for k, v in ENDS.items()}
-    for name, truth in ends.items():
-        for end, value in zip(("initial", "final"), truth, strict=True):
-            row = model.transition_.loc[name]
-            assert abs(row[end] - value) < 3.5 * row[f"sd_{end}"] + 0.02 * value, (name, end)
-    assert abs(model.transition_.loc["K_e", "time"] - 40.96) < 4
-    assert model.likelihood_ratio_ > 50
-
-
 @pytest.mark.slow
 def test_standard_errors_allow_for_a_remnant_that_grows():
     """In C3 the remnant of the second half has 2.4 times the gain of the first."""
@@ -144,22 +127,6 @@ def test_without_a_change_the_likelihood_hardly_grows():
     assert model.constant_["K_e"] == pytest.approx(0.09, rel=0.15)
 
 
-def test_a_rate_at_its_bound_has_no_standard_error_but_paths_do():
-    X, y = made(200.0, 30.0, noise=0.01)
-    model = SigmoidOperator(dt=DT, inputs=[0], bounds={"rate": (0.1, 5.0)}).fit(X, y)
-    assert model.transition_["rate"].iloc[0] == pytest.approx(5.0)
-    assert np.isnan(model.transition_["sd_rate"].iloc[0])
-    assert model.parameters_path_.notna().all(axis=None)
-
-
-def test_missing_output_does_not_count():
-    X, y = made(1.3, 27.0, noise=0.01)
-    holes = y.copy()
-    holes[1000:2000] = np.nan
-    model = SigmoidOperator(dt=DT, inputs=[0]).fit(X, holes)
-    assert model.transition_.loc["K_edot", "initial"] == pytest.approx(0.036, rel=0.1)
-
-
 @pytest.mark.parametrize(
     ("options", "match"),
     [
@@ -173,18 +140,3 @@ def test_bad_options_are_refused(options, match):
     X, y = made(1.3, 5.0, n=1000)
     with pytest.raises(ValueError, match=match):
         SigmoidOperator(dt=DT, inputs=[0], **options).fit(X, y)
-
-
-def test_too_short_runs_are_refused():
-    X, y = made(1.3, 5.0, n=40)
-    with pytest.raises(ShortRunError, match="no piece of the record has rows"):
-        SigmoidOperator(dt=DT, inputs=[0]).fit(X, y)
-
-
-def test_clones_and_the_name_of_one_parameter():
-    model = clone(SigmoidOperator(varying="K_edot", dt=DT, inputs=[0]))
-    X, y = made(1.3, 27.0, n=5000)
-    found = model.fit(X, y)
-    assert list(found.transition_.index) == ["K_edot"]
-    assert np.ptp(found.parameters_path_["K_e"]) == 0
-    assert "sigmoids in K_edot" in found.summary()

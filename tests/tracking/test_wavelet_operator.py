@@ -5,16 +5,12 @@ import builtins
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.base import clone
 
 from skhoid import HumanOperator, make_tracking_runs
-from skhoid.exceptions import RankDeficiencyError, ShortRunError
 from skhoid.tracking.operator_fitting import read_limits
 from skhoid.tracking.wavelet_operator import (
-    Blocks,
     WaveletOperator,
     fit_responses,
-    peak_bins,
 )
 
 pytestmark = pytest.mark.slow  # transforms for long
@@ -87,15 +83,6 @@ def test_outside_the_cone_responses_are_unknown(exact):
     assert path[~few]["K_e"].notna().all()
 
 
-def test_wavelets_are_good_without_remnant_and_poor_with_it(noisy):
-    quiet = make_tracking_runs("C1", n_runs=1, random_state=5, channels=["e", "f_t"])
-    rms = {}
-    for name, (X, y) in {"quiet": quiet, "noisy": noisy}.items():
-        path = WaveletOperator().fit(X, y).parameters_path_.loc[15:67]
-        rms[name] = np.sqrt(((path["K_edot"] / 0.036 - 1) ** 2).mean())
-    assert rms["quiet"] < 0.05 < 0.1 < rms["noisy"]
-
-
 def test_the_instrument_keeps_the_remnant_out():
     """The error as its own instrument shifts the response towards -1 / G; the target does not."""
     X, y = make_tracking_runs(
@@ -108,20 +95,6 @@ def test_the_instrument_keeps_the_remnant_out():
         mean = np.nanmean(model.frequency_response_[:, 5:9], axis=0)
         biases.append(abs(mean / H[5:9] - 1).mean())
     assert biases[0] < 0.6 * biases[1]
-
-
-def test_error_and_output_of_the_element_give_the_target(exact):
-    X, u, _, model = exact
-    other = pd.DataFrame({"e": X["e"], "x": X["f_t"] - X["e"]})
-    found = WaveletOperator(dt=DT).fit(other, u)
-    np.testing.assert_allclose(found.frequency_response_, model.frequency_response_, rtol=1e-8)
-
-
-def test_roles_name_the_target(exact):
-    X, u, _, model = exact
-    renamed = X.rename(columns={"f_t": "reference"})
-    found = WaveletOperator(dt=DT, inputs=["e"], roles={"reference": "f_t"}).fit(renamed, u)
-    np.testing.assert_allclose(found.frequency_response_, model.frequency_response_)
 
 
 def test_without_a_target_the_error_says_what_to_do(exact):
@@ -140,27 +113,6 @@ def test_runs_are_pooled():
     assert np.nanmedian(ratio) < 0.5
     rms = [np.nanstd(m.parameters_path_["K_edot"].loc[15:67] / 0.036) for m in (one, six)]
     assert rms[1] < 0.7 * rms[0]
-
-
-def test_missing_output_counts_as_not_recorded(exact):
-    X, u, H, _ = exact
-    holes = u.copy()
-    holes[4000:4400] = np.nan
-    model = WaveletOperator(dt=DT).fit(X, holes)
-    known = np.isfinite(model.frequency_response_)
-    inside = (model.time_path_ > 40.5) & (model.time_path_ < 43.5)
-    assert not known[inside].any()
-    assert np.nanmax(abs(model.frequency_response_ / H - 1)[:, 5:]) < 0.15
-
-
-def test_frequencies_of_a_target_that_is_no_multisine():
-    rng = np.random.default_rng(0)
-    f = np.cumsum(rng.standard_normal(8192)) * 0.1
-    blocks = Blocks(4, 0.04, 0, 2048, 1, [(0, np.repeat(f[::4, None], 3, 1), np.ones(2048))])
-    assert blocks.lines(0.2, 20).size == 0
-    sines = np.sin(np.outer(np.arange(1900) * 0.04, OMEGA[3:])).sum(axis=1)
-    found = peak_bins(sines) * 2 * np.pi / (1900 * 0.04)
-    np.testing.assert_allclose(found, OMEGA[3:], atol=0.01)
 
 
 def test_fit_of_exact_responses_is_exact():
@@ -235,20 +187,3 @@ def test_pywavelets_is_named_where_it_is_missing(exact, monkeypatch):
 def test_bad_options_are_refused(exact, options, match):
     with pytest.raises(ValueError, match=match):
         WaveletOperator(dt=DT, **options).fit(exact[0], exact[1])
-
-
-def test_runs_too_short_and_still_targets_are_refused(exact):
-    X, u = exact[:2]
-    with pytest.raises(ShortRunError, match="no instant lies in the cone"):
-        WaveletOperator(dt=DT, frequencies=OMEGA).fit(X.iloc[:300], u[:300])
-    with pytest.raises(RankDeficiencyError, match="the instrument does not move"):
-        WaveletOperator(dt=DT).fit(X.assign(f_t=0.0), u)
-
-
-def test_clones_and_summaries(exact):
-    X, u = exact[:2]
-    model = clone(WaveletOperator(step=2.0, time_smoothing=0.0, scale_smoothing=0.0, dt=DT))
-    model.fit(X, u)
-    assert model.frequency_response_.shape == (41, 10)
-    assert np.isnan(model.frequency_response_sd_).all()
-    assert "wavelets (Morlet" in model.summary()

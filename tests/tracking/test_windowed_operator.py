@@ -1,19 +1,14 @@
 """Windowed maximum likelihood: its kernel against a plain twin, and what it finds."""
 
-import warnings
-
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.optimize import least_squares
-from sklearn.base import clone
-from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
-from sklearn.pipeline import make_pipeline
 from support import window_twin as twin
 
-from skhoid import Decimator, OperatorRegressor, make_tracking_runs, run_labels
+from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid._kernels import window as kernel
-from skhoid.exceptions import MissingDataWarning, ShortRunError
+from skhoid.exceptions import ShortRunError
 from skhoid.tracking.operator_fitting import OperatorRecord, OperatorSearch, read_limits
 from skhoid.tracking.windowed_operator import WindowedOperator
 
@@ -134,20 +129,6 @@ def test_fit_is_the_minimum_that_scipy_finds_for_the_same_criterion():
     np.testing.assert_allclose(np.diag(fit.covariance), np.diag(expected), rtol=1e-3)
 
 
-def test_rows_count_that_are_known_with_those_before_them():
-    known = np.ones(400, dtype=bool)
-    known[[200, 330]] = False  # the second is no row of the criterion
-    record = record_of(signal(400), np.zeros(400), known)
-    pieces = record.pieces(100, 380, 3)
-    assert pieces.table.tolist() == [[100, 380, 0, 0, 0, 63]]
-    row = (200 - 100) // 4
-    expected = [i for i in range(3, 70) if not row <= i <= row + 3]
-    assert pieces.valid.tolist() == expected
-    assert record.pieces(0, 380, 3).table[0, 0] == 82  # the longest delay, and two rows
-    assert record.pieces(0, 100, 3).table[0, 0] == 25  # but a quarter at most
-    assert record.pieces(500, 600, 3) is None
-
-
 def test_bounds_hold_and_have_no_standard_error(noisy):
     X, y = noisy
     model = WindowedOperator(20.0, 10.0, bounds={"omega_nm": (2.0, 6.0)}).fit(X, y)
@@ -222,33 +203,6 @@ def test_runs_are_pooled(noisy):
     assert two.parameters_path_.shape == (5, 12)
 
 
-def test_missing_output_does_not_count(noisy):
-    X, y = noisy[0].loc[[0]], noisy[1].loc[[0]]
-    holes = y.copy()
-    holes.iloc[1000:1300] = np.nan
-    wrong = holes.fillna(50.0)
-    model = WindowedOperator(20.0, 10.0).fit(X, holes)
-    assert abs(model.parameters_path_["K_e"] / 0.09 - 1).max() < 0.5
-    spoilt = WindowedOperator(20.0, 10.0).fit(X, wrong)
-    assert abs(spoilt.parameters_path_["K_e"] / 0.09 - 1).max() > 1
-
-
-def test_missing_input_is_held_and_said(noisy):
-    X, y = noisy[0].loc[[0]].copy(), noisy[1].loc[[0]]
-    X.iloc[500:503] = np.nan
-    with pytest.warns(MissingDataWarning, match="3 rows of the inputs"):
-        WindowedOperator(20.0, 10.0).fit(X, y)
-
-
-def test_after_a_gap_windows_begin_anew(noisy):
-    X, y = noisy[0].loc[[0]], noisy[1].loc[[0]]
-    kept = np.r_[0:1500, 2500:4000]
-    model = WindowedOperator(10.0, 5.0).fit(X.iloc[kept], y.iloc[kept])
-    assert abs(model.parameters_path_["K_e"] / 0.09 - 1).max() < 0.5
-    # The window within the gap has no rows, and no row of the path.
-    assert model.time_path_.tolist() == [5.0, 10.0, 15.0, 25.0, 30.0, 35.0]
-
-
 @pytest.mark.parametrize(
     ("options", "error", "match"),
     [
@@ -263,31 +217,3 @@ def test_after_a_gap_windows_begin_anew(noisy):
 def test_bad_options_are_refused(noisy, options, error, match):
     with pytest.raises(error, match=match):
         WindowedOperator(**options).fit(*noisy)
-
-
-def test_two_inputs_are_refused():
-    X, y = make_tracking_runs("C1", n_runs=1, duration=20.0, channels=["e", "f_t"])
-    with pytest.raises(ValueError, match="one linear input, the error"):
-        WindowedOperator(inputs=["e", "f_t"]).fit(X, y)
-
-
-def test_pipelines_and_searches_work(noisy):
-    X, y = noisy
-    piped = make_pipeline(Decimator(2), WindowedOperator(15.0, 5.0)).fit(X, y)
-    found = piped[-1].parameters_path_
-    assert piped[-1].dt_ == 0.02
-    assert abs(found["K_e"] / 0.09 - 1).max() < 0.4
-    assert piped.score(X, y) > 80
-    search = GridSearchCV(clone(piped[-1]), {"window": [10.0, 20.0]}, cv=LeaveOneGroupOut())
-    search.fit(X, y, groups=run_labels(X))
-    assert search.best_params_["window"] in (10.0, 20.0)
-    assert "maximum likelihood in windows" in piped[-1].summary()
-
-
-def test_short_arrays_of_unknown_time_are_fitted():
-    rng = np.random.default_rng(0)
-    X, y = rng.standard_normal((40, 1)), rng.standard_normal(40)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        model = WindowedOperator(20.0, 5.0).fit(X, y)
-    assert np.isfinite(model.predict(X)).all()

@@ -1,11 +1,9 @@
 """Triangles of runs, merged by folds: exact against refits of each fold, and linear in rows."""
 
-import tracemalloc
-
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.model_selection import GroupKFold, KFold, LeaveOneGroupOut, ShuffleSplit
+from sklearn.model_selection import KFold, LeaveOneGroupOut, ShuffleSplit
 from sklearn.pipeline import make_pipeline
 from support import naive
 from support.synthetic import arx_runs, stretches_of
@@ -20,10 +18,7 @@ from skhoid import (
     VAFScorer,
     run_labels,
 )
-from skhoid.arx import least_squares
-from skhoid.arx.candidates import FittedCandidates
 from skhoid.arx.folds import folds_of
-from skhoid.plotting import VAFContourDisplay
 from skhoid.runs import read_layout
 
 pytestmark = pytest.mark.slow
@@ -156,60 +151,6 @@ def test_a_scorer_with_runs_of_its_own():
 # Work
 
 
-@pytest.fixture
-def work(monkeypatch):
-    """Rows that were factorised, triangles merged, and samples simulated."""
-    done = {"rows": 0, "merges": 0, "samples": 0}
-    absorbed, simulate = least_squares._absorbed, FittedCandidates.simulate
-
-    def counted(R, below, triangular):
-        done["merges" if triangular else "rows"] += 1 if triangular else len(below)
-        return absorbed(R, below, triangular)
-
-    def simulated(self, part, some, grid, inputs):
-        free = simulate(self, part, some, grid, inputs)
-        done["samples"] += free.size
-        return free
-
-    monkeypatch.setattr(least_squares, "_absorbed", counted)
-    monkeypatch.setattr(FittedCandidates, "simulate", simulated)
-    return done
-
-
-@pytest.mark.parametrize("n_runs", [4, 16])
-@pytest.mark.parametrize("cv", [None, LeaveOneGroupOut(), GroupKFold(4)])
-def test_each_row_is_factorised_and_simulated_once(work, n_runs, cv):
-    X, y = arx_runs(n_runs, 60)
-    used = n_runs * (60 - 5)
-    DelaySearchCV(nk=[2, 3, 4], criterion="vaf", cv=cv).fit(X, y)
-    assert work["rows"] == used + n_runs * (60 - 4)  # and those of the refit
-    assert work["merges"] <= 3 * n_runs
-    assert work["samples"] == 3 * len(X)
-
-
-def test_only_runs_that_a_fold_cuts_are_factorised_again(work):
-    X, y = arx_runs(8, 60)
-    cv = [(np.arange(100), np.arange(300, 480))]  # the second run is cut
-    OrderSearchCV(na=[1, 2], nb=[2], nk=[3], cv=cv).fit(X, y)
-    assert work["rows"] == 8 * (60 - 4) + (40 - 4) + 8 * (60 - 4)
-    assert work["samples"] == 2 * 180
-
-
-def test_an_information_criterion_simulates_nothing(work):
-    X, y = arx_runs(8, 60)
-    by_vaf = OrderSearchCV(na=[1, 2], nb=[1, 2], nk=[3]).fit(X, y)
-    work.update(rows=0, samples=0)
-    search = OrderSearchCV(na=[1, 2], nb=[1, 2], nk=[3], criterion="bic").fit(X, y)
-    assert work["samples"] == 0
-    np.testing.assert_allclose(search.cv_results_["bic"], by_vaf.cv_results_["bic"], rtol=1e-12)
-    assert search.best_index_ == np.argmin(by_vaf.cv_results_["bic"])
-    assert not any("score" in name for name in search.cv_results_)
-    assert search.best_score_ == -search.cv_results_["bic"].min()
-    assert search.n_splits_ == 0
-    with pytest.raises(ValueError, match="criterion='vaf'"):
-        VAFContourDisplay.from_estimator(search)
-
-
 # Folds
 
 
@@ -227,46 +168,4 @@ def test_leaving_groups_out_equals_the_split_of_rows(outer):
             assert not part.cut
 
 
-@quiet
-def test_rows_of_runs_that_are_cut():
-    X, y = arx_runs(3, 10)
-    for fold, (train, test) in zip(split(X, y, KFold(4)), KFold(4).split(X), strict=True):
-        assert fold.train.cut
-        for part, rows in ((fold.train, train), (fold.test, test)):
-            mask = np.isin(np.arange(30), rows)
-            np.testing.assert_array_equal(part.mask(), mask)
-            for run, of_run in enumerate(np.split(mask, 3)):
-                np.testing.assert_array_equal(part.of_run(run), of_run)
-                assert part.runs[run] == of_run.any()
-                assert part.whole[run] == of_run.all()
-
-
 # Data that should not be copied
-
-
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_a_mapped_file_is_not_copied(tmp_path, dtype):
-    X, y = arx_runs(1, 20_000)
-    wide = np.memmap(tmp_path / "x", dtype, "w+", shape=(len(X), 60))
-    wide[:, 7] = X["e"]
-    search = DelaySearchCV(ARXRegressor(inputs=[7]), nk=[2, 3])
-    search.fit(wide[:200], y[:200].to_numpy())
-    tracemalloc.start()
-    search.fit(wide, y.to_numpy())
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 0.3 * wide.nbytes
-    exact = DelaySearchCV(nk=[2, 3]).fit(wide[:, [7]].astype(float), y.to_numpy())
-    np.testing.assert_array_equal(search.loss_, exact.loss_)
-
-
-@quiet
-def test_single_precision_is_computed_in_double(holed):
-    X, y = (part.astype(np.float32) for part in holed)
-    for options in ({}, {"criterion": "vaf"}):
-        one, two = (
-            DelaySearchCV(nk=[2, 3], **options).fit(*data)
-            for data in ((X, y), (X.astype(float), y.astype(float)))
-        )
-        np.testing.assert_allclose(one.loss_, two.loss_, rtol=1e-12)
-        np.testing.assert_array_equal(one.best_estimator_.coef_, two.best_estimator_.coef_)

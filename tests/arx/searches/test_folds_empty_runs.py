@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
-from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, PredefinedSplit
+from sklearn.model_selection import LeaveOneGroupOut
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 from support.synthetic import arx_runs
@@ -13,7 +13,6 @@ from support.synthetic import arx_runs
 from skhoid import (
     ARXRegressor,
     DelaySearchCV,
-    EffectSearchCV,
     MissingDataWarning,
     OperatorRegressor,
     OrderSearchCV,
@@ -21,11 +20,9 @@ from skhoid import (
     RecursiveARXCV,
     SimulatedARX,
     VAFScorer,
-    compare,
     make_tracking_runs,
     run_labels,
     select_runs,
-    vaf_score,
 )
 
 pytestmark = pytest.mark.slow  # searches
@@ -131,30 +128,6 @@ def test_a_model_with_effects_needs_every_channel(people, channel):
     np.testing.assert_allclose(fitted.parameters_["value"], expected, rtol=1e-6)
 
 
-@pytest.mark.parametrize("channel", ["u", "e", "x"])
-@pytest.mark.parametrize("cv", [None, 3])
-def test_an_effect_search_finds_what_it_finds_without_the_run(people, channel, cv):
-    without, data = without_channel(people, channel)
-    search = EffectSearchCV(OperatorRegressor(0.28), ["bias"], cv, max_effects=1)
-    expected = search.fit(*without).error_path_
-    found, warning = told(search.fit, *data)
-    assert f"run 3 ({channel!r})" in warning
-    np.testing.assert_allclose(found.error_path_["vaf"], expected["vaf"], rtol=1e-6)
-    rows = found.predictions_.drop(columns="measured")[run_labels(people[0]) == 3]
-    assert rows.isna().all(axis=None) == (channel != "u")
-
-
-@KINDS
-def test_a_comparison_is_that_without_the_run(data, channel):
-    model = ARXRegressor(2, 2, 3).fit(*WITHOUT)
-    expected = compare(model, *WITHOUT).by_run
-    found, warning = told(lambda: compare(model, *data).by_run)
-    assert "un 2" in warning
-    rest = found[found["run"] != "2"].reset_index(drop=True)
-    assert_array_equal(rest["rmse"], expected["rmse"])
-    assert found["rmse"].isna().sum() == 1
-
-
 @KINDS
 def test_one_run_with_measurements_is_split_into_halves(data, channel):
     def first_two(X, y):
@@ -176,41 +149,3 @@ def test_nothing_left_is_said_truly(name):
         SEARCHES[name].fit(X.assign(e=np.nan), Y)
     with pytest.raises(ValueError, match=r"No run is left.*run 1 \('e'\), run 2 \('u'\)"):
         SEARCHES[name].fit(X.assign(e=X["e"].where(GONE)), NO_Y[1])
-
-
-@pytest.mark.parametrize("name", ["delay", "orders", "memory"])
-def test_a_splitter_of_ones_own_may_hold_the_run(name):
-    """Its rows are those of the whole table; folds without a measurement are not scored."""
-    search = SEARCHES[name]
-    fold = PredefinedSplit(run_labels(X) - 1)
-    expected = search.fit(*WITHOUT).cv_results_
-    found, _ = told(type(search)(**{**search.get_params(deep=False), "cv": fold}).fit, *NO_Y)
-    assert_same_results(found.cv_results_, expected)
-    paired = type(search)(**{**search.get_params(deep=False), "cv": GroupKFold(2)})
-    assert np.isfinite(told(paired.fit, *NO_Y)[0].best_score_)
-
-
-@pytest.mark.parametrize("name", ["delay", "orders", "memory"])
-def test_a_run_too_short_for_the_window_is_still_fitted(name):
-    """Run 3 ends before the scored window: its fold is not scored, and a warning says so."""
-    short = ~((run_labels(X) == 3) & (X.index.get_level_values("time") >= 1.0))
-    params = SEARCHES[name].get_params(deep=False) | {"scoring": VAFScorer(window=(1.2, 2.0))}
-    found, warning = told(type(SEARCHES[name])(**params).fit, X[short], Y[short])
-    assert "1 of 4 folds are not scored, the first at run 3, t = 0 s" in warning
-    assert "split2_test_score" in found.cv_results_
-    assert "split3_test_score" not in found.cv_results_
-
-
-def test_a_run_with_one_measurement_is_kept():
-    y = Y.mask(GONE & (X.index.get_level_values("time") > 0))
-    _, warning = told(ARXRegressor(2, 2, 3).fit, X, y)
-    assert "left out because" not in warning
-    assert np.isfinite(vaf_score(y, Y))
-
-
-def test_a_stream_may_pause():
-    model = RecursiveARX(2, 2, 3, forgetting=0.99, init="zeros", p0=1.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for run in range(1, 5):
-            model.partial_fit(*select_runs(*NO_Y, runs=run))

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from sklearn.callback import ProgressBar
 from sklearn.linear_model import Ridge
-from sklearn.model_selection import GridSearchCV, GroupKFold, KFold, LeaveOneGroupOut
+from sklearn.model_selection import GridSearchCV, KFold, LeaveOneGroupOut
 from sklearn.pipeline import make_pipeline
 from support import closed_loop as cl
 from support import naive
@@ -27,7 +27,6 @@ from skhoid import (
     ShortRunError,
     VAFScorer,
     run_labels,
-    vaf_score,
 )
 
 DAISY = RECORDINGS / "daisy"
@@ -194,32 +193,10 @@ def test_window_follows_a_delay_that_jumps():
         assert search.loss_path_[3, column] == pytest.approx(mse, rel=1e-9)
 
 
-def test_windows_pool_the_runs():
-    X, y = arx_runs(3, 300, noise=0.2)
-    one = DelaySearchCV(nk=[2, 3, 4], window=1.0, step=0.5).fit(X, y)
-    assert set(one.nk_path_) == {3.0}
-    number = np.rint(X.index.get_level_values("time").to_numpy() / DT)
-    first = round((one.window_time_[1] - 0.5) / DT)
-    inside = (number >= first) & (number < first + 100)
-    _, mse, _, n_rows = fit_naive(X, y, ["e"], 2, 2, 3, 5, inside)
-    assert n_rows == 300
-    assert one.loss_path_[1, 1] == pytest.approx(mse, rel=1e-9)
-    with pytest.raises(ValueError, match=r"window=9 s is longer than"):
-        DelaySearchCV(nk=[3], window=9.0).fit(X, y)
-    with pytest.raises(ValueError, match="criterion='one_step'"):
-        DelaySearchCV(nk=[3], window=1.0, criterion="vaf").fit(X, y)
-
-
 def test_too_long_candidates_name_the_run(data):
     X, y = data
     with pytest.raises(ShortRunError, match=r"Run 1 \(and 3 more\).*200 samples back"):
         DelaySearchCV(nk=range(1, 200)).fit(X, y)
-
-
-def test_as_many_parameters_as_rows():
-    X, y = arx_runs(1, 24)
-    with pytest.raises(ShortRunError):
-        DelaySearchCV(nk=range(1, 20)).fit(X, y)
 
 
 def test_dependent_candidates_are_nan_and_not_chosen(data):
@@ -231,16 +208,6 @@ def test_dependent_candidates_are_nan_and_not_chosen(data):
     assert np.isnan(search.loss_).tolist() == [True, False]
     with pytest.raises(RankDeficiencyError):
         DelaySearchCV(model, nk=[(3, 1)]).fit(twice, y)
-
-
-def test_a_dependent_candidate_on_the_generic_path(data):
-    X, y = data
-    twice = X.assign(f=X.groupby("run")["e"].shift(2))
-    twice.loc[twice["f"].isna(), "f"] = 0.0
-    search = DelaySearchCV(SlowARX(inputs=["e", "f"]), nk=[(3, 3), (3, 1)], criterion="vaf").fit(
-        twice, y
-    )
-    assert np.isnan(search.loss_).tolist() == [False, True]
 
 
 # The orders
@@ -280,15 +247,6 @@ def test_cv_results_equal_explicit_fits(data, slow):
     assert results["rank_test_score"][np.argmax(results["mean_test_score"])] == 1
 
 
-def test_information_criteria_of_the_generic_path(data):
-    X, y = data
-    fast, slow = (
-        OrderSearchCV(model(), na=[5], nb=[1, 2], nk=[3], criterion="bic").fit(X, y)
-        for model in (ARXRegressor, SlowARX)
-    )
-    np.testing.assert_allclose(fast.cv_results_["bic"], slow.cv_results_["bic"], rtol=1e-9)
-
-
 def test_one_standard_error_rule_picks_the_smallest(data):
     X, y = data
     search = OrderSearchCV(nk=[3], na=[1, 2, 3, 4], nb=[1, 2, 3]).fit(X, y)
@@ -311,36 +269,6 @@ def test_one_standard_error_rule_picks_the_smallest(data):
     assert search.best_score_ == vaf[search.best_index_]
     best_rule = OrderSearchCV(nk=[3], na=[1, 2, 3, 4], nb=[1, 2, 3], rule="best").fit(X, y)
     assert best_rule.best_index_ == best
-
-
-def test_among_the_smallest_the_best_is_taken():
-    X, y = arx_runs(3, 150, noise=3.0, seed=1)
-    search = OrderSearchCV(nk=[2, 3, 4], na=[1, 2], nb=[1]).fit(X, y)
-    results, vaf = search.cv_results_, search.cv_results_["mean_test_score"]
-    good = vaf >= vaf.max() - search.standard_error_
-    tied = np.flatnonzero(good & (results["n_params"] == results["n_params"][good].min()))
-    assert tied.size > 1
-    assert search.best_index_ == max(tied, key=lambda i: vaf[i]) != min(tied, key=lambda i: vaf[i])
-
-
-@pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
-def test_held_inputs_are_held_in_a_copy():
-    X, y = arx_runs(1, 200)
-    array = np.ascontiguousarray(X.to_numpy())
-    array[[50, 120], 0] = np.nan
-    before = array.copy()
-    DelaySearchCV(nk=[2, 3], criterion="vaf").fit(array, y.to_numpy()).predict(array)
-    np.testing.assert_array_equal(array, before)
-
-
-def test_best_estimator_is_refitted_on_everything(data):
-    X, y = data
-    search = OrderSearchCV(na=[1, 2], nb=[2], nk=[3]).fit(X, y)
-    alone = ARXRegressor(search.best_na_, search.best_nb_, search.best_nk_).fit(X, y)
-    np.testing.assert_array_equal(search.best_estimator_.coef_, alone.coef_)
-    np.testing.assert_array_equal(search.predict(X), alone.predict(X))
-    np.testing.assert_array_equal(search.predict_ahead(X, y, 2), alone.predict_ahead(X, y, 2))
-    assert search.score(X, y) == alone.score(X, y)
 
 
 @pytest.mark.slow
@@ -394,14 +322,6 @@ def test_candidates_that_should_be_refused(data, options, error):
         OrderSearchCV(**{"na": [1], "nb": [1], **options}).fit(X, y)
 
 
-def test_threads_give_the_same(data):
-    X, y = data
-    one, two = (OrderSearchCV(nk=[3], n_jobs=n).fit(X, y) for n in (None, 2))
-    np.testing.assert_array_equal(
-        one.cv_results_["mean_test_score"], two.cv_results_["mean_test_score"]
-    )
-
-
 def test_a_single_run_is_halved_as_in_the_thesis():
     X, y = arx_runs(1, 401, noise=0.3)
     search = OrderSearchCV(na=[2], nb=[1, 2], nk=[3]).fit(X, y)
@@ -439,25 +359,6 @@ def test_a_split_that_cuts_a_run_is_warned_of_once():
     )
 
 
-def test_nothing_else_is_warned_of():
-    X, y = arx_runs(1, 300)
-    with pytest.warns(RunCutWarning):
-        DelaySearchCV(nk=[3], criterion="vaf", cv=KFold(3)).fit(X, y)
-
-
-def test_whole_runs_are_not_warned_of(data):
-    X, y = data
-    by_number = OrderSearchCV(na=[2], nb=[2], nk=[3], cv=2).fit(X, y)
-    by_splitter = OrderSearchCV(na=[2], nb=[2], nk=[3], cv=GroupKFold(2)).fit(X, y)
-    np.testing.assert_array_equal(
-        by_number.cv_results_["mean_test_score"], by_splitter.cv_results_["mean_test_score"]
-    )
-    one = np.flatnonzero(rows_of_runs(X, [1, 2]))
-    two = np.flatnonzero(rows_of_runs(X, [3, 4]))
-    listed = OrderSearchCV(na=[2], nb=[2], nk=[3], cv=[(one, two)]).fit(X, y)
-    assert "split1_test_score" not in listed.cv_results_
-
-
 @pytest.mark.parametrize(
     "search",
     [
@@ -480,39 +381,6 @@ def test_progress_bars(data, search, capsys):
 # As in DESIGN.md, section 1
 
 
-@pytest.mark.slow
-def test_stock_grid_search_over_decimation_delay_and_orders():
-    X, y = loop_runs(3, remnant_gain=0.0109)
-    pipe = make_pipeline(Decimator(factor=2), DelayShift(delay=0.29), ARXRegressor(na=2, nb=2))
-    grid = {
-        "decimator__factor": [1, 2, 4],
-        "delayshift__delay": [0.27, 0.29, 0.31],
-        "arxregressor__na": [2],
-    }
-    search = GridSearchCV(pipe, grid, scoring=VAFScorer(), cv=LeaveOneGroupOut())
-    search.fit(X, y, groups=run_labels(X))
-    scores = search.cv_results_["mean_test_score"]
-    assert np.isfinite(scores).all()
-    assert search.best_score_ > 70
-    assert search.predict(X).shape == (len(X),)
-    # One candidate, fold by fold.
-    best = search.best_params_
-    i = search.best_index_
-    for fold, run in enumerate((1, 2, 3)):
-        rest = [other for other in (1, 2, 3) if other != run]
-        model = make_pipeline(
-            Decimator(best["decimator__factor"]),
-            DelayShift(best["delayshift__delay"]),
-            ARXRegressor(),
-        ).fit(X.loc[rest], y.loc[rest])
-        expected = naive.vaf(y.loc[[run]], model.predict(X.loc[[run]]))
-        found = search.cv_results_[f"split{fold}_test_score"][i]
-        assert found == pytest.approx(expected, abs=1e-9)
-    # Thinned signals always reward the coarsest model; full rate does not.
-    coarse = make_pipeline(Decimator(16), DelayShift(0.29), ARXRegressor()).fit(X, y)
-    assert VAFScorer(rate="model")(coarse, X, y) > VAFScorer()(coarse, X, y)
-
-
 # Real recordings
 
 
@@ -525,51 +393,6 @@ def daisy(name, dt, column, output):
         [np.zeros(len(table), int), dt * np.arange(len(table))], names=["run", "time"]
     )
     return pd.DataFrame({"e": table[column].to_numpy()}, index), table[output].set_axis(index)
-
-
-def test_hair_dryer():
-    """shared/data/daisy/SOURCE.md: the missing effect is a delay of three samples."""
-    X, y = daisy("hairdryer", 0.08, "heater_voltage", "air_temperature")
-    X, y = X - X.mean(), y - y.mean()
-    half = 500
-    search = DelaySearchCV(nk=range(1, 16)).fit(X.iloc[:half], y.iloc[:half])
-    assert search.best_nk_ == 3
-    second = slice(half, None)
-    vaf = {}
-    for nk in (1, 3):
-        model = ARXRegressor(nk=nk).fit(X.iloc[:half], y.iloc[:half])
-        for start in (0, half):  # where the free run starts
-            run = model.predict(X.iloc[start:])[half - start :]
-            vaf[nk, start] = vaf_score(y.iloc[second], run, centered=True)
-    assert min(vaf[3, 0], vaf[3, half]) >= 97.8
-    assert max(vaf[1, 0], vaf[1, half]) < 90
-
-
-def test_robot_arm():
-    """shared/data/daisy/SOURCE.md: the missing effect is model order."""
-    X, y = daisy("robot_arm", 1.0, "reaction_torque", "acceleration")
-    search = OrderSearchCV(
-        na=range(1, 9), nb=range(1, 9), nk=[0, 1, 2], scoring=VAFScorer(centered=True)
-    ).fit(X, y)
-    assert search.cv_results_["mean_test_score"].max() >= 95
-    assert search.best_score_ >= 95 - search.standard_error_
-    small = OrderSearchCV(na=[2], nb=[2], nk=[0]).fit(X, y)
-    assert small.best_score_ < 20
-
-
-def test_a_fragment_between_gaps_does_not_limit_the_search():
-    X, y = arx_runs(2, 400)
-    keep = np.ones(len(X), dtype=bool)
-    keep[100:104] = keep[106:110] = False  # leaves two rows between two gaps
-    search = DelaySearchCV().fit(X[keep], y[keep])
-    assert search.cv_results_["nk"] == list(range(1, 51))
-    assert search.best_nk_ == NK
-
-
-def test_one_delay_in_samples_is_not_compared_between_rates(data):
-    X, y = data
-    with pytest.raises(ValueError, match=r"nk=3 is in samples.*nk=\{factor: candidates"):
-        OrderSearchCV(ARXRegressor(nk=3), factor=[1, 2]).fit(X, y)
 
 
 @pytest.mark.parametrize("wrap", [lambda m: m, make_pipeline], ids=["bare", "pipeline of one step"])

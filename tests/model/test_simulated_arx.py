@@ -13,11 +13,10 @@ from support.places import RECORDINGS
 from skhoid import (
     ARXRegressor,
     EffectSearchCV,
-    ShortRunError,
     SimulatedARX,
     run_labels,
 )
-from skhoid.effects import DeadZone, HigherOrder, TimeVaryingGain
+from skhoid.effects import DeadZone, TimeVaryingGain
 from skhoid.search import Verdict
 
 pytestmark = pytest.mark.slow  # fits many models
@@ -31,11 +30,6 @@ def arx(effect=None):
     """The model of the right orders for what ``SIMULATED`` makes."""
     nk = 1 if effect == "hardening_stiffness" else NK  # a spring that answers later is unstable
     return SimulatedARX(2, 2, nk, effects=effect)
-
-
-def late(x, lag):
-    """x(t - lag), zero before."""
-    return np.concatenate([np.zeros(lag), x[: x.size - lag]])
 
 
 def linear(x, nk=NK):
@@ -108,19 +102,6 @@ SIMULATED = {
 }
 
 
-def test_without_effects_nothing_changes():
-    X, y = runs(lambda r: linear(r["e"].to_numpy()))
-    model = ARXRegressor(2, 2, NK).fit(X, y)
-    np.testing.assert_array_equal(model.parameters_["value"], model.coef_)
-    expected = np.concatenate(
-        [
-            lfilter(np.r_[np.zeros(NK), model.b_], np.r_[1.0, model.a_], X["e"].loc[r])
-            for r in range(3)
-        ]
-    )
-    np.testing.assert_allclose(model.predict(X), expected, rtol=1e-9, atol=1e-12)
-
-
 @pytest.mark.parametrize("name", SIMULATED)
 def test_what_was_simulated_is_recovered(name):
     """Within four standard errors, or two percent (forms differ in their first samples)."""
@@ -150,69 +131,10 @@ def one_run(time):
     return pd.MultiIndex.from_product([["r"], time], names=["run", "time"])
 
 
-def multisine(t, shift=0.0):
-    """Smooth input whose value between samples is known."""
-    rng = np.random.default_rng(5)
-    omega = 2 * np.pi * np.arange(1, 15) * 0.11
-    phases = rng.uniform(0, 2 * np.pi, omega.size)
-    return np.sin(np.outer(t - shift, omega) + phases).sum(axis=1)
-
-
-def delay_of(a, b):
-    """Delay in samples of slow inputs by B / A."""
-    lags = np.arange(3)
-    return b[1] / np.sum(b) - np.r_[1.0, a] @ lags / np.sum(np.r_[1.0, a])
-
-
-@pytest.mark.parametrize("extra", [-2.5, -0.4, 0.3, 4.7])
-def test_a_delay_between_samples(extra):
-    t = np.arange(3000) * DT
-    X = pd.DataFrame({"e": multisine(t)}, index=one_run(t))
-    y = linear(multisine(t, extra * DT))
-    y += 0.02 * y.std() * np.random.default_rng(6).standard_normal(y.size)
-    model = SimulatedARX(2, 2, NK, settling=1.0, effects="wrong_delay").fit(X, y)
-    row = model.parameters_.loc["wrong_delay__extra"]
-    # Coefficients delay slow inputs too, by as much as they share with the effect.
-    found = row["value"] / DT + delay_of(model.a_, model.b_) - delay_of(A, B)
-    assert found == pytest.approx(extra, abs=0.1)
-    assert model.score(X, y) > 99.5
-
-
 def test_a_delay_cannot_come_before_its_cause():
     X, y = runs(lambda r: np.r_[linear(r["e"].to_numpy(), 0)[5:], np.zeros(5)])
     model = SimulatedARX(2, 2, 2, effects="wrong_delay").fit(X, y)
     assert model.parameters_.loc["wrong_delay__extra", "value"] == pytest.approx(-2 * DT)
-
-
-def test_orders_that_are_missing():
-    """A resonance more: two poles and zeros, of the continuous time that HigherOrder names."""
-    resonance = HigherOrder(
-        zero_frequency=9.0, zero_damping=0.5, pole_frequency=6.0, pole_damping=0.1
-    )
-    X, y = runs(lambda r: linear(r["e"].to_numpy()))
-    known = SimulatedARX(2, 2, NK, effects=resonance).fit(X, y)
-    y = pd.Series(known.predict(X), index=X.index)
-    y += 0.02 * y.std() * np.random.default_rng(8).standard_normal(len(y))
-    short = ARXRegressor(2, 2, NK)
-    assert short.fit(X, y).score(X, y) < 97
-    found = short.with_effect("higher_order").fit(X, y)
-    assert found.score(X, y) > 99.9
-
-
-def test_time_has_no_preferred_unit():
-    """The same rows with another clock: times scale with it, all else stays."""
-    response, _ = SIMULATED["extra_lag"]
-    X, y = runs(response)
-    run, time = (X.index.get_level_values(level) for level in ("run", "time"))
-    slow = X.set_axis(pd.MultiIndex.from_arrays([run, 50 * time], names=["run", "time"]))
-    fits = [
-        SimulatedARX(2, 2, NK, effects=["extra_lag", "drift"]).fit(x, y.set_axis(x.index))
-        for x in (X, slow)
-    ]
-    fast, slow = (f.parameters_["value"] for f in fits)
-    assert slow["extra_lag__time"] == pytest.approx(50 * fast["extra_lag__time"], rel=1e-3)
-    assert slow["drift__rate"] == pytest.approx(fast["drift__rate"] / 50, rel=1e-2, abs=1e-7)
-    assert fits[1].vaf_ == pytest.approx(fits[0].vaf_, abs=1e-4)
 
 
 def test_units_scale():
@@ -227,21 +149,6 @@ def test_units_scale():
     np.testing.assert_allclose(other.predict(100 * X), 0.01 * model.predict(X), atol=1e-5 * y.std())
 
 
-def test_order_of_runs_and_numpy():
-    X, y = runs(SIMULATED["dead_zone"][0])
-    model = SimulatedARX(2, 2, NK, effects=DeadZone(form="gap")).fit(X, y)
-    order = [2, 0, 1]
-    turned = pd.concat([X.loc[[r]] for r in order])
-    again = clone(model).fit(turned, y.loc[order].reindex(turned.index))
-    np.testing.assert_allclose(again.coef_, model.coef_, rtol=1e-4, atol=1e-6)
-    plain = np.column_stack([X.index.get_level_values(0), X["e"], X["speed"]]).astype(float)
-    numpy = clone(model).set_params(dt=DT, run=0, inputs=[1]).fit(plain, y.to_numpy())
-    np.testing.assert_allclose(numpy.coef_, model.coef_, rtol=1e-10)
-    np.testing.assert_allclose(numpy.predict(plain), model.predict(X), rtol=1e-9, atol=1e-12)
-    some = model.predict(X.loc[[1]])
-    np.testing.assert_allclose(some, model.predict(X)[1500:3000], rtol=1e-12, atol=1e-12)
-
-
 def test_settling_and_gaps_and_missing_values():
     X, y = runs(SIMULATED["dead_zone"][0])
     disturbed = y.copy()
@@ -254,15 +161,6 @@ def test_settling_and_gaps_and_missing_values():
     cut = X.index.get_level_values("time").to_numpy() // 10 != 1  # a gap of 10 s
     model.fit(X[cut], y[cut])
     assert model.parameters_.loc["dead_zone__width", "value"] == pytest.approx(0.6, abs=0.03)
-
-
-def test_intercept():
-    X, y = runs(lambda r: linear(r["e"].to_numpy() + 2.0))
-    model = SimulatedARX(2, 2, NK, fit_intercept=True, effects="dead_zone").fit(X, y)
-    linear_part = clone(model).set_params(effects=None).fit(X, y)
-    assert model.intercept_ == pytest.approx(2.0 * sum(B), rel=0.1)
-    assert linear_part.parameter_names_ == model.parameter_names_
-    assert model.score(X, y) > 99.8
 
 
 def test_only_the_gain_of_an_arx_model_changes():
@@ -353,16 +251,6 @@ def test_search_finds_nothing_in_a_linear_system():
     assert not tried["status"].eq("added").any()
 
 
-def test_search_finds_the_delay():
-    X, y = runs(lambda r: linear(late(r["e"].to_numpy(), 4)))
-    search = EffectSearchCV(
-        ARXRegressor(2, 2, 1), effects=["wrong_delay", "higher_order", "bias", "dead_zone"]
-    ).fit(X, y)
-    assert search.best_effects_ == ["wrong_delay"]
-    extra = search.best_estimator_.parameters_.loc["wrong_delay__extra", "value"]
-    assert extra == pytest.approx((NK - 1 + 4) * DT, abs=0.2 * DT)
-
-
 @pytest.mark.skipif(not SILVERBOX.exists(), reason=f"needs {SILVERBOX}, which is not published")
 def test_silverbox():
     """An electronic Duffing oscillator: fitted to multisines, tried on the louder arrow."""
@@ -384,13 +272,3 @@ def test_silverbox():
 
     assert error(search.baseline_) > 10.0  # mV
     assert error(search.best_estimator_) < 2.0
-
-
-def test_lags_longer_than_a_run_are_refused_as_without_effects():
-    X = pd.DataFrame({"e": np.random.default_rng(0).standard_normal(150)})
-    y = X["e"].to_numpy()
-    for model in (ARXRegressor(nk=200), SimulatedARX(nk=200, effects="bias")):
-        with pytest.raises(ShortRunError, match=r"150 successive rows .* reach 201 samples back"):
-            model.fit(X, y)
-    with pytest.raises(ShortRunError, match="reach 201 samples back"):
-        EffectSearchCV(ARXRegressor(nk=200), effects=["bias"]).fit(X, y)
