@@ -1,5 +1,6 @@
-"""Private names and conventions of scikit-learn, which no other file uses."""
+"""Private names and conventions of scikit-learn, and what estimators' docstrings share."""
 
+import re
 import sys
 from collections.abc import Callable, Mapping
 from numbers import Integral, Real
@@ -28,8 +29,10 @@ __all__ = [
     "FittedDisplay",
     "HasMethods",
     "Interval",
+    "SharedDocs",
     "StrOptions",
     "checked",
+    "fill_docs",
     "fit_context",
     "output_container",
     "raise_for_params",
@@ -45,6 +48,85 @@ DT = [Interval(Real, 0, None, closed="neither"), None]
 ROLES = [Mapping, None]
 RUN_IN = [Interval(Real, 0, None, closed="left"), None]
 WINDOW = [tuple, list, np.ndarray, None]
+
+# What docstrings of estimators have in common: a line ``{X, y}`` in one stands for these entries.
+SHARED = {
+    "inputs": (
+        "inputs : list of column names or positions, or None, default=None",
+        "Linear inputs. None means the column named ``e`` if there is one, else all columns.",
+    ),
+    "roles": (
+        "roles : dict or None, default=None",
+        "Roles of columns, ``{column: role}``, where their names do not give them.",
+    ),
+    "dt": (
+        "dt : float or None, default=None",
+        "Sampling time in seconds of data without a time index (None: 1).",
+    ),
+    "run": (
+        "run : column name or position, or None, default=None",
+        "Run column of data without a run index.",
+    ),
+    "X": (
+        "X : DataFrame or array of shape (n_rows, n_columns)",
+        "Channels, one row per sample; runs and time are read from its index.",
+    ),
+    "y": (
+        "y : Series or array of shape (n_rows,)",
+        "Measured output; NaN where it was not measured.",
+    ),
+    "groups": (
+        "groups : array-like of shape (n_rows,) or None, default=None",
+        "Group of each row, as in ``GridSearchCV``: what ``cv`` keeps together, and what",
+        "``cv=None`` leaves out one at a time. Groups consist of whole runs. None uses the runs.",
+    ),
+    "dt_": (
+        "dt_ : float",
+        "Sampling time of the fitted grid in seconds.",
+    ),
+    "inputs_": (
+        "inputs_ : list of str",
+        "Names of the linear inputs.",
+    ),
+    "n_features_in_": (
+        "n_features_in_ : int",
+        "Number of columns seen in ``fit``.",
+    ),
+    "feature_names_in_": (
+        "feature_names_in_ : ndarray of str",
+        "Column names seen in ``fit``, if all are strings.",
+    ),
+    "parameter_names_": (
+        "parameter_names_ : list of str",
+        "Names of the parameters.",
+    ),
+}
+
+
+def fill_docs(cls: type) -> None:
+    """Put the shared entries into the docstrings of a class and its methods."""
+    for one in (cls, *vars(cls).values()):
+        doc = getattr(one, "__doc__", None) if one is cls or callable(one) else None
+        if doc and "{" in doc:
+            one.__doc__ = re.sub(r"^( +)\{([\w, ]+)\}$", _entries, doc, flags=re.MULTILINE)
+
+
+def _entries(line: re.Match) -> str:
+    indent, names = line[1], line[2].split(", ")
+    if not SHARED.keys() >= {*names}:
+        return line[0]
+    heads = {
+        name: (SHARED[name][0], *(f"    {text}" for text in SHARED[name][1:])) for name in names
+    }
+    return "\n".join(indent + text for entry in heads.values() for text in entry)
+
+
+class SharedDocs:
+    """A mixin whose subclasses have the shared entries in their docstrings."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        fill_docs(cls)
 
 
 def checked(**constraints: list) -> Callable[[F], F]:

@@ -12,7 +12,7 @@ import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
-from ._sklearn import FittedDisplay
+from ._sklearn import FittedDisplay, SharedDocs, fill_docs
 from .exceptions import MissingDataWarning, RunIndexError, SamplingJitterWarning
 from .metrics import scored_rows, vaf_of_rows, warn_of_unscored
 from .preprocessing.base import read_table
@@ -54,7 +54,7 @@ class DataToFit(NamedTuple):
     known: np.ndarray
 
 
-class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
+class RunRegressor(SharedDocs, FittedDisplay, RegressorMixin, BaseEstimator):
     """A regressor that predicts the output of runs by simulation, on the grid that marks leave."""
 
     inputs: Any
@@ -223,8 +223,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
+        {X}
 
         Returns
         -------
@@ -242,10 +241,7 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-        y : Series or array of shape (n_rows,)
-            Measured output.
+        {X, y}
 
         Returns
         -------
@@ -322,6 +318,9 @@ class RunRegressor(FittedDisplay, RegressorMixin, BaseEstimator):
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True
         return tags
+
+
+fill_docs(RunRegressor)
 
 
 def _marked(mark: DecimationMark | None) -> str:

@@ -175,8 +175,7 @@ class BaseARX(RunRegressor):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
+        {X}
         y : Series or array of shape (n_rows,), default=None
             Measured output, needed to estimate the initial state.
         initial_state : {"zero", "estimate"}, default="zero"
@@ -214,10 +213,7 @@ class BaseARX(RunRegressor):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-        y : Series or array of shape (n_rows,)
-            Measured output.
+        {X, y}
         horizon : int, default=1
             Steps ahead, in samples of the fitted grid (``dt_``).
 
@@ -266,10 +262,7 @@ class BaseARX(RunRegressor):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-        y : Series or array of shape (n_rows,)
-            Measured output.
+        {X, y}
 
         Returns
         -------

@@ -52,8 +52,7 @@ class ARXRegressor(BaseARX):
     nk : int or one per input, default=0
         Input delay in samples of the grid the model is fitted on; 0 means x(t) itself. It includes
         the sample that zero-order hold adds: 29 at 100 Hz for an operator with tau_e = 0.28 s.
-    inputs : list of column names or positions, or None, default=None
-        Linear inputs. None means the column named ``e`` if there is one, else all columns.
+    {inputs}
     fit_intercept : bool, default=False
         Add a constant c to the regressors. The thesis keeps means and has none.
     method : {"ols", "iv"}, default="ols"
@@ -72,12 +71,7 @@ class ARXRegressor(BaseARX):
         run best; in ``predict``, as if the inputs had always been as in the first row. None takes
         ``"estimate"`` only where runs clearly do not begin at rest, in ``score`` for each run by
         itself.
-    roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where their names do not give them.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
-    run : column name or position, or None, default=None
-        Run column of data without a run index.
+    {roles, dt, run}
 
     Attributes
     ----------
@@ -104,20 +98,14 @@ class ARXRegressor(BaseARX):
         Names of the instruments; none for least squares.
     initial_ : str
         How free runs begin: ``"rest"`` or ``"estimate"``.
-    dt_ : float
-        Sampling time of the fitted grid in seconds.
-    inputs_ : list of str
-        Names of the linear inputs.
+    {dt_, inputs_}
     n_rows_used_ : int
         Rows in the regression.
     n_rows_missing_ : int
         Rows left out because y or an input in their lags is NaN.
     jitter_ : float
         Largest deviation of a step of the clock, as a fraction of the sampling time.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {n_features_in_, feature_names_in_}
 
     See Also
     --------
@@ -197,10 +185,7 @@ class ARXRegressor(BaseARX):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample; runs and time are read from its index.
-        y : Series or array of shape (n_rows,)
-            Output. NaN means no measurement.
+        {X, y}
 
         Returns
         -------

@@ -14,7 +14,7 @@ import pandas as pd
 from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, LeavePGroupsOut, check_cv
 from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
 
-from .._sklearn import raise_for_params, routing_enabled
+from .._sklearn import SharedDocs, raise_for_params, routing_enabled
 from ..exceptions import MissingDataWarning, RunCutWarning, RunIndexError
 from ..preprocessing.gate import unmasked
 from ..runs import RunLayout, check_alignment
@@ -76,7 +76,7 @@ class Fold(NamedTuple):
     test: RunRows
 
 
-class SplitsRuns:
+class SplitsRuns(SharedDocs):
     """A search whose ``fit`` takes groups and what its splitter requests, like GridSearchCV."""
 
     cv: Any

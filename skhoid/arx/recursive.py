@@ -462,8 +462,7 @@ class RecursiveARX(RecursiveLeastSquares):
     ----------
     na, nb, nk : int, or one per input for nb and nk, default=2, 2, 0
         Orders and input delay, as for :class:`ARXRegressor`.
-    inputs : list of column names or positions, or None, default=None
-        Linear inputs. None means the column named ``e`` if there is one, else all columns.
+    {inputs}
     fit_intercept : bool, default=False
         Add a constant to the regressors.
     forgetting : float, array, callable, "auto", "variable" or None, default=None
@@ -504,12 +503,7 @@ class RecursiveARX(RecursiveLeastSquares):
         one λ for all parameters, and is not for streaming.
     store_covariance : bool, default=False
         Keep ``covariance_path_``.
-    roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where their names do not give them.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
-    run : column name or position, or None, default=None
-        Run column of data without a run index.
+    {roles, dt, run}
 
     Attributes
     ----------
@@ -551,20 +545,12 @@ class RecursiveARX(RecursiveLeastSquares):
     n_held_ : int
         Instants at which some information was not forgotten, because no new information replaced
         it.
-    parameter_names_ : list of str
-        Names of the parameters.
-    dt_ : float
-        Sampling time of the fitted grid in seconds.
-    inputs_ : list of str
-        Names of the linear inputs.
+    {parameter_names_, dt_, inputs_}
     jitter_ : float
         Largest deviation of a step of the clock, as a fraction of the sampling time.
     n_rows_missing_ : int
         Rows without an update because y or an input in their lags is NaN.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {n_features_in_, feature_names_in_}
 
     See Also
     --------
@@ -689,10 +675,7 @@ class RecursiveARX(RecursiveLeastSquares):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample; runs and time are read from its index.
-        y : Series or array of shape (n_rows,)
-            Output. NaN means no measurement.
+        {X, y}
 
         Returns
         -------
@@ -761,10 +744,9 @@ class RecursiveARX(RecursiveLeastSquares):
         ----------
         X : DataFrame or array of shape (n_rows, n_columns)
             Channels. Runs and gaps are read from the index, or from the run column. A float64 array
-            is fastest (about 4 µs per call); give the delay as ``nk``, since pipelines have no
+            is fastest (about 5 µs per call); give the delay as ``nk``, since pipelines have no
             ``partial_fit``.
-        y : Series or array of shape (n_rows,)
-            Output. NaN means no measurement.
+        {y}
         new_run : bool, default=False
             Whether a new run begins with the first row.
 

@@ -63,12 +63,7 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
         How the VAF is computed: run-in, window (in the thesis that of the transition), average.
     n_jobs : int or None, default=None
         Threads for the folds.
-    roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where their names do not give them.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
-    run : column name or position, or None, default=None
-        Run column of data without a run index.
+    {roles, dt, run}
 
     Attributes
     ----------
@@ -173,13 +168,7 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample; runs and time are read from its index.
-        y : Series or array of shape (n_rows,)
-            Output. NaN means no measurement.
-        groups : array-like of shape (n_rows,) or None, default=None
-            Group of each row, as in ``GridSearchCV``: what ``cv`` keeps together, and what
-            ``cv=None`` leaves out one at a time. Groups consist of whole runs. None uses the runs.
+        {X, y, groups}
         **params : dict
             Anything else that ``cv`` requests, if metadata routing is enabled.
 

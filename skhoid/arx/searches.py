@@ -85,13 +85,7 @@ class ModelSearch(
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-        y : Series or array of shape (n_rows,)
-            Output.
-        groups : array-like of shape (n_rows,) or None, default=None
-            Group of each row, as in ``GridSearchCV``: what ``cv`` keeps together, and what
-            ``cv=None`` leaves out one at a time. Groups consist of whole runs. None uses the runs.
+        {X, y, groups}
         **params : dict
             Anything else that ``cv`` requests, if metadata routing is enabled.
 
@@ -149,8 +143,7 @@ class ModelSearch(
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
+        {X}
 
         Returns
         -------
@@ -191,10 +184,7 @@ class ModelSearch(
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-        y : Series or array of shape (n_rows,)
-            Measured output.
+        {X, y}
 
         Returns
         -------
@@ -303,10 +293,7 @@ class DelaySearchCV(ModelSearch):
         where the window holds too little data. Windows pool the runs by their time index.
     loss_path_ : ndarray of shape (n_windows, n_candidates)
         Loss of every candidate in each window.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {n_features_in_, feature_names_in_}
 
     Notes
     -----
@@ -516,10 +503,7 @@ class OrderSearchCV(ModelSearch):
         blocks of its rows.
     best_estimator_ : estimator
         The chosen model refitted on all data.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {n_features_in_, feature_names_in_}
 
     Notes
     -----

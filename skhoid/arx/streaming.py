@@ -167,8 +167,7 @@ class Streaming(RunRegressor):
         X : DataFrame or array of shape (n_rows, n_columns)
             Channels. Runs and gaps are read from the index, or from the run column. A float64 array
             is fastest.
-        y : Series or array of shape (n_rows,)
-            Output. NaN means no measurement.
+        {y}
         new_run : bool, default=False
             Whether a new run begins with the first row.
 

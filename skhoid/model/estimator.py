@@ -173,8 +173,7 @@ class GreyBox(RunRegressor):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
+        {X}
         y : Series or array of shape (n_rows,)
             Output of the operator; NaN where not measured.
 
@@ -372,10 +371,7 @@ class GreyBox(RunRegressor):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-        y : Series or array of shape (n_rows,)
-            Measured output.
+        {X, y}
 
         Returns
         -------
@@ -509,8 +505,7 @@ class GreyBox(RunRegressor):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
+        {X}
 
         Returns
         -------

@@ -58,10 +58,7 @@ class OperatorRegressor(GreyBox):
     start : dict or None, default=None
         Values to start the fit from, ``{parameter: value}`` with the names of ``parameters_``, in
         addition to the model's own starts.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
-    run : column name or position, or None, default=None
-        Run column of data without a run index.
+    {dt, run}
 
     Attributes
     ----------
@@ -93,14 +90,10 @@ class OperatorRegressor(GreyBox):
         Given or estimated.
     initial_ : str
         How free runs begin: ``"rest"`` or ``"estimate"``.
-    dt_ : float
-        Sampling time of the fitted grid in seconds.
+    {dt_}
     inputs_ : list of str
         Name of the error channel.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {n_features_in_, feature_names_in_}
 
     Raises
     ------

@@ -59,12 +59,7 @@ class SimulatedARX(GreyBox, BaseARX):
     n_starts : int, default=24
         How many systems with different poles are tried as starts, in addition to those from least
         squares; they are fixed, so a fit is repeatable.
-    roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where their names do not give them.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
-    run : column name or position, or None, default=None
-        Run column of data without a run index.
+    {roles, dt, run}
 
     Attributes
     ----------
@@ -97,16 +92,12 @@ class SimulatedARX(GreyBox, BaseARX):
         Names of the entries of ``coef_``.
     initial_ : str
         How free runs begin: ``"rest"`` or ``"estimate"``.
-    dt_ : float
-        Sampling time of the fitted grid in seconds.
+    {dt_}
     inputs_ : list of str
         Name of the linear input.
     n_rows_used_, n_rows_missing_ : int
         Rows that count, and rows left out because y is NaN.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {n_features_in_, feature_names_in_}
 
     See Also
     --------

@@ -10,7 +10,7 @@ import pandas as pd
 from sklearn.base import BaseEstimator, OneToOneFeatureMixin, TransformerMixin, clone
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from .._sklearn import fit_context, output_container
+from .._sklearn import SharedDocs, fill_docs, fit_context, output_container
 from ..exceptions import RunIndexError
 from ..runs import (
     SET_OUTPUT_HINT,
@@ -112,7 +112,7 @@ def _as_numbers(X: Any) -> np.ndarray:
     return np.asarray(X, dtype=np.float64)
 
 
-class RowPreservingTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstimator):
+class RowPreservingTransformer(SharedDocs, OneToOneFeatureMixin, TransformerMixin, BaseEstimator):
     """A transformer that returns as many rows as it gets and keeps runs and time."""
 
     dt: float | None
@@ -124,8 +124,7 @@ class RowPreservingTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstim
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
+        {X}
         y : ignored
             Present for the scikit-learn API.
 
@@ -193,3 +192,6 @@ class RowPreservingTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstim
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True
         return tags
+
+
+fill_docs(RowPreservingTransformer)

@@ -42,8 +42,7 @@ class Decimator(RowPreservingTransformer):
         exact when the measurement window holds whole periods of the forcing function (trim the
         run-in before decimating). ``"odd"`` reflects the run about its end points; use it for runs
         that end at a different value than they began, which otherwise ring near both ends.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
+    {dt}
     run : column name or position, or None, default=None
         Run column of data without a run index; it passes through unchanged.
 
@@ -51,10 +50,7 @@ class Decimator(RowPreservingTransformer):
     ----------
     dt_ : float
         Sampling time in seconds before decimation.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {n_features_in_, feature_names_in_}
 
     See Also
     --------
@@ -117,8 +113,7 @@ class Decimator(RowPreservingTransformer):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
+        {X}
 
         Returns
         -------
@@ -156,8 +151,7 @@ class DelayShift(RowPreservingTransformer):
         Channels to shift. None means the column named ``e`` if there is one, else all.
     roles : dict or None, default=None
         Roles of columns, ``{column: role}``; a column of role ``e`` is the input.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
+    {dt}
     run : column name or position, or None, default=None
         Run column of data without a run index; it passes through unchanged.
 
@@ -169,10 +163,7 @@ class DelayShift(RowPreservingTransformer):
         Delay in seconds after rounding to whole samples.
     dt_ : float
         Sampling time in seconds.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {n_features_in_, feature_names_in_}
 
     References
     ----------
@@ -227,8 +218,7 @@ class DelayShift(RowPreservingTransformer):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
+        {X}
 
         Returns
         -------
@@ -265,8 +255,7 @@ class RunInTrimmer(RowPreservingTransformer):
     measurement_time : float or None, default=None
         Length of the measurement window T_m in seconds; the last ``measurement_time`` of each run
         is kept. Give at most one of the two; with neither, nothing is marked.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
+    {dt}
     run : column name or position, or None, default=None
         Run column of data without a run index; it passes through unchanged.
 
@@ -274,10 +263,7 @@ class RunInTrimmer(RowPreservingTransformer):
     ----------
     dt_ : float
         Sampling time in seconds.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {n_features_in_, feature_names_in_}
 
     Notes
     -----
@@ -337,8 +323,7 @@ class RunInTrimmer(RowPreservingTransformer):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
+        {X}
 
         Returns
         -------

@@ -247,8 +247,7 @@ class DelayBankARX(RecursiveLeastSquares):
         zero-order hold. None means 21 from 0.1 to 0.5 s, plus that sample.
     na, nb : int, or one per input for nb, default=2, 2
         Orders, as for :class:`ARXRegressor`.
-    inputs : list of column names or positions, or None, default=None
-        Linear inputs. None means the column named ``e`` if there is one, else all columns.
+    {inputs}
     fit_intercept : bool, default=False
         Add a constant to the regressors.
     stay_time : float, default=5.0
@@ -277,12 +276,7 @@ class DelayBankARX(RecursiveLeastSquares):
         What predictions use: delay and θ at the same time in the run, or the last ones.
     store_covariance : bool, default=False
         Keep ``covariance_path_``.
-    roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where their names do not give them.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
-    run : column name or position, or None, default=None
-        Run column of data without a run index.
+    {roles, dt, run}
 
     Attributes
     ----------
@@ -432,10 +426,7 @@ class DelayBankARX(RecursiveLeastSquares):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample; runs and time are read from its index.
-        y : Series or array of shape (n_rows,)
-            Output. NaN means no measurement.
+        {X, y}
 
         Returns
         -------

@@ -163,12 +163,7 @@ class LPVARX(BaseARX):
     covariance : {"ols", "hac"}, default="ols"
         ``"ols"`` takes the equation error as white; ``"hac"`` (Newey and West) allows for the
         coloured error that remnant leaves.
-    roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where their names do not give them.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
-    run : column name or position, or None, default=None
-        Run column of data without a run index.
+    {roles, dt, run}
 
     Attributes
     ----------
@@ -204,16 +199,10 @@ class LPVARX(BaseARX):
         NaN.
     scheduling_ : list of str
         Names of the scheduling channels, or ``["time"]``.
-    dt_ : float
-        Sampling time of the fitted grid in seconds.
-    inputs_ : list of str
-        Names of the linear inputs.
+    {dt_, inputs_}
     jitter_ : float
         Largest deviation of a step of the clock, as a fraction of the sampling time.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {n_features_in_, feature_names_in_}
 
     See Also
     --------
@@ -311,10 +300,7 @@ class LPVARX(BaseARX):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample; runs and time are read from its index.
-        y : Series or array of shape (n_rows,)
-            Output. NaN means no measurement.
+        {X, y}
 
         Returns
         -------

@@ -90,12 +90,7 @@ class OperatorKalman(Streaming, OperatorPath):
         Smooth the path by also using later data (Rauch, Tung and Striebel 1965); not for streaming.
     inputs : list with one column name or position, or None, default=None
         The error. None means the column of role ``e``.
-    roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where their names do not give them.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
-    run : column name or position, or None, default=None
-        Run column of data without a run index.
+    {roles, dt, run}
 
     Attributes
     ----------
@@ -258,10 +253,7 @@ class OperatorKalman(Streaming, OperatorPath):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample; runs and time are read from its index.
-        y : Series or array of shape (n_rows,)
-            Output. NaN means no measurement.
+        {X, y}
 
         Returns
         -------

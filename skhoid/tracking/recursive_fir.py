@@ -261,8 +261,7 @@ class RecursiveFIR(Streaming, FollowedPath):
     length : float or None, default=None
         Length of the impulse response in seconds, in place of ``n_taps``: the same at every
         decimation factor.
-    inputs : list of column names or positions, or None, default=None
-        Linear inputs. None means the column named ``e`` if there is one, else all columns.
+    {inputs}
     fit_intercept : bool, default=False
         Add a constant, which is not regularised.
     ridge : float, default=0.001
@@ -292,12 +291,7 @@ class RecursiveFIR(Streaming, FollowedPath):
         the last θ throughout.
     store_covariance : bool, default=False
         Keep ``covariance_path_``.
-    roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where their names do not give them.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
-    run : column name or position, or None, default=None
-        Run column of data without a run index.
+    {roles, dt, run}
 
     Attributes
     ----------
@@ -338,18 +332,12 @@ class RecursiveFIR(Streaming, FollowedPath):
         b0, b1 ... as in :class:`ARXRegressor`.
     run_labels_ : list
         Labels of the runs.
-    dt_ : float
-        Sampling time of the fitted grid in seconds.
-    inputs_ : list of str
-        Names of the linear inputs.
+    {dt_, inputs_}
     jitter_ : float
         Largest deviation of a step of the clock, as a fraction of the sampling time.
     n_rows_missing_ : int
         Rows without an update because y or an input in their lags is NaN.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {n_features_in_, feature_names_in_}
 
     See Also
     --------
@@ -471,10 +459,7 @@ class RecursiveFIR(Streaming, FollowedPath):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample; runs and time are read from its index.
-        y : Series or array of shape (n_rows,)
-            Output. NaN means no measurement.
+        {X, y}
 
         Returns
         -------

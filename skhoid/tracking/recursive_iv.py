@@ -83,8 +83,7 @@ class RecursiveIV(WhitenedRecursion):
     ----------
     na, nb, nk : int, or one per input for nb and nk, default=2, 2, 0
         Orders and input delay in samples, as for :class:`RecursiveARX`.
-    inputs : list of column names or positions, or None, default=None
-        Linear inputs. None means the column named ``e`` if there is one, else all columns.
+    {inputs}
     instruments : list of column names or positions, or None, default=None
         External signals; None means the columns of role f_t or dist.
     noise_order : int, default=8
@@ -100,12 +99,7 @@ class RecursiveIV(WhitenedRecursion):
         What predictions use: theta at the same time in the run, or the last one.
     store_covariance : bool, default=False
         Keep ``covariance_path_``.
-    roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where their names do not give them.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
-    run : column name or position, or None, default=None
-        Run column of data without a run index.
+    {roles, dt, run}
 
     Attributes
     ----------
@@ -138,16 +132,7 @@ class RecursiveIV(WhitenedRecursion):
         theta of the first window.
     n_updates_, n_held_ : int
         Updates; and instants at which nothing was forgotten, as no information came.
-    parameter_names_ : list of str
-        Names of the parameters.
-    dt_ : float
-        Sampling time of the fitted grid in seconds.
-    inputs_ : list of str
-        Names of the linear inputs.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {parameter_names_, dt_, inputs_, n_features_in_, feature_names_in_}
 
     See Also
     --------
@@ -227,8 +212,7 @@ class RecursiveIV(WhitenedRecursion):
         X : DataFrame or array of shape (n_rows, n_columns)
             Channels, one row per sample, external signals among them; runs and time are read from
             its index.
-        y : Series or array of shape (n_rows,)
-            Output. NaN means no measurement.
+        {y}
 
         Returns
         -------

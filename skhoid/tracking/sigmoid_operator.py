@@ -60,10 +60,7 @@ class SigmoidOperator(OperatorPath):
         The error. None means the column of role ``e``.
     roles : dict or None, default=None
         Roles of columns, ``{column: role}``, where names do not show them.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
-    run : column name or position, or None, default=None
-        Run column of data without a run index.
+    {dt, run}
 
     Attributes
     ----------
@@ -87,14 +84,10 @@ class SigmoidOperator(OperatorPath):
         Coefficients a_1 ... of the remnant, A(q) n = white noise, at the rate of the criterion.
     noise_variance_ : float
         Variance of that white noise.
-    dt_ : float
-        Sampling time of the fitted grid in seconds.
+    {dt_}
     inputs_ : list of str
         Name of the error channel.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {n_features_in_, feature_names_in_}
 
     Raises
     ------
@@ -181,10 +174,7 @@ class SigmoidOperator(OperatorPath):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-        y : Series or array of shape (n_rows,)
-            Control output; NaN where it was not measured.
+        {X, y}
 
         Returns
         -------

@@ -170,10 +170,7 @@ class WaveletOperator(OperatorPath):
         The error. None means the column of role ``e``.
     roles : dict or None, default=None
         Roles of columns, ``{column: role}``, where names do not show them.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
-    run : column name or position, or None, default=None
-        Run column of data without a run index.
+    {dt, run}
 
     Attributes
     ----------
@@ -195,14 +192,10 @@ class WaveletOperator(OperatorPath):
         Instants in s.
     at_bound_ : ndarray of bool, shape (n_instants, 3)
         Whether omega_nm, zeta_nm and tau_e ended at a bound; such have no standard error.
-    dt_ : float
-        Sampling time of the fitted grid in seconds.
+    {dt_}
     inputs_ : list of str
         Name of the error channel.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {n_features_in_, feature_names_in_}
 
     Raises
     ------
@@ -303,8 +296,7 @@ class WaveletOperator(OperatorPath):
         ----------
         X : DataFrame or array of shape (n_rows, n_columns)
             Channels, one row per sample: the error, and the target.
-        y : Series or array of shape (n_rows,)
-            Control output; NaN where it was not measured.
+        {y}
 
         Returns
         -------

@@ -47,10 +47,7 @@ class WindowedOperator(OperatorPath):
         The error. None means the column of role ``e``.
     roles : dict or None, default=None
         Roles of columns, ``{column: role}``, where names do not show them.
-    dt : float or None, default=None
-        Sampling time in seconds of data without a time index (None: 1).
-    run : column name or position, or None, default=None
-        Run column of data without a run index.
+    {dt, run}
 
     Attributes
     ----------
@@ -69,14 +66,10 @@ class WindowedOperator(OperatorPath):
         Variance of that white noise.
     whole_ : dict
         Constant parameters fitted to the whole record, from which windows start too.
-    dt_ : float
-        Sampling time of the fitted grid in seconds.
+    {dt_}
     inputs_ : list of str
         Name of the error channel.
-    n_features_in_ : int
-        Number of columns seen in ``fit``.
-    feature_names_in_ : ndarray of str
-        Column names seen in ``fit``, if all are strings.
+    {n_features_in_, feature_names_in_}
 
     Raises
     ------
@@ -163,10 +156,7 @@ class WindowedOperator(OperatorPath):
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-        y : Series or array of shape (n_rows,)
-            Control output; NaN where it was not measured.
+        {X, y}
 
         Returns
         -------
