@@ -2,6 +2,10 @@
 
 import itertools
 
+from skhoid.plotting import PALETTE
+
+BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, GREY = PALETTE
+
 
 def covers_nothing(display):
     """Whether legends lie outside the panels, and words neither overlap nor leave the page."""
