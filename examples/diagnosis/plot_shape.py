@@ -30,10 +30,6 @@ class Waves(Effect):
         Parameter("period", Dimension(s=1), 5.0, 100.0, (20.0,)),
     )
 
-    def __init__(self, *, depth=None, period=None):
-        self.depth = depth
-        self.period = period
-
     def apply(self, signal, record, depth, period):
         return signal.times(1 + depth * np.sin(2 * np.pi * record.t / period))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -44,8 +45,6 @@ class Formula:
         In Python, with ``x`` (a signal or a channel) or ``t`` (time) and the parameters.
     text : str
         For people.
-    function : callable
-        The same, of the abscissa and the values.
     powers : tuple of int
         Powers of the abscissa's unit in the size, below that of the curve, and in each further
         parameter.
@@ -59,7 +58,6 @@ class Formula:
 
     code: str
     text: str
-    function: Callable[..., np.ndarray]
     powers: tuple[int, ...]
     meanings: tuple[str, ...]
     signed: bool = False
@@ -68,89 +66,61 @@ class Formula:
     @property
     def names(self) -> tuple[str, ...]:
         """Of the parameters, as ``code`` has them."""
-        found = [name for name in NAMES if re.search(rf"\b{name}\b", self.code)]
-        return tuple(found)
+        return tuple(name for name in NAMES if re.search(rf"\b{name}\b", self.code))
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return formula, (self.code,)  # by its code: functions without a name cannot be pickled
+    def function(self, at: np.ndarray, *values: Any) -> np.ndarray:
+        """The formula at points, for values of its parameters."""
+        return np.asarray(_compiled(self.code, self.names)(at, *values))
+
+
+@cache
+def _compiled(code: str, names: tuple[str, ...]) -> Callable[..., np.ndarray]:
+    """A code of the table below as a function of the abscissa and the parameters."""
+    abscissa = "t" if re.search(r"\bt\b", code) else "x"
+    made: Callable[..., np.ndarray] = eval(
+        f"lambda {', '.join([abscissa, *names])}: {code}", {"np": np, "expit": expit}
+    )
+    return made
 
 
 _WIDE = (SIZE, "where it bends")
 OF_SIGNALS = (
-    Formula("size * x**3", "size x^3", lambda x, a: a * x**3, (3,), (SIZE,)),
-    Formula(
-        "size * x * np.abs(x)",
-        "size x |x|",
-        lambda x, a: a * x * np.abs(x),
-        (2,),
-        (SIZE,),
-    ),
-    Formula("size * np.abs(x)", "size |x|", lambda x, a: a * np.abs(x), (1,), (SIZE,)),
-    Formula("size * x**2", "size x^2", lambda x, a: a * x**2, (2,), (SIZE,)),
-    Formula(
-        "size * np.maximum(x, 0.0) ** 2",
-        "size max(x, 0)^2",
-        lambda x, a: a * np.maximum(x, 0.0) ** 2,
-        (2,),
-        (SIZE,),
-    ),
-    Formula(
-        "size * np.minimum(x, 0.0) ** 2",
-        "size min(x, 0)^2",
-        lambda x, a: a * np.minimum(x, 0.0) ** 2,
-        (2,),
-        (SIZE,),
-    ),
+    Formula("size * x**3", "size x^3", (3,), (SIZE,)),
+    Formula("size * x * np.abs(x)", "size x |x|", (2,), (SIZE,)),
+    Formula("size * np.abs(x)", "size |x|", (1,), (SIZE,)),
+    Formula("size * x**2", "size x^2", (2,), (SIZE,)),
+    Formula("size * np.maximum(x, 0.0) ** 2", "size max(x, 0)^2", (2,), (SIZE,)),
+    Formula("size * np.minimum(x, 0.0) ** 2", "size min(x, 0)^2", (2,), (SIZE,)),
     Formula(
         "size * np.sign(x) * np.maximum(np.abs(x) - knee, 0.0)",
         "size sign(x) max(|x| - knee, 0)",
-        lambda x, a, b: a * np.sign(x) * np.maximum(np.abs(x) - b, 0.0),
         (1, 1),
         _WIDE,
     ),
-    Formula(
-        "size * np.tanh(x / knee)",
-        "size tanh(x / knee)",
-        lambda x, a, b: a * np.tanh(x / b),
-        (0, 1),
-        _WIDE,
-    ),
+    Formula("size * np.tanh(x / knee)", "size tanh(x / knee)", (0, 1), _WIDE),
     Formula(
         "size * np.sign(x) * np.log1p(np.abs(x) / knee)",
         "size sign(x) log(1 + |x| / knee)",
-        lambda x, a, b: a * np.sign(x) * np.log1p(np.abs(x) / b),
         (0, 1),
         _WIDE,
     ),
     Formula(
         "size * x * np.exp(-((x / knee) ** 2))",
         "size x exp(-(x / knee)^2)",
-        lambda x, a, b: a * x * np.exp(-((x / b) ** 2)),
         (1, 1),
         (SIZE, "where it fades"),
     ),
     Formula(
-        "size * np.maximum(x - knee, 0.0)",
-        "size max(x - knee, 0)",
-        lambda x, a, b: a * np.maximum(x - b, 0.0),
-        (1, 1),
-        _WIDE,
-        signed=True,
+        "size * np.maximum(x - knee, 0.0)", "size max(x - knee, 0)", (1, 1), _WIDE, signed=True
     ),
     Formula(
-        "size * np.minimum(x - knee, 0.0)",
-        "size min(x - knee, 0)",
-        lambda x, a, b: a * np.minimum(x - b, 0.0),
-        (1, 1),
-        _WIDE,
-        signed=True,
+        "size * np.minimum(x - knee, 0.0)", "size min(x - knee, 0)", (1, 1), _WIDE, signed=True
     ),
 )
 WHOLE = (  # in place of the error, the command or the output
     Formula(
         "knee * np.sign(x) * np.log1p(np.abs(x) / knee) - x",
         "knee sign(x) log(1 + |x| / knee) - x",
-        lambda x, a: a * np.sign(x) * np.log1p(np.abs(x) / a) - x,
         (0,),
         ("where it bends",),
         whole=True,
@@ -158,7 +128,6 @@ WHOLE = (  # in place of the error, the command or the output
     Formula(
         "knee * np.tanh(x / knee) - x",
         "knee tanh(x / knee) - x",
-        lambda x, a: a * np.tanh(x / a) - x,
         (0,),
         ("where it bends",),
         whole=True,
@@ -166,48 +135,33 @@ WHOLE = (  # in place of the error, the command or the output
     Formula(
         "x * np.exp(-((x / knee) ** 2)) - x",
         "x exp(-(x / knee)^2) - x",
-        lambda x, a: x * np.exp(-((x / a) ** 2)) - x,
         (0,),
         ("where it fades",),
         whole=True,
     ),
 )
 OF_TIME = (
-    Formula("size * t", "size t", lambda t, a: a * t, (1,), (SIZE,)),
-    Formula(
-        "size * np.exp(-t / tau)",
-        "size exp(-t / tau)",
-        lambda t, a, b: a * np.exp(-t / b),
-        (0, 1),
-        (SIZE, "time constant"),
-    ),
+    Formula("size * t", "size t", (1,), (SIZE,)),
+    Formula("size * np.exp(-t / tau)", "size exp(-t / tau)", (0, 1), (SIZE, "time constant")),
     Formula(
         "size * np.clip((t - begin) / 0.1, 0.0, 1.0)",
         "a step of size at begin",
-        lambda t, a, b: a * np.clip((t - b) / 0.1, 0.0, 1.0),
         (0, 1),
         (SIZE, "time of the step"),
     ),
     Formula(
         "size * expit((t - middle) / length)",
         "size / (1 + exp(-(t - middle) / length))",
-        lambda t, a, b, c: a * expit((t - b) / c),
         (0, 1, 1),
         (SIZE, "middle of the change", "a quarter of its length"),
     ),
     Formula(
         "size * np.sin(2 * np.pi * (t - begin) / period)",
         "size sin(2 pi (t - begin) / period)",
-        lambda t, a, b, c: a * np.sin(2 * np.pi * (t - c) / b),
         (0, 1, 1),
         (SIZE, "period", "time at which it rises through zero"),
     ),
 )
-
-
-def formula(code: str) -> Formula:
-    """The formula with a code."""
-    return next(one for one in (*OF_SIGNALS, *WHOLE, *OF_TIME) if one.code == code)
 
 
 @dataclass(frozen=True)

@@ -260,7 +260,7 @@ def _by_table(name: str, shape: Shape) -> Iterator[str]:
     meaning = "multiple of the table"
     yield f'        Parameter("size", Dimension(), -3.0, 3.0, (1.0,), meaning="{meaning}"),'
     yield "    )"
-    yield from _init(("size",))
+    yield ""
     yield from _refusal(form)
     yield "    def apply(self, signal, record, size):"
     yield "        values = tuple(size * y for _, y in TABLE)"
@@ -331,14 +331,6 @@ def _formula_text(form: FreeForm, fitted: Fitted) -> str:
     return whole if form.over == "time" else f"{whole} with x = {letter}"
 
 
-def _init(names: tuple[str, ...]) -> Iterator[str]:
-    yield ""
-    yield f"    def __init__(self, *, {', '.join(f'{n}=None' for n in names)}):"
-    for name in names:
-        yield f"        self.{name} = {name}"
-    yield ""
-
-
 def _refusal(form: FreeForm) -> Iterator[str]:
     """What says that a channel is missing."""
     channel = getattr(form, "channel", None)
@@ -366,7 +358,7 @@ def _by_formula(name: str, shape: Shape, fitted: Fitted) -> Iterator[str]:
     ):
         yield from _parameter(*parameter, fitted)
     yield "    )"
-    yield from _init(names)
+    yield ""
     yield from _refusal(form)
     yield f"    def apply(self, signal, record, {', '.join(names)}):"
     yield from _applied(form, fitted)

@@ -264,7 +264,6 @@ BROKEN = [
     ({"place": "path"}, "must return Command"),
     ({"place": "gain"}, "must return Gains"),
     ({"variants": lambda self, record: []}, "variants must return a list"),
-    ({"choices": {"form": ("soft", "hard")}}, "choices must map arguments"),
     ({"choices": {"knee": "soft"}}, "choices must map arguments"),
     ({"starts": lambda self, record: [{"knee": 99.0}]}, "not within its limits"),
     ({"starts": lambda self, record: [{}]}, "must give each parameter"),

@@ -24,9 +24,6 @@ class Hum(Effect):
     noise = "a hum"
     parameters = (Parameter("amplitude", Dimension(u=1), 0.0, 5.0, (0.1,), "of the hum"),)
 
-    def __init__(self, *, amplitude=None):
-        self.amplitude = amplitude
-
     def apply(self, signal, record, amplitude):
         return signal
 

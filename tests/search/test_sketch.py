@@ -24,7 +24,7 @@ from skhoid.effects import (
     FreePath,
     Parameter,
 )
-from skhoid.search.formulas import OF_SIGNALS, OF_TIME, WHOLE, formula_of
+from skhoid.search.formulas import formula_of
 from skhoid.search.shape import Shape
 from skhoid.search.sketch import class_of, why_no_shape, written
 from skhoid.testing import check_effect, synthetic_record
@@ -139,22 +139,6 @@ def test_a_table_is_the_shape_itself(form, curve, tmp_path):
         np.testing.assert_allclose(mine[name], values, rtol=1e-4, atol=1e-4)
 
 
-ALL = [*((FreeMap(), one) for one in (*OF_SIGNALS, *WHOLE)), *((FreeOffset(), o) for o in OF_TIME)]
-
-
-@pytest.mark.parametrize(("form", "formula"), ALL, ids=lambda case: getattr(case, "text", ""))
-def test_the_code_of_a_formula_is_its_function(form, formula):
-    from scipy.special import expit
-
-    x = np.linspace(0.1, 3.0, 7)
-    values = (0.7, 1.3, 0.4)[: len(formula.powers)]
-    assert len(formula.names) == len(formula.powers) == len(formula.meanings)
-    known = {"np": np, "expit": expit, "x": x, "t": x}
-    expected = eval(formula.code, known | dict(zip(formula.names, values, strict=True)))
-    np.testing.assert_allclose(formula.function(x, *values), expected)
-    assert pickle.loads(pickle.dumps(formula)) is formula
-
-
 def test_a_formula_is_found_with_its_numbers():
     found = shape(FreeOffset(), lambda t: 0.4 * np.exp(-t / 6.0)).formula
     assert found.formula.text == "size exp(-t / tau)"
@@ -247,10 +231,6 @@ class Wandering(Effect):
         Parameter("depth", Dimension(), 0.0, 1.0, (0.5,), meaning="depth"),
         Parameter("period", Dimension(s=1), 1.0, 100.0, (20.0,), meaning="period"),
     )
-
-    def __init__(self, *, depth=None, period=None):
-        self.depth = depth
-        self.period = period
 
     def apply(self, signal, record, depth, period):
         return signal.times(1 + depth * np.sin(2 * np.pi * record.t / period))

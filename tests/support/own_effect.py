@@ -14,8 +14,5 @@ class Compressed(Effect):
     formula = "e' = knee asinh(e / knee)"
     parameters = (Parameter("knee", Dimension(e=1), 0.05, 10.0, (0.5,), "where the answer bends"),)
 
-    def __init__(self, *, knee=None):
-        self.knee = knee
-
     def apply(self, signal, record, knee):
         return knee * np.arcsinh(signal / knee)
