@@ -213,7 +213,7 @@ def analysed(draw: Draw, truth: np.ndarray | None, log: bool) -> dict[str, float
         reach = stats.t.isf(ALPHA / 2, pairs.df) * pairs.se
         wanted = np.array([true[i] - true[j] for i, j in pairs.pairs])
         found["cover difference"] = float(np.mean(abs(pairs.difference - wanted) < reach))
-        mean, se, df = model.kr.rows(np.eye(len(true)))
+        mean, se, df = model.at.estimate(np.eye(len(true)))
         found["cover mean"] = float(np.mean(abs(mean - true) < stats.t.isf(ALPHA / 2, df) * se))
     return found
 

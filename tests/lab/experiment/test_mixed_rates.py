@@ -44,15 +44,15 @@ def test_experiments_are_put_together_from_a_pool():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["as planned", "large person x condition"])
 def test_rates_are_as_wanted(name):
-    """300 experiments: 4 standard errors of 5 % are 5 points; two conditions are correlated."""
+    """150 experiments: 4 standard errors of 5 % are 7 points; contrasts are six each."""
     world = WORLDS[name]
     found = [
         BENCHMARK["analysed"](world.draw(np.random.default_rng(seed), 0.0), np.full(4, 3.0), False)
-        for seed in range(300)
+        for seed in range(150)
     ]
     rates = 100.0 * pd.DataFrame(found).mean()
     for error in ("F", "Holm"):
-        assert rates[error] < 10.0
-    assert 2.0 < rates["contrast"] < 8.0
-    assert 92.0 < rates["cover difference"] < 98.0
-    assert 91.0 < rates["cover mean"] < 99.0
+        assert rates[error] < 12.0
+    assert 1.0 < rates["contrast"] < 9.0
+    assert 91.0 < rates["cover difference"] < 99.0
+    assert 90.0 < rates["cover mean"] < 99.5

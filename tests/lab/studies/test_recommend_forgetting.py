@@ -114,18 +114,18 @@ def test_several_intensities_and_a_folder(tmp_path):
 
 @pytest.mark.slow
 def test_standard_error_of_crossed_runs():
-    """Runs of both kinds vary; 500 draws of 6 x 4 give the deviation
-    within 3 %, and the root of the mean stated variance within 4 %."""
+    """Runs of both kinds vary; 120 draws of 6 x 4 give the deviation
+    within 7 %, and the root of the mean stated variance within 8 %."""
     rng = np.random.default_rng(0)
     index = pd.MultiIndex.from_product(
         [[0.1], range(6), range(4)], names=["remnant_intensity", "replication", "validation"]
     )
     means, stated = [], []
-    for _ in range(500):
+    for _ in range(120):
         x = 2 * rng.standard_normal((6, 1)) + 3 * rng.standard_normal((1, 4))
         means.append(x.mean())
         stated.append(crossed_standard_error(pd.DataFrame({"x": x.ravel()}, index=index))["x"] ** 2)
-    assert np.sqrt(np.mean(stated)) == pytest.approx(np.std(means), rel=0.12)
+    assert np.sqrt(np.mean(stated)) == pytest.approx(np.std(means), rel=0.2)
 
 
 @pytest.mark.parametrize(
