@@ -8,7 +8,6 @@ import pytest
 from support.synthetic import arx_runs
 
 from skhoid import OperatorRegressor
-from skhoid.effects.record import RowChannels
 
 
 @pytest.fixture(scope="module")
@@ -67,26 +66,6 @@ def test_parts_are_those_of_few_runs(both):
         for name, values in one.channels.items():
             assert values.shape == one.known.shape
             np.testing.assert_array_equal(other.channels[name], values)
-
-
-@pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
-def test_parts_are_those_of_the_whole(both):
-    """Of a record whose channels are plain arrays, parts are pieces of these."""
-    few, _ = both
-    plain = replace(few, channels=dict(few.channels))
-    runs = np.array([0, 3, 4])
-    for take in (
-        lambda record: record.part(runs, 2),
-        lambda record: record.columns(slice(1, 3)),
-        lambda record: record.beginning(1.0),
-        lambda record: record.part(runs, 2).beginning(1.0),
-        lambda record: record.changed({"e": record.y}).part(runs, 2).beginning(0.5),
-    ):
-        one, other = take(few), take(plain)
-        assert not isinstance(other.channels, RowChannels)
-        for name, values in other.channels.items():
-            np.testing.assert_array_equal(one.channels[name], values)
-            np.testing.assert_array_equal(one.glance(name), other.glance(name))
 
 
 @pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")

@@ -10,7 +10,7 @@ from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import Bias, Dimension, Effect, Parameter, Signature, Tremor
 from skhoid.effects.catalogue import CLASSES
 from skhoid.plotting import EffectDisplay
-from skhoid.search.judges import noises_in, without_noise
+from skhoid.search.judges import without_noise
 from skhoid.testing import check_effect, synthetic_record
 
 
@@ -88,16 +88,6 @@ def test_only_noise_has_signatures():
     assert Bias().signature(residual, record) is None
     with pytest.raises(NotImplementedError, match="Bias is noise and must implement realisation"):
         Bias().realisation({})
-
-
-def test_noise_that_was_tried_is_named_and_other_noise_told():
-    record, residual, _ = toned(9.3, 0.3)
-    named, others = noises_in(residual, record, [Bias(), Tremor(), Hum()])
-    assert [effect.name for effect, _ in named] == ["tremor"]
-    assert others == []
-    named, others = noises_in(residual, record, [Bias(), Hum()])
-    assert named == []
-    assert [line.words[:16] for line in others] == ["a line at 9.3 Hz"]
 
 
 @pytest.fixture(scope="module")
