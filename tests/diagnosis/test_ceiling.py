@@ -153,6 +153,6 @@ def test_a_free_run_that_does_not_settle_is_said():
         """A model whose start takes a minute to be forgotten."""
         return 5 * np.exp(-np.arange(len(X)) / 3600) + X["e"].to_numpy()
 
-    notes = " ".join(map(str, compare(Gives(slow), X, y).notes))
+    notes = " ".join(note.with_hint for note in compare(Gives(slow), X, y).notes)
     assert "still shows its start" in notes
     assert "longer run_in" in notes

@@ -525,7 +525,7 @@ class GroupEffectSearch(BaseEstimator):
             [
                 Paragraph(f"{what}."),
                 Items([Item(line) for line in lines], numbered=False),
-                Notes([Note("", line) for line in notes(self)]),
+                Notes(list(notes(self))),
             ],
         )
 
@@ -670,24 +670,27 @@ def leaves_unknown(people: pd.DataFrame) -> list[bool]:
     return [verdict is not None and verdict.leaves_unknown for verdict in people["verdict"]]
 
 
-def notes(found: GroupEffectSearch) -> Iterator[str]:
+def notes(found: GroupEffectSearch) -> Iterator[Note]:
     """Whom nothing could be said about, and what has no name."""
     people = found.people_
     for _, row in people[people["failure"] != ""].iterrows():
-        yield f"{_person(row)} could not be searched: {row['failure'].rstrip('.')}"
+        failure = row["failure"].rstrip(".")
+        yield Note("failure", f"{_person(row)} could not be searched: {failure}")
     unknown = people[leaves_unknown(people)]
     if len(unknown):
         who = listed([_person(row) for _, row in unknown.iterrows()])
-        yield f"something without a name is missing in {who}: see searches_[subject, condition]"
+        text = f"something without a name is missing in {who}: see searches_[subject, condition]"
+        yield Note("unknown", text)
     added = found.members_[found.members_["has"] & ~found.members_["named"]]
     for effect, table in added.groupby("effect", sort=False):
         who = listed([_person(row) for _, row in table.iterrows()])
-        yield (
+        yield Note(
+            "added",
             f"{title_of(str(effect))} in {who} is named by the evidence of the group; the runs of "
-            "the person alone do not name it"
+            "the person alone do not name it",
         )
     for _, row in found.identified_.outlying.iterrows():
-        yield f"{row['subject']} looks wrong: {str(row['reason']).rstrip('.')}"
+        yield Note("outlying", f"{row['subject']} looks wrong: {str(row['reason']).rstrip('.')}")
 
 
 def _person(row: Any) -> str:

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ...effects import title_of, titles_of
 from ...recordings import ExperimentCheck
-from ...text import VAF_RULE, TextTable, counted, p_number
+from ...text import VAF_RULE, TextTable, as_sentence, counted, p_number
 from ..experiment.group import (
     GroupEffectSearch,
     contrast_lines,
@@ -417,9 +417,9 @@ def _next_steps(given: Experiment, check: ExperimentCheck | None) -> Iterator[tu
             "everybody, and says what the group shares.",
         )
     else:
-        for line in notes(given.group):
-            if "looks wrong" not in line:
-                yield "Note", f"{_upper(line)}."
+        for note in notes(given.group):
+            if note.kind != "outlying":  # which is said above
+                yield "Note", as_sentence(note.text)
     yield (
         "Go on in other programs",
         "skhoid.lab.experiment.write_long(table, file) writes the rows, and an R script for lme4, "
