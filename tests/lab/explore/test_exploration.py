@@ -53,15 +53,6 @@ def test_adding_is_fitting(exploration, runs):
     assert values == model.parameters_["value"][list(values)].to_dict()
 
 
-@pytest.mark.slow  # several fits
-def test_what_is_previewed_is_what_adding_gives(exploration):
-    seen = exploration.act("preview", {"effect": "bias", "run": 2})
-    assert titles(exploration.state()) == ["baseline"]
-    added = exploration.act("add", {"effect": "bias", "run": 2})
-    np.testing.assert_array_equal(seen["simulated"], added["simulated"])
-    assert seen["vaf"] == added["state"]["vaf"]["train"]
-
-
 def test_dragging_moves_the_simulation_and_leaves_no_step(exploration, runs):
     exploration.act("add", {"effect": "bias", "run": 0})
     before = exploration.state()
@@ -75,7 +66,6 @@ def test_dragging_moves_the_simulation_and_leaves_no_step(exploration, runs):
     assert after["undo"] == "Add bias"
 
 
-@pytest.mark.slow  # several fits
 def test_releasing_is_a_step_and_refitting_keeps_what_was_moved(exploration, runs):
     exploration.act("add", {"effect": "bias", "run": 0})
     exploration.act("add", {"effect": "dead_zone", "run": 0})
@@ -97,7 +87,6 @@ def test_releasing_is_a_step_and_refitting_keeps_what_was_moved(exploration, run
     assert state["effects"][1]["parameters"][0]["value"] != 0.4
 
 
-@pytest.mark.slow  # several fits
 def test_undo_to_the_start_gives_the_start(exploration):
     start = exploration.state()
     steps = [
@@ -128,7 +117,6 @@ def text(value):
     return json.dumps(value, default=lambda array: array.tolist())
 
 
-@pytest.mark.slow  # several fits
 def test_held_out_runs_are_not_fitted(exploration, runs):
     state = exploration.act("use", {"runs": [0, 2], "use": "hold", "run": 0})["state"]
     assert state["uses"] == ["hold", "train", "hold"]
@@ -142,63 +130,37 @@ def test_held_out_runs_are_not_fitted(exploration, runs):
     assert state["vaf"]["hold"] == vaf(model, *select_runs(*runs, runs=[2]))
 
 
-@pytest.mark.slow  # several fits
-@pytest.mark.parametrize(
-    ("name", "args", "message"),
-    [
+def test_what_cannot_be_done_is_said_and_changes_nothing(exploration):
+    state = exploration.act("add", {"effect": "bias", "run": 0})["state"]
+    assert "bias" not in {card["id"] for card in state["cards"]}
+    seen = exploration.act("preview", {"effect": "dead_zone", "run": 2})
+    before = text(exploration.state())
+    for name, args, message in [
         ("ad", {}, "no action 'ad'. Did you mean 'add'"),
         ("add", {"effect": "dead_zne"}, "No effect is called 'dead_zne'. Did you mean 'dead_zone'"),
         ("add", {"effect": "backlash"}, "No effect is called 'backlash'"),
-        ("remove", {"effect": "bias"}, "has no effect 'bias'"),
+        ("add", {"effect": "bias"}, "has the effect bias already"),
+        ("remove", {"effect": "dead_zone"}, "has no effect 'dead_zone'"),
         ("drag", {"name": "K_x", "value": 1.0}, "'K_x' is no parameter of an effect of this"),
+        ("drag", {"name": "bias__level", "value": "x"}, "bias__level must be a number; got 'x'"),
+        ("drag", {"name": "bias__level", "value": 1e9}, "is beyond what is physically possible"),
         ("refit", {}, "Nothing was moved"),
         ("free", {"name": "bias__level"}, "is not kept at a number"),
-        ("undo", {}, "nothing to undo"),
+        ("redo", {}, "nothing to redo"),
         ("use", {"runs": [0, 1, 2], "use": "out"}, "At least one run must be left to fit"),
         ("use", {"runs": [0], "use": "fit"}, "used for one of train, hold, out; got 'fit'"),
         ("use", {"runs": [3], "use": "hold"}, "no run number 3; there are 3 runs"),
         ("trace", {"run": -1}, "no run number -1"),
-    ],
-)
-def test_what_cannot_be_done_is_said_and_changes_nothing(exploration, name, args, message):
-    before = exploration.state()
-    with pytest.raises(ValueError, match=message):
-        exploration.act(name, {"run": 0, **args})
-    assert text(exploration.state()) == text(before)
+    ]:
+        with pytest.raises(ValueError, match=message):
+            exploration.act(name, {"run": 0, **args})
+    assert text(exploration.state()) == before
+    added = exploration.act("add", {"effect": "dead_zone", "run": 2})
+    np.testing.assert_array_equal(seen["simulated"], added["simulated"])
+    again = exploration.act("add", {"effect": "saturation", "run": 0})["state"]["cards_of"]
+    assert again.endswith(". Search again for the present model and runs.")
 
 
-@pytest.mark.slow  # several fits
-def test_an_effect_is_added_once(exploration):
-    exploration.act("add", {"effect": "bias", "run": 0})
-    with pytest.raises(ValueError, match="has the effect bias already"):
-        exploration.act("add", {"effect": "bias", "run": 0})
-
-
-@pytest.mark.slow  # several fits
-def test_a_parameter_is_a_number(exploration):
-    exploration.act("add", {"effect": "bias", "run": 0})
-    with pytest.raises(ValueError, match="bias__level must be a number; got 'x'"):
-        exploration.act("drag", {"name": "bias__level", "value": "x", "run": 0})
-
-
-def test_beyond_its_range_a_parameter_is_refused(exploration):
-    exploration.act("add", {"effect": "dead_zone", "run": 0})
-    with pytest.raises(
-        ValueError, match="dead zone: width = -1 deg is beyond what is physically possible"
-    ):
-        exploration.act("drag", {"name": "dead_zone__width", "value": -1, "run": 0})
-
-
-@pytest.mark.slow  # several fits
-def test_cards_follow_the_model(exploration, search):
-    state = exploration.act("add", {"effect": "bias", "run": 0})["state"]
-    assert "bias" not in {card["id"] for card in state["cards"]}
-    assert "Search again" in state["cards_of"] or state["cards_of"].endswith("with bias.")
-    state = exploration.act("add", {"effect": "saturation", "run": 0})["state"]
-    assert state["cards_of"].endswith(". Search again for the present model and runs.")
-
-
-@pytest.mark.slow  # several fits
 def test_the_ceiling_and_the_findings_come_with_judge(exploration):
     exploration.act("add", {"effect": "bias", "run": 0})
     state = exploration.act("add", {"effect": "dead_zone", "run": 0})["state"]
@@ -213,7 +175,6 @@ def test_the_ceiling_and_the_findings_come_with_judge(exploration):
     assert state["vaf"]["train"] <= state["ceiling"]["vaf"]
 
 
-@pytest.mark.slow  # several fits
 def test_what_was_named_for_other_runs_is_not_named_here(exploration):
     state = exploration.act("use", {"runs": [0], "use": "out", "run": 0})["state"]
     assert state["verdict"].startswith("The search was on other runs (0, 1, 2). There: Missing: ")
@@ -225,7 +186,6 @@ def test_what_was_named_for_other_runs_is_not_named_here(exploration):
     assert exploration.state()["verdict_kind"] == "found"
 
 
-@pytest.mark.slow  # several fits
 def test_the_ceiling_is_of_the_runs_that_are_fitted(exploration, runs):
     exploration.act("use", {"runs": [0], "use": "hold", "run": 0})
     exploration.judge()
@@ -234,7 +194,6 @@ def test_the_ceiling_is_of_the_runs_that_are_fitted(exploration, runs):
     assert exploration.state()["ceiling"]["vaf"] == expected
 
 
-@pytest.mark.slow  # several fits
 def test_a_parameter_at_its_bound_says_so(runs):
     X, y = runs
     early = y.groupby(level="run").shift(-20)  # so that the delay would be below the least
@@ -243,7 +202,6 @@ def test_a_parameter_at_its_bound_says_so(runs):
     assert tau["meaning"] == "effective time delay; at its lower bound"
 
 
-@pytest.mark.slow  # several fits
 def test_memory_brings_everything_back(exploration, runs):
     exploration.act("add", {"effect": "bias", "run": 0})
     exploration.act("use", {"runs": [1], "use": "hold", "run": 0})
@@ -256,7 +214,6 @@ def test_memory_brings_everything_back(exploration, runs):
     assert same(again.state(), exploration.state())
 
 
-@pytest.mark.slow  # several fits
 def test_a_search_from_here_has_the_model_and_the_runs(exploration, runs):
     exploration.act("add", {"effect": "bias", "run": 0})
     exploration.act("use", {"runs": [1], "use": "hold", "run": 0})
@@ -315,7 +272,6 @@ def test_missing_output_is_not_scored(runs):
     assert not trace["scored"][:150].any()  # settling
 
 
-@pytest.mark.slow  # several fits
 def test_a_simulation_that_runs_away_is_said(runs):
     X, y = runs
     exploration = Exploration(OperatorRegressor(), X, y, options={"effects": ["output_feedback"]})

@@ -14,8 +14,6 @@ from skhoid.lab.explore.payloads import (
     payload_of_search,
 )
 
-pytestmark = pytest.mark.slow  # a search first
-
 
 @pytest.fixture(scope="module")
 def payload(search, runs):

@@ -24,8 +24,6 @@ def printed(script, X, y, capsys):
 
 
 WAYS = {
-    "baseline": [],
-    "effects": [("add", {"effect": "bias"}), ("add", {"effect": "dead_zone"})],
     "moved": [
         ("add", {"effect": "bias"}),
         ("release", {"name": "bias__level", "value": 0.0123}),
@@ -75,17 +73,6 @@ def test_reads_as_people_write(runs, search):
         f'print("VAF, runs held out:", vaf(model, *held_out))  # {vaf["hold"]!r}\n'
         "print(model.parameters_.to_string())\n"
     )
-
-
-def test_imports_of_the_reading_stand_with_the_others(runs, search):
-    source = ["from pathlib import Path", "", "X, y = read_runs(Path('a.csv'))"]
-    script = Exploration.of_search(search, *runs, source=source).script().splitlines()
-    assert script[:4] == [
-        "from skhoid import OperatorRegressor, VAFScorer, read_runs",
-        "from pathlib import Path",
-        "",
-        "X, y = read_runs(Path('a.csv'))",
-    ]
 
 
 @pytest.mark.parametrize(

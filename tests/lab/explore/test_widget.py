@@ -12,8 +12,6 @@ import pytest
 from skhoid import EffectSearchCV, OperatorRegressor, compare
 from skhoid.lab.explore import payloads as wire
 
-pytestmark = pytest.mark.slow  # a search first
-
 
 @pytest.fixture
 def widget(search, runs):
@@ -42,12 +40,9 @@ def test_an_effect_is_added_by_the_kernel(widget):
     reply = ask(widget, 1, "add", effect="bias", run=1)["reply"]
     model = widget.exploration.model
     assert [name for name, _ in model.effects_] == ["bias"]
+    assert "No effect is called" in ask(widget, 2, "add", effect="nothing", run=0)["error"]
     assert reply["simulated"].shape == (1024,)
     assert reply["state"]["vaf"]["train"] == widget.exploration.state()["vaf"]["train"]
-
-
-def test_what_is_not_possible_is_said(widget):
-    assert "No effect is called" in ask(widget, 1, "add", effect="nothing", run=0)["error"]
 
 
 def test_the_noise_ceiling_comes_later_on_its_own(widget):
