@@ -20,6 +20,8 @@ from ..text import (
     Block,
     Document,
     Estimate,
+    Item,
+    Items,
     Note,
     Notes,
     Paragraph,
@@ -41,16 +43,15 @@ NO_FORM = "No free form explains it at any place either"
 
 def tell_search(found: SearchResult) -> Document:
     """The whole search: verdict, steps, what is left, and what to record next."""
-    steps = [block for step in range(1, len(found.added) + 1) for block in tell_step(found, step)]
     blocks = [
         tell_baseline(found),
-        *steps,
+        *(tell_step(found, step) for step in range(1, len(found.added) + 1)),
         *tell_end(found),
         Paragraph(
             f"{VAF_RULE} The points required of an effect are about the mean. ± is one "
             "standard error."
         ),
-        tell_notes(found),
+        *tell_notes(found),
     ]
     return Document(tell_headline(found), blocks)
 
@@ -72,9 +73,10 @@ def tell_verdict(found: SearchResult) -> list[Block]:
     return [Paragraph(f"Verdict: {found.verdict}{names}", "verdict"), Paragraph(text)]
 
 
-def tell_notes(found: SearchResult) -> Notes:
-    """What to record next, and further remarks."""
-    return Notes([*(Note("experiment", text) for text in found.experiments), *found.notes])
+def tell_notes(found: SearchResult) -> list[Block]:
+    """What to record next, and further remarks, if there are any."""
+    notes = [*(Note("experiment", text) for text in found.experiments), *found.notes]
+    return [Notes(notes)] if notes else []
 
 
 def tell_headline(found: SearchResult) -> str:
@@ -111,7 +113,7 @@ def tell_baseline(found: SearchResult) -> Paragraph:
     return Paragraph(text)
 
 
-def tell_step(found: SearchResult, step: int) -> list[Block]:
+def tell_step(found: SearchResult, step: int) -> Paragraph:
     """What the effect added in a step does to the error, and what it means."""
     before, row = found.error_path.iloc[step - 1], found.error_path.iloc[step]
     name = str(row["effect"])
@@ -124,14 +126,9 @@ def tell_step(found: SearchResult, step: int) -> list[Block]:
     )
     physics = added["words"].iloc[0] if len(added) else title_of(name)
     numbers = parameter_text(found.parameters, name)
-    blocks: list[Block] = [
-        Paragraph(text),
-        Paragraph(f"  {physics.rstrip('.')} ({name}{f': {numbers}' if numbers else ''})."),
-    ]
+    text += f" {physics.rstrip('.')} ({name}{f': {numbers}' if numbers else ''})."
     others = list(added["confused_with"].iloc[0]) if len(added) else []
-    if others:
-        blocks.append(Paragraph(f"  As good here: {titles_of(others)}."))
-    return blocks
+    return Paragraph(f"{text} As good here: {titles_of(others)}." if others else text)
 
 
 def tell_candidates(found: SearchResult, step: int, n: int) -> list[Block]:
@@ -162,21 +159,21 @@ def tell_candidates(found: SearchResult, step: int, n: int) -> list[Block]:
 
 def tell_end(found: SearchResult) -> list[Block]:
     """What is left, whether it has a shape, and how to go on."""
-    texts: list[str] = []
+    blocks: list[Block] = []
     if found.verdict is Verdict.NOTHING:
-        texts += _tell_nearest_miss(found)
+        blocks += map(Paragraph, _tell_nearest_miss(found))
     if found.stand_ins:
-        texts.append(f"{tell_stand_ins(found.stand_ins)}.")
+        blocks.append(Paragraph(f"{tell_stand_ins(found.stand_ins)}."))
     if found.verdict.leaves_unknown and len(found.unexplained):
-        texts.append(f"What {unexplained_by(found)}:")
-        texts += [f"  - {text}" for text in tell_unexplained(found)]
-    texts += tell_no_name(found)
+        left = [Item(text) for text in tell_unexplained(found)]
+        blocks += [Paragraph(f"What {unexplained_by(found)}:"), Items(left, numbered=False)]
+    texts = tell_no_name(found)
     if found.verdict in HOW_TO_GO_ON:
         texts.append(HOW_TO_GO_ON[found.verdict])
     last = found.error_path.iloc[-1]
     if np.isfinite(last["explainable_gap"]) and np.isfinite(last["ceiling"]):
         texts.append(f"Left to explain: {gap_text(last['explainable_gap'])}; the rest is remnant.")
-    return [Paragraph(text) for text in texts]
+    return [*blocks, *map(Paragraph, texts)]
 
 
 def _tell_nearest_miss(found: SearchResult) -> Iterator[str]:

@@ -490,7 +490,7 @@ def show_search(
 
 def print_block(block: Any, options: argparse.Namespace) -> None:
     """Print a block of a document."""
-    from ...text import Notes, TextTable
+    from ...text import Items, Notes, TextTable
 
     if isinstance(block, TextTable):
         folded = block.header if block.kind == "shape" else ("effect", "its numbers")
@@ -498,6 +498,9 @@ def print_block(block: Any, options: argparse.Namespace) -> None:
     elif isinstance(block, Notes):
         for each in block.notes:
             print_wrapped(f"  note: {message_for(each, options)}")
+    elif isinstance(block, Items):
+        for item in block.items:
+            print_wrapped(f"  - {item.title}")
     else:
         show = print_bold if getattr(block, "role", "") else print_wrapped
         show(block.text)
@@ -515,12 +518,12 @@ def _tell_searched(search: Any, truth: dict[str, float] | None) -> Iterator[list
     )
 
     result = search.result_
-    yield [*tell_verdict(result), *tell_end(result), tell_notes(result)]
+    yield [*tell_verdict(result), *tell_end(result), *tell_notes(result)]
     if result.shape is not None:
         yield result.shape.tables()
     yield [parameters_table(search.best_estimator_, result.added, truth)]
     for step in result.ranking["step"].unique():
-        added = tell_step(result, step) if step <= len(result.added) else []
+        added = [tell_step(result, step)] if step <= len(result.added) else []
         yield [*tell_candidates(result, step, SHOWN), *added]
 
 
