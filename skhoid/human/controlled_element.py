@@ -10,7 +10,7 @@ import numpy as np
 
 from .._sklearn import HasMethods
 from .linear_element import LinearElement, is_number
-from .variation import Parameter, check_parameters, frozen
+from .variation import Parameter, check_parameters, freeze
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class ControlledElement:
         -------
         controlled_element : ControlledElement
         """
-        K_c, omega_b = frozen(self, t, "K_c", "omega_b").values()
+        K_c, omega_b = freeze(self, t, "K_c", "omega_b").values()
         return ControlledElement(K_c, omega_b)
 
     def constant_coefficients(self) -> tuple[tuple[float, ...], tuple[float, ...], None]:
@@ -182,7 +182,7 @@ class ControlledElement:
             Infinite at zero frequency.
         """
         s = 1j * np.asarray(omega, dtype=float)
-        K_c, omega_b = frozen(self, t, "K_c", "omega_b").values()
+        K_c, omega_b = freeze(self, t, "K_c", "omega_b").values()
         with np.errstate(divide="ignore", invalid="ignore"):
             return K_c / (s * (s + omega_b))
 
@@ -192,7 +192,7 @@ class ControlledElement:
 ELEMENT = [ControlledElement, LinearElement, str, HasMethods("to_tf"), HasMethods("dcgain"), None]
 
 
-def simplest(element: LinearElement) -> ControlledElement | LinearElement:
+def simplify(element: LinearElement) -> ControlledElement | LinearElement:
     """The same element, as a ``ControlledElement`` where it has that form."""
     constants = element.constants
     return element if constants is None else ControlledElement(*constants)

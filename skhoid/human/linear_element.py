@@ -29,22 +29,22 @@ def is_number(text: str) -> bool:
     return True
 
 
-def parsed(text: str) -> tuple[np.ndarray, np.ndarray, str]:
+def parse(text: str) -> tuple[np.ndarray, np.ndarray, str]:
     """Numerator, denominator (highest power first) and variable ("s", "z" or "") of a text."""
     return _Parser(text).result()
 
 
-def written(numerator: tuple[float, ...], denominator: tuple[float, ...], variable: str) -> str:
+def write(numerator: tuple[float, ...], denominator: tuple[float, ...], variable: str) -> str:
     """A transfer function as text, its denominator with poles at zero in front."""
     n_zero = 0
     while n_zero < len(denominator) - 1 and denominator[-1 - n_zero] == 0.0:
         n_zero += 1
     rest = denominator[: len(denominator) - n_zero]
     power = "" if n_zero == 0 else variable if n_zero == 1 else f"{variable}^{n_zero}"
-    above = _polynomial(numerator, variable)
+    above = _write_polynomial(numerator, variable)
     below = power
     if len(rest) > 1:
-        below = f"({_polynomial(rest, variable)})"
+        below = f"({_write_polynomial(rest, variable)})"
         below = f"({power} {below})" if power else below
     several = sum(c != 0.0 for c in numerator) > 1
     if not below:
@@ -52,7 +52,7 @@ def written(numerator: tuple[float, ...], denominator: tuple[float, ...], variab
     return f"({above})/{below}" if several else f"{above}/{below}"
 
 
-def _polynomial(coefficients: tuple[float, ...], variable: str) -> str:
+def _write_polynomial(coefficients: tuple[float, ...], variable: str) -> str:
     terms = []
     for i, c in enumerate(coefficients):
         power = len(coefficients) - 1 - i
@@ -183,23 +183,27 @@ TINY = 1e-12  # relative to the largest coefficient: rounding
 Coefficients = tuple[tuple[float, ...], tuple[float, ...], float | None]
 
 
-def coefficients_of(system: Any) -> Coefficients:
+def read_coefficients(system: Any) -> Coefficients:
     """Numerator, denominator and sampling time of a system of one input and one output."""
     if hasattr(system, "constant_coefficients"):  # a ControlledElement
         return system.constant_coefficients()
     if all(hasattr(system, name) for name in "ABCD"):
-        return _of_state_space(system)
+        return _read_state_space(system)
     if hasattr(system, "to_tf"):  # of SciPy
         system = system.to_tf()
     if hasattr(system, "num") and hasattr(system, "den"):
-        return tuple(_only(system.num)), tuple(_only(system.den)), _sampling_time(system)
+        return (
+            tuple(_read_only(system.num)),
+            tuple(_read_only(system.den)),
+            _read_sampling_time(system),
+        )
     raise TypeError(
         f"controlled_element must be a ControlledElement, a text such as {EXAMPLES}, or a transfer "
         f"function or state space of python-control or SciPy; got {system!r}."
     )
 
 
-def _only(coefficients: Any) -> np.ndarray:
+def _read_only(coefficients: Any) -> np.ndarray:
     """The coefficients of one input and one output, which python-control nests in lists."""
     while len(coefficients) == 1 and np.ndim(coefficients[0]) > 0:
         coefficients = coefficients[0]
@@ -210,7 +214,7 @@ def _only(coefficients: Any) -> np.ndarray:
     return np.asarray(coefficients, dtype=float)
 
 
-def _sampling_time(system: Any) -> float | None:
+def _read_sampling_time(system: Any) -> float | None:
     dt = getattr(system, "dt", None)
     if dt is True:
         raise ValueError(
@@ -220,7 +224,7 @@ def _sampling_time(system: Any) -> float | None:
     return float(dt) if dt else None
 
 
-def _of_state_space(system: Any) -> Coefficients:
+def _read_state_space(system: Any) -> Coefficients:
     A, B, C, D = (np.atleast_2d(np.asarray(getattr(system, name), dtype=float)) for name in "ABCD")
     if D.shape != (1, 1):
         raise ValueError(
@@ -228,7 +232,7 @@ def _of_state_space(system: Any) -> Coefficients:
             "from u to x."
         )
     if not A.size:
-        return (D[0, 0],), (1.0,), _sampling_time(system)
+        return (D[0, 0],), (1.0,), _read_sampling_time(system)
     top, bottom = ss2tf(A, B, C, D)
     poles = np.linalg.eigvals(A)
     if np.any(np.abs(poles) < TINY * max(1.0, np.abs(poles).max())):
@@ -236,7 +240,7 @@ def _of_state_space(system: Any) -> Coefficients:
         poles = np.where(np.abs(poles) < TINY * max(1.0, np.abs(poles).max()), 0.0, poles)
         bottom = np.real(np.poly(poles))
     top = np.where(np.abs(top[0]) < TINY * np.abs(top).max(), 0.0, top[0])
-    return tuple(top), tuple(bottom), _sampling_time(system)
+    return tuple(top), tuple(bottom), _read_sampling_time(system)
 
 
 SAME_CLOCK = 1e-6  # relative difference of two sampling times that are the same
@@ -291,7 +295,7 @@ class LinearElement:
     direct: bool = False
 
     def __post_init__(self) -> None:
-        top, bottom = _coefficients(self.numerator), _coefficients(self.denominator)
+        top, bottom = _check_coefficients(self.numerator), _check_coefficients(self.denominator)
         if not bottom.any():
             raise ValueError("LinearElement: the denominator is zero.")
         if top.size > bottom.size:
@@ -324,7 +328,7 @@ class LinearElement:
         return text if self.dt is None else f"{text}, dt = {self.dt:g} s"
 
     def _text(self, top: np.ndarray, bottom: np.ndarray) -> str:
-        return written(tuple(top), tuple(bottom), "s" if self.dt is None else "z")
+        return write(tuple(top), tuple(bottom), "s" if self.dt is None else "z")
 
     @classmethod
     def of(cls, system: Any, dt: float | None = None) -> LinearElement:
@@ -357,7 +361,7 @@ class LinearElement:
             )
         if isinstance(system, LinearElement):
             return system
-        return cls(*coefficients_of(system))
+        return cls(*read_coefficients(system))
 
     @classmethod
     def from_text(cls, text: str, dt: float | None = None) -> LinearElement:
@@ -374,7 +378,7 @@ class LinearElement:
         -------
         element : LinearElement
         """
-        top, bottom, variable = parsed(text)
+        top, bottom, variable = parse(text)
         if (variable == "z") != (dt is not None) and variable:
             raise ValueError(
                 f"The controlled element {text!r} is in {variable}: "
@@ -461,7 +465,7 @@ class LinearElement:
         """
         if hold not in ("zoh", "foh"):
             raise ValueError(f"hold must be 'zoh' or 'foh'; got {hold!r}.")
-        b, a = _pulse(self, float(dt), hold)
+        b, a = _make_pulse(self, float(dt), hold)
         return b.copy(), a.copy()
 
     def answer(self, u: np.ndarray, dt: float) -> np.ndarray:
@@ -573,7 +577,7 @@ class LinearElement:
         return lfilter([1.0], below, moved, axis=0, zi=start)[0]
 
 
-def _coefficients(values: Any) -> np.ndarray:
+def _check_coefficients(values: Any) -> np.ndarray:
     if not isinstance(values, (Sequence, np.ndarray)) and not np.isscalar(values):
         values = list(values)
     given = np.atleast_1d(np.asarray(values, dtype=float))
@@ -586,7 +590,7 @@ def _coefficients(values: Any) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def _pulse(element: LinearElement, dt: float, hold: str) -> tuple[np.ndarray, np.ndarray]:
+def _make_pulse(element: LinearElement, dt: float, hold: str) -> tuple[np.ndarray, np.ndarray]:
     if element.dt is not None and abs(dt / element.dt - 1) < SAME_CLOCK:
         a = np.array(element.denominator)
         return np.r_[np.zeros(a.size - len(element.numerator)), element.numerator], a
@@ -611,14 +615,14 @@ def _pulse(element: LinearElement, dt: float, hold: str) -> tuple[np.ndarray, np
         generator = np.real(logm(held)) / element.dt
         poles = element.poles.astype(complex) ** (dt / element.dt)
     a = np.real(np.poly(poles))
-    h = _impulse_response(generator, C, D, dt, hold)
+    h = _find_impulse_response(generator, C, D, dt, hold)
     b = np.convolve(a, h)[: n + 1]
     if element.direct:
         b = np.r_[b[1:], 0.0]
     return b, a
 
 
-def _impulse_response(
+def _find_impulse_response(
     generator: np.ndarray, C: np.ndarray, D: np.ndarray, dt: float, hold: str
 ) -> np.ndarray:
     """The first samples of the response to one sample of input, from which b follows exactly."""

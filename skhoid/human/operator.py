@@ -20,8 +20,8 @@ from .variation import (
     check_parameters,
     check_positive,
     evaluate,
-    frozen,
-    instants_of,
+    freeze,
+    read_instants,
 )
 
 PURSUIT_GAINS = {"f_t": ("K_t", "K_tdot"), "x": ("K_x", "K_xdot")}
@@ -184,7 +184,7 @@ class HumanOperator:
         -------
         operator : HumanOperator
         """
-        return HumanOperator(tau_e=self.tau_e, **frozen(self, t, *self.adaptable))
+        return HumanOperator(tau_e=self.tau_e, **freeze(self, t, *self.adaptable))
 
     def frequency_response(self, omega: Any, t: float = 0.0, input: str = "e") -> np.ndarray:
         """Response H(j omega) to an input, with parameters frozen at ``t``.
@@ -207,16 +207,16 @@ class HumanOperator:
         if input == "e":
             K, K_dot = (float(gain) for gain in self.gains(np.asarray(t, dtype=float)))
         elif input in PURSUIT_GAINS:
-            K, K_dot = frozen(self, t, *PURSUIT_GAINS[input]).values()
+            K, K_dot = freeze(self, t, *PURSUIT_GAINS[input]).values()
         else:
             raise ValueError(
                 f"input must be 'e', or 'f_t' or 'x' for a pursuit display; got {input!r}."
             )
-        muscle = neuromuscular(s, *frozen(self, t, "omega_nm", "zeta_nm").values())
+        muscle = respond_neuromuscular(s, *freeze(self, t, "omega_nm", "zeta_nm").values())
         return (K_dot * s + K) * np.exp(-s * self.tau_e) * muscle
 
 
-def neuromuscular(s: np.ndarray, omega_nm: float, zeta_nm: float) -> np.ndarray:
+def respond_neuromuscular(s: np.ndarray, omega_nm: float, zeta_nm: float) -> np.ndarray:
     """H_nm(s) of Eq. 4."""
     return omega_nm**2 / (s**2 + 2 * zeta_nm * omega_nm * s + omega_nm**2)
 
@@ -270,7 +270,7 @@ def zoh_parameters(operator: HumanOperator, dt: float, t: Any = 0.0) -> np.ndarr
     >>> zoh_parameters(HumanOperator(K_e=0.09, T_L=0.4), dt=0.01).round(4)
     array([-1.9121,  0.9243,  0.0443, -0.0432])
     """
-    instants = instants_of(t)
+    instants = read_instants(t)
     K_e, K_edot = operator.gains(instants)
     # Constant dynamics are discretised once, however many instants there are.
     omega_nm, zeta_nm = (
@@ -378,7 +378,7 @@ def pade(delay: float, order: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array(h) * (-delay) ** powers, np.array(h) * delay**powers
 
 
-def pade_response(delay: float, order: int, omega: Any) -> np.ndarray:
+def respond_pade(delay: float, order: int, omega: Any) -> np.ndarray:
     """Frequency response of a Padé approximant of a time delay.
 
     Its gain is 1 at every frequency, like that of the delay; its phase falls short of -omega tau
@@ -400,8 +400,8 @@ def pade_response(delay: float, order: int, omega: Any) -> np.ndarray:
     Examples
     --------
     >>> import numpy as np
-    >>> from skhoid.human.operator import pade_response
-    >>> np.angle(pade_response(0.28, 1, [1.0, 5.0])).round(3)
+    >>> from skhoid.human.operator import respond_pade
+    >>> np.angle(respond_pade(0.28, 1, [1.0, 5.0])).round(3)
     array([-0.278, -1.221])
     """
     numerator, denominator = pade(delay, order)
@@ -472,8 +472,10 @@ def crossover(operator: Any, controlled_element: Any, t: Any = 0.0) -> tuple[Any
     >>> round(omega_c, 3), round(phase_margin, 2)
     (1.563, 76.67)
     """
-    instants = np.atleast_1d(instants_of(t))
-    found = np.array([_at(operator, controlled_element, float(instant)) for instant in instants])
+    instants = np.atleast_1d(read_instants(t))
+    found = np.array(
+        [_find_crossing(operator, controlled_element, float(instant)) for instant in instants]
+    )
     found = found.reshape(-1, 2)
     n_lost = int(np.isnan(found[:, 0]).sum())
     if n_lost:
@@ -490,7 +492,7 @@ def crossover(operator: Any, controlled_element: Any, t: Any = 0.0) -> tuple[Any
     return found[:, 0], found[:, 1]
 
 
-def _at(operator: Any, controlled_element: Any, t: float) -> tuple[float, float]:
+def _find_crossing(operator: Any, controlled_element: Any, t: float) -> tuple[float, float]:
     def open_loop(log_omega: Any) -> Any:
         omega = np.exp(log_omega)
         return operator.frequency_response(omega, t) * controlled_element.frequency_response(
@@ -507,9 +509,9 @@ def _at(operator: Any, controlled_element: Any, t: float) -> tuple[float, float]
         return np.nan, np.nan
     low, high = GRID[falling[-1]], GRID[falling[-1] + 1]
     root = brentq(log_gain, low, high, xtol=1e-14, rtol=8.9e-16)
-    return float(np.exp(root)), float(phase_margin(open_loop(root)))
+    return float(np.exp(root)), float(find_phase_margin(open_loop(root)))
 
 
-def phase_margin(response: Any) -> Any:
+def find_phase_margin(response: Any) -> Any:
     """Angle of an open loop from the negative real axis in degrees, in (-180, 180]."""
     return np.degrees(np.angle(-response))

@@ -262,7 +262,7 @@ class Mixture:
     @property
     def changes(self) -> Span:
         """Times in s before and after which nothing changes."""
-        return span_of_changes(self.first, self.second, self.weight)
+        return find_span(self.first, self.second, self.weight)
 
 
 @dataclass(frozen=True)
@@ -280,7 +280,7 @@ class Shifted:
     @property
     def changes(self) -> Span:
         """Times in s before and after which nothing changes."""
-        own, extra = span_of_changes(self.function), span_of_changes(self.extra)
+        own, extra = find_span(self.function), find_span(self.extra)
         return min(own[0] + self.lag, extra[0]), max(own[1] + self.lag, extra[1])
 
 
@@ -298,10 +298,10 @@ class Product:
     @property
     def changes(self) -> Span:
         """Times in s before and after which nothing changes."""
-        return span_of_changes(self.first, self.second)
+        return find_span(self.first, self.second)
 
 
-def instants_of(t: Any) -> np.ndarray:
+def read_instants(t: Any) -> np.ndarray:
     """Instants in s, one or some, as an array."""
     instants = as_floats(t, "t")
     if instants.ndim > 1:
@@ -324,7 +324,7 @@ def evaluate(parameter: Parameter, t: np.ndarray) -> np.ndarray:
         ) from error
 
 
-def frozen(owner: Any, t: float, *names: str) -> dict[str, float]:
+def freeze(owner: Any, t: float, *names: str) -> dict[str, float]:
     """The parameters at one instant, as numbers."""
     instant = np.array([float(t)])
     return {name: float(evaluate(getattr(owner, name), instant)[0]) for name in names}
@@ -342,19 +342,19 @@ def mix(first: Parameter, second: Parameter, weight: Parameter) -> Parameter:
     return Mixture(first, second, weight)
 
 
-def transition_of(*parameters: Parameter | None) -> Any:
+def find_transition(*parameters: Parameter | None) -> Any:
     """The transition from 0 to 1 that the first varying parameter follows; None without any."""
     for parameter in parameters:
         if isinstance(parameter, Transition) and parameter.initial != parameter.final:
             return parameter.unit()
-        if isinstance(parameter, Shifted) and (own := transition_of(parameter.function)):
+        if isinstance(parameter, Shifted) and (own := find_transition(parameter.function)):
             return own.later(parameter.lag)
         if isinstance(parameter, Mixture) and isinstance(parameter.weight, Transition):
-            return transition_of(parameter.weight)
+            return find_transition(parameter.weight)
     return None
 
 
-def span_of_changes(*parameters: Parameter) -> Span:
+def find_span(*parameters: Parameter) -> Span:
     """Times in s before and after which none of the parameters changes any more, to rounding."""
     spans = [getattr(p, "changes", (-np.inf, np.inf)) for p in parameters if callable(p)]
     begins, ends = zip((np.inf, -np.inf), *spans, strict=True)

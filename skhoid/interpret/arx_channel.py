@@ -60,7 +60,7 @@ class ARXChannel:
                 f"got {type(model).__name__}."
             )
         check_is_fitted(model)
-        orders, chosen = model.orders_, _position(model, name)
+        orders, chosen = model.orders_, _find_position(model, name)
         first = orders.na + sum(orders.nb[:chosen])
         of_input = [*range(orders.na), *range(first, first + orders.nb[chosen])]
         theta, time = getattr(model, "coef_path_", None), None
@@ -78,7 +78,7 @@ class ARXChannel:
             nk=orders.nk[chosen],
             dt=model.dt_,
             dt_recording=model.dt_ / (1 if model._mark is None else model._mark.factor),
-            shift=delay_before(steps, model, chosen, purpose),
+            shift=find_delay_before(steps, model, chosen, purpose),
             time=time,
             input=model.inputs_[chosen],
             output=model._output_name,
@@ -96,7 +96,7 @@ def _has_arx_form(model: Any) -> bool:
     return hasattr(model, "to_transfer_function")
 
 
-def _position(model: Any, name: str | None) -> int:
+def _find_position(model: Any, name: str | None) -> int:
     names = model.inputs_
     if name is not None:
         if name not in names:
@@ -112,7 +112,7 @@ def _position(model: Any, name: str | None) -> int:
     return errors[0]
 
 
-def delay_before(steps: list[Any], model: Any, chosen: int, purpose: str) -> float:
+def find_delay_before(steps: list[Any], model: Any, chosen: int, purpose: str) -> float:
     """Delay in seconds that the steps before a model give one of its inputs."""
     total = 0.0
     for step in steps:
@@ -166,8 +166,8 @@ def arx_response(
     >>> abs(arx_response([-0.9, 0.1], [0.0, 10.0], dt=0.01, na=1)).round(3)
     array([1.   , 0.726])
     """
-    omega, theta = _below_nyquist(omega, dt), np.asarray(theta, dtype=float)
-    return response_and_gradient(theta, omega, dt, na, nk * dt + delay)[0]
+    omega, theta = _check_below_nyquist(omega, dt), np.asarray(theta, dtype=float)
+    return differentiate_response(theta, omega, dt, na, nk * dt + delay)[0]
 
 
 def arx_response_covariance(
@@ -219,19 +219,19 @@ def arx_response_covariance(
     >>> arx_response_covariance([-0.9, 0.1], P, [1.0, 10.0], dt=0.01, na=1).shape
     (2, 2, 2)
     """
-    omega, theta = _below_nyquist(omega, dt), np.asarray(theta, dtype=float)
-    _, gradient = response_and_gradient(theta, omega, dt, na, nk * dt + delay)
+    omega, theta = _check_below_nyquist(omega, dt), np.asarray(theta, dtype=float)
+    _, gradient = differentiate_response(theta, omega, dt, na, nk * dt + delay)
     parts = np.stack([gradient.real, gradient.imag], axis=-2)
     P = np.asarray(covariance, dtype=float)[..., None, :, :]
     return parts @ P @ np.swapaxes(parts, -1, -2)
 
 
-def _below_nyquist(omega: Any, dt: float) -> np.ndarray:
+def _check_below_nyquist(omega: Any, dt: float) -> np.ndarray:
     omega = np.asarray(omega, dtype=float)
     return np.where(omega * dt <= np.pi * (1 + 1e-9), omega, np.nan)
 
 
-def response_of_model(model: Any, omega: np.ndarray, name: str | None) -> dict[str, Any]:
+def describe_response(model: Any, omega: np.ndarray, name: str | None) -> dict[str, Any]:
     """Content of a FrequencyResponse from a fitted ARX model, alone or at the end of a pipeline."""
     arx = ARXChannel.of(model, name, "FrequencyResponse.of")
     if arx.time is not None:
@@ -253,7 +253,7 @@ def response_of_model(model: Any, omega: np.ndarray, name: str | None) -> dict[s
     }
 
 
-def response_and_gradient(
+def differentiate_response(
     theta: np.ndarray, omega: np.ndarray, dt: float, na: int, delay: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """H(j omega) e^(-j omega delay), of shape (..., n_lines), and dH/dtheta (Eqs. H.14-H.17).

@@ -15,8 +15,8 @@ from .._sklearn import Interval, StrOptions, checked
 from ..human.operator import check_dt, check_order, held_filter, pade
 from ..human.variation import as_floats
 from ..pipelines import taken_apart
-from .arx_channel import ARXChannel, delay_before, response_and_gradient
-from .response_fit import ResponseFit, stacked
+from .arx_channel import ARXChannel, differentiate_response, find_delay_before
+from .response_fit import ResponseFit, stack_parts
 
 NAMES = ("K_e", "T_L", "K_edot", "tau_e", "omega_nm", "zeta_nm")
 N_FREQUENCIES = 60
@@ -116,10 +116,10 @@ def fit_operator(
         )
     if pade_order is not None:
         check_order(pade_order)
-    omega = _frequencies(band, dt)
+    omega = _choose_frequencies(band, dt)
     hold = OperatorUnderHold(omega, delay, dt if dt_recording is None else dt_recording, pade_order)
     rows = np.atleast_2d(theta)
-    response, slopes = response_and_gradient(rows, omega, dt, na, delay)
+    response, slopes = differentiate_response(rows, omega, dt, na, delay)
     P = None
     if covariance is not None:
         P = np.broadcast_to(np.asarray(covariance, dtype=float), (*rows.shape, rows.shape[-1]))
@@ -150,7 +150,7 @@ def _fit_path(
     for rows in np.array_split(known, -(-known.size // BLOCK)) if known.size else []:
         target = response[rows]
         fit = ResponseFit(hold, target, 1 / np.abs(target), *bounds)
-        p, squares = fit.best_of(fit.starts(_filters(hold, bounds), N_REFINED))
+        p, squares = fit.best_of(fit.starts(_list_filters(hold, bounds), N_REFINED))
         misfit[rows] = np.sqrt(squares / target.shape[1])
         inside = ~np.any((p < bounds[0] + 1e-6) | (p > bounds[1] - 1e-6), axis=1)
         rows, p, target = rows[inside], p[inside], target[inside]
@@ -158,10 +158,10 @@ def _fit_path(
         columns = [p[:, 0], p[:, 1] / p[:, 0], p[:, 1], p[:, 4], omega_nm, zeta_nm]
         table[rows] = np.stack(columns, axis=1)
         if P is not None:
-            jacobian = stacked(hold.slopes(p) / target[..., None], axis=1)
-            gradient = stacked(slopes[rows] / target[..., None], axis=1)
+            jacobian = stack_parts(hold.slopes(p) / target[..., None], axis=1)
+            gradient = stack_parts(slopes[rows] / target[..., None], axis=1)
             for row, one, J, G in zip(rows, p, jacobian, gradient, strict=True):
-                deviations[row] = _deviations(one, J, G, P[row])
+                deviations[row] = _propagate(one, J, G, P[row])
     return table, deviations, misfit
 
 
@@ -211,7 +211,7 @@ class OperatorUnderHold:
         return np.stack(columns, axis=-1)
 
 
-def _filters(hold: OperatorUnderHold, bounds: np.ndarray) -> list[np.ndarray]:
+def _list_filters(hold: OperatorUnderHold, bounds: np.ndarray) -> list[np.ndarray]:
     """A coarse grid of neuromuscular filters and delays to start from."""
     own = hold.known_delay - hold.dt
     low, high = np.exp(bounds[:, 2])
@@ -219,7 +219,7 @@ def _filters(hold: OperatorUnderHold, bounds: np.ndarray) -> list[np.ndarray]:
     return [np.array([np.log(omega), np.log(zeta), own + later]) for omega, zeta, later in grid]
 
 
-def _deviations(
+def _propagate(
     p: np.ndarray, jacobian: np.ndarray, slopes: np.ndarray, P: np.ndarray
 ) -> np.ndarray:
     """Standard deviations of K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm."""
@@ -231,7 +231,7 @@ def _deviations(
     return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", outputs, P, outputs), 0.0))
 
 
-def _frequencies(band: tuple[float, float], dt: float) -> np.ndarray:
+def _choose_frequencies(band: tuple[float, float], dt: float) -> np.ndarray:
     low, high = band
     if not 0 < low < high:
         raise ValueError(f"band must be (low, high) in rad/s with 0 < low < high; got {band}.")
@@ -311,14 +311,14 @@ def arx_to_operator(
     complex_pair = theta[..., 0] ** 2 < 4 * theta[..., 1]
     n_not_complex = int((np.isfinite(theta).all(axis=-1) & ~complex_pair).sum())
     theta = np.where(complex_pair[..., None], theta, np.nan)
-    physics = _inverse_hold(theta, dt)
+    physics = _invert_hold(theta, dt)
     variances = np.full(physics.shape, np.nan)
     if covariance is not None:
         covariance = as_floats(covariance, "covariance")
         if covariance.shape[-2:] != (4, 4):
             raise ValueError(f"covariance must have the shape (..., 4, 4); got {covariance.shape}.")
         steps = STEP * 1j * np.eye(4)
-        slopes = np.stack([_inverse_hold(theta + step, dt).imag / STEP for step in steps], axis=-1)
+        slopes = np.stack([_invert_hold(theta + step, dt).imag / STEP for step in steps], axis=-1)
         variances = np.einsum("...ij,...jk,...ik->...i", slopes, covariance, slopes)
     deviations = np.sqrt(np.maximum(variances, 0.0))
     return (
@@ -328,7 +328,7 @@ def arx_to_operator(
     )
 
 
-def _inverse_hold(theta: np.ndarray, dt: float) -> np.ndarray:
+def _invert_hold(theta: np.ndarray, dt: float) -> np.ndarray:
     """The parameters of FROM_POLES on the last axis, real or by complex step."""
     a1, a2, b0, b1 = np.moveaxis(theta, -1, 0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -426,13 +426,13 @@ def operator_parameters(
         K_e  T_L  tau_e  omega_nm  zeta_nm
     0  0.09  0.4   0.28     11.25     0.35
     """
-    followed = _followed_path(model)
+    followed = _read_path(model)
     if followed is not None:
         return followed
     arx = ARXChannel.of(model, input, "operator_parameters")
     misfit: dict[str, Any] = {}
     if method == "poles":
-        values, deviations, n_failed = _from_poles(arx)
+        values, deviations, n_failed = _convert_poles(arx)
         reason = "have no pair of complex poles"
     elif arx.delay_path is not None and np.ndim(arx.delay_path):
         raise ValueError("method='fit' needs one delay; the delay of this model varies in time.")
@@ -465,20 +465,20 @@ def operator_parameters(
     return frame
 
 
-def _followed_path(model: Any) -> pd.DataFrame | None:
+def _read_path(model: Any) -> pd.DataFrame | None:
     """The table of a model that has the operator's own parameters over time, if it is one."""
     steps, found = taken_apart(model)
     if not hasattr(found, "_operator_frame"):
         return None
     frame = found._operator_frame().copy()
-    frame["tau_e"] += delay_before(steps, found, 0, "operator_parameters")
+    frame["tau_e"] += find_delay_before(steps, found, 0, "operator_parameters")
     units = UNITS | {f"sd_{name}": unit for name, unit in UNITS.items()}
     n_nan = int(frame["K_e"].isna().sum())
     frame.attrs = {"units": units, "n_nan": n_nan, "method": type(found).__name__}
     return frame
 
 
-def _from_poles(arx: ARXChannel) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], int]:
+def _convert_poles(arx: ARXChannel) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], int]:
     """Operator parameters by Eqs. 22-23, and the delay."""
     nb = arx.theta.shape[-1] - arx.na
     if (arx.na, nb) != (2, 2):

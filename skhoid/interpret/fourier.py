@@ -25,7 +25,7 @@ from ..runs import (
     run_name,
 )
 from ..runs.roles import columns_of_role
-from .response import FrequencyResponse, aligning_delay, phase_without_jumps
+from .response import FrequencyResponse, find_aligning_delay, unwrap_phase
 
 BIN_TOLERANCE = 0.01  # of a bin; so far off, one percent of a line leaks into its neighbours
 
@@ -111,7 +111,7 @@ def read_lines(forcing: Any, period: float | None = None) -> dict[str | None, Li
     return {name: Lines.of(part, period) for name, part in forcing.items()}
 
 
-def all_bins(lines: dict[Any, Lines], windows: Windows, number: int) -> dict[Any, np.ndarray]:
+def collect_bins(lines: dict[Any, Lines], windows: Windows, number: int) -> dict[Any, np.ndarray]:
     """Bins of every forcing function in the window of a run; none is shared."""
     layout, rows = windows.layout, windows.rows[number]
     n_in_run = int(layout.run_starts[number + 1] - layout.run_starts[number])
@@ -133,7 +133,7 @@ def all_bins(lines: dict[Any, Lines], windows: Windows, number: int) -> dict[Any
     return found
 
 
-def signal_table(X: Any) -> pd.DataFrame:
+def read_signals(X: Any) -> pd.DataFrame:
     X = X if isinstance(X, pd.Series) else as_table(X)
     if isinstance(X, pd.DataFrame):
         return X
@@ -294,7 +294,7 @@ def fourier_coefficients(
     >>> response.magnitude.round(6), response.phase.round(6)
     (array([[2., 2., 2.]]), array([[ -36., -108., -252.]]))
     """
-    frame = signal_table(X)
+    frame = read_signals(X)
     check_consistent_length(X, y)
     check_alignment(X, y)
     names = list(frame.columns)
@@ -304,7 +304,7 @@ def fourier_coefficients(
     lines = read_lines(forcing, period)
     _check_numbers([names[p] for p in positions], lines)
     several = len(positions) > 1
-    columns = positions + [_signal_column(names, name, roles) for name in lines if several]
+    columns = positions + [_find_column(names, name, roles) for name in lines if several]
     table = frame.iloc[:, columns].copy()
     table.insert(len(positions), "", as_output(y), allow_duplicates=True)
     output = output_name(y)
@@ -312,8 +312,8 @@ def fourier_coefficients(
     spectra = _Spectra(windows, windows.numbers(table), lines)
     of_inputs = [str(names[p]) for p in positions]
     if several:
-        return _of_several(spectra, of_inputs, output)
-    return _of_one(spectra, of_inputs[0], output)
+        return _estimate_several(spectra, of_inputs, output)
+    return _estimate_one(spectra, of_inputs[0], output)
 
 
 def _check_numbers(inputs: list[Any], lines: dict[Any, Lines]) -> None:
@@ -332,7 +332,7 @@ def _check_numbers(inputs: list[Any], lines: dict[Any, Lines]) -> None:
         )
 
 
-def _of_one(spectra: _Spectra, name: str, output: str) -> FrequencyResponse:
+def _estimate_one(spectra: _Spectra, name: str, output: str) -> FrequencyResponse:
     """The response from the only input."""
     response, covariance = spectra.ratio()
     return FrequencyResponse(
@@ -348,7 +348,9 @@ def _of_one(spectra: _Spectra, name: str, output: str) -> FrequencyResponse:
     )
 
 
-def _of_several(spectra: _Spectra, names: list[str], output: str) -> dict[str, FrequencyResponse]:
+def _estimate_several(
+    spectra: _Spectra, names: list[str], output: str
+) -> dict[str, FrequencyResponse]:
     """Responses from several inputs, with a warning of lines where there are none."""
     spectra.check_excitation(len(names) + 1)
     solved, variance = spectra.solve(len(names))
@@ -374,7 +376,7 @@ def _of_several(spectra: _Spectra, names: list[str], output: str) -> dict[str, F
     }
 
 
-def _signal_column(names: list[Any], name: Any, roles: dict | None) -> int:
+def _find_column(names: list[Any], name: Any, roles: dict | None) -> int:
     """Column that holds the signal of a forcing function."""
     if name in names:
         return names.index(name)
@@ -400,12 +402,12 @@ class _Spectra:
         for number, rows in enumerate(windows.rows):
             n_samples = rows.stop - rows.start
             transform = np.fft.rfft(values[rows], axis=0).T * (2 / n_samples)
-            own = all_bins(lines, windows, number)
+            own = collect_bins(lines, windows, number)
             bins = np.concatenate(list(own.values()))
             order = np.argsort(bins)
             strongest.append(np.abs(transform).max(axis=1))
             at_lines.append(transform[:, bins[order]])
-            beside.append(transform[:, _neighbours(bins[order], (n_samples - 1) // 2)])
+            beside.append(transform[:, _find_neighbours(bins[order], (n_samples - 1) // 2)])
         function = np.concatenate([np.full(own[name].size, i) for i, name in enumerate(own)])
         self.function = function[order]
         self.omega = 2 * np.pi * bins[order] / (n_samples * dt)
@@ -481,7 +483,7 @@ class _Spectra:
         return self.at_lines[:, n_inputs + 1 + i, self.function == i]
 
 
-def _neighbours(bins: np.ndarray, last: int) -> np.ndarray:
+def _find_neighbours(bins: np.ndarray, last: int) -> np.ndarray:
     """The nearest bins without excitation of each line, of shape (n_lines, N_NEIGHBOURS)."""
     free = np.setdiff1d(np.arange(1, last + 1), bins)
     if free.size < N_NEIGHBOURS:
@@ -500,8 +502,8 @@ def _interpolate(omega: np.ndarray, ratios: np.ndarray, wanted: np.ndarray) -> n
     inside = (wanted >= omega[0] * (1 - 1e-9)) & (wanted <= omega[-1] * (1 + 1e-9))
     at = wanted[inside]
     for row, values in zip(result, flat, strict=True):
-        delay = aligning_delay(omega, values)
-        phase = phase_without_jumps(omega, values, delay) + omega * delay
+        delay = find_aligning_delay(omega, values)
+        phase = unwrap_phase(omega, values, delay) + omega * delay
         curve = CubicSpline(np.log(omega), np.log(np.abs(values)) + 1j * phase)
         row[inside] = np.exp(curve(np.log(at)) - 1j * at * delay)
     result[:, np.searchsorted(wanted, omega * (1 - 1e-9))] = flat
@@ -556,7 +558,7 @@ def auto_psd(
     >>> table.loc[table["excited"], "omega"].round(3).tolist()
     [6.283]
     """
-    frame = signal_table(X)
+    frame = read_signals(X)
     windows = Windows.of(frame, window, dt, run)
     if run is not None:
         keep = np.arange(frame.shape[1]) != run_column(list(frame.columns), run)
@@ -573,7 +575,7 @@ def auto_psd(
             "psd": density.T.ravel(),
         }
         if forcing is not None:
-            bins = all_bins(read_lines(forcing, period), windows, number)
+            bins = collect_bins(read_lines(forcing, period), windows, number)
             excited = np.isin(np.arange(omega.size), np.concatenate(list(bins.values())))
             columns["excited"] = np.tile(excited, frame.shape[1])
         tables.append(pd.DataFrame(columns))

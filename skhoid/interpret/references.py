@@ -87,7 +87,7 @@ def reference_fits(
     """
     check_consistent_length(X, y)
     estimator = unwrapped(models.ARXRegressor() if estimator is None else estimator)
-    batch = _batch(estimator)
+    batch = _make_batch(estimator)
     layout = raw_layout(estimator, X)
     measured = ~trimmed_rows(estimator, X)
     if layout.trimmed is not None:
@@ -98,7 +98,7 @@ def reference_fits(
         raise ValueError("windows is empty; give at least one.")
     single = isinstance(windows, str) or all(isinstance(edge, Real) for edge in windows)
     for window in [windows] if single else windows:
-        name, start, stop = _bounds(window, layout, measured, length)
+        name, start, stop = _choose_bounds(window, layout, measured, length)
         slack = 1e-6 * layout.dt
         inside = measured & (layout.time >= start - slack) & (layout.time < stop - slack)
         masked = np.where(inside, output, np.nan)
@@ -112,13 +112,13 @@ def reference_fits(
                 raise type(error)(
                     f"The window {name!r}, {start:g} to {stop:g} s, cannot be fitted: {error}"
                 ) from error
-        rows[name] = {"start": start, "stop": stop} | _estimates(model)
+        rows[name] = {"start": start, "stop": stop} | _read_estimates(model)
     frame = pd.DataFrame.from_dict(rows, orient="index")
     frame.attrs["parameter_names"] = list(final_step(model)[1].parameter_names_)
     return frame
 
 
-def _batch(estimator: Any) -> Any:
+def _make_batch(estimator: Any) -> Any:
     """The estimator with a batch model at its end."""
     _, model = final_step(estimator)
     model = unwrapped(model)
@@ -134,7 +134,9 @@ def _batch(estimator: Any) -> Any:
     return whole
 
 
-def _bounds(window: Any, layout: Any, measured: np.ndarray, length: float) -> tuple[Any, ...]:
+def _choose_bounds(
+    window: Any, layout: Any, measured: np.ndarray, length: float
+) -> tuple[Any, ...]:
     """Name, start and stop of a window in seconds."""
     time = layout.time[measured]
     if isinstance(window, str) and window in ("ini", "fin"):
@@ -158,7 +160,7 @@ def _bounds(window: Any, layout: Any, measured: np.ndarray, length: float) -> tu
     return f"{start:g}-{stop:g}", start, stop
 
 
-def _estimates(model: Any) -> dict[str, float]:
+def _read_estimates(model: Any) -> dict[str, float]:
     arx = unwrapped(final_step(model)[1])
     found: dict[str, float] = {}
     for name, value, sd in zip(arx.parameter_names_, arx.coef_, arx.standard_errors_, strict=True):

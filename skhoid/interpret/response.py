@@ -12,27 +12,27 @@ import pandas as pd
 
 from .._sklearn import DT, HasMethods, checked
 from ..human import ControlledElement, HumanOperator, LinearElement
-from ..human.operator import phase_margin
+from ..human.operator import find_phase_margin
 from ..human.variation import as_floats, evaluate
 from ..runs import run_name
-from .arx_channel import ARXChannel, arx_response, is_arx, response_of_model
+from .arx_channel import ARXChannel, arx_response, describe_response, is_arx
 
 LONGEST_DELAY, DELAY_STEP = 1.0, 0.005  # s
 
 
-def aligning_delay(omega: np.ndarray, response: np.ndarray) -> float:
+def find_aligning_delay(omega: np.ndarray, response: np.ndarray) -> float:
     """The delay, up to 1 s, without which the phases of neighbouring lines agree best."""
-    phasors = _phasors(np.atleast_2d(response))
+    phasors = _normalise(np.atleast_2d(response))
     steps = np.nan_to_num(phasors[:, 1:] * phasors[:, :-1].conj()).sum(axis=0)
     candidates = np.arange(0.0, LONGEST_DELAY + DELAY_STEP / 2, DELAY_STEP)
     turns = np.exp(1j * np.outer(candidates, np.diff(omega)))
     return float(candidates[np.argmax((turns @ steps).real)])
 
 
-def phase_without_jumps(omega: np.ndarray, response: np.ndarray, delay: float) -> np.ndarray:
+def unwrap_phase(omega: np.ndarray, response: np.ndarray, delay: float) -> np.ndarray:
     """Phase in rad, without jumps after a delay is removed; runs follow their mean."""
     turn = omega * delay
-    together = np.nan_to_num(_phasors(np.atleast_2d(response))).sum(axis=0)
+    together = np.nan_to_num(_normalise(np.atleast_2d(response))).sum(axis=0)
     known = together != 0
     phase = np.full(omega.shape, np.nan)
     if known.any():
@@ -41,7 +41,7 @@ def phase_without_jumps(omega: np.ndarray, response: np.ndarray, delay: float) -
     return phase + np.angle(response * np.exp(-1j * phase))
 
 
-def _phasors(response: np.ndarray) -> np.ndarray:
+def _normalise(response: np.ndarray) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):
         return response / np.abs(response)
 
@@ -50,7 +50,7 @@ BLOCK = 2048  # instants at a time, for memory
 N_HALVINGS = 40
 
 
-def crossover_at_lines(
+def find_crossover_at_lines(
     omega: np.ndarray, response: np.ndarray, delay: float, interpolate: bool
 ) -> tuple[float, float]:
     """Crossover frequency (rad/s) and phase margin (deg) of one open loop at lines."""
@@ -64,14 +64,14 @@ def crossover_at_lines(
     omega, response, gain = omega[pair], response[pair], gain[pair]
     if not interpolate:
         nearest = np.argmin(np.abs(np.abs(response) - 1.0))
-        return float(omega[nearest]), float(phase_margin(response[nearest]))
+        return float(omega[nearest]), float(find_phase_margin(response[nearest]))
     part = gain[0] / (gain[0] - gain[1])
     at = omega[0] * (omega[1] / omega[0]) ** part
     # The delay's share of the phase is linear in omega and needs no interpolation.
     rest = response * np.exp(1j * omega * delay)
     turn = np.angle(rest[1] / rest[0])
     phase = np.angle(rest[0]) + part * turn - at * delay
-    return float(at), float(phase_margin(np.exp(1j * phase)))
+    return float(at), float(find_phase_margin(np.exp(1j * phase)))
 
 
 @checked(
@@ -184,7 +184,7 @@ def crossover_path(
         omega_c[begin + found] = low
     crosses = np.flatnonzero(~np.isnan(omega_c))
     margin = np.full(len(theta), np.nan)
-    margin[crosses] = phase_margin(open_loop(omega_c[crosses, None], crosses)[:, 0])
+    margin[crosses] = find_phase_margin(open_loop(omega_c[crosses, None], crosses)[:, 0])
     lost = np.isnan(omega_c) & np.isfinite(theta).all(axis=1)
     warn_no_crossover(int(lost.sum()), len(theta), "instants")
     return pd.DataFrame(
@@ -339,7 +339,7 @@ class FrequencyResponse:
         """
         lines = np.atleast_1d(np.asarray(omega, dtype=float))
         if is_arx(system):
-            return cls(lines, **response_of_model(system, lines, input))
+            return cls(lines, **describe_response(system, lines, input))
         if not hasattr(system, "frequency_response"):
             raise TypeError(
                 "FrequencyResponse.of needs an object with frequency_response(omega, t), or a "
@@ -443,13 +443,13 @@ class FrequencyResponse:
         if reference is not None:
             other = self._at_own_lines(reference)
             return other.phase + np.degrees(np.angle(self.response / other.response))
-        return np.degrees(phase_without_jumps(self.omega, self.response, self._delay(delay)))
+        return np.degrees(unwrap_phase(self.omega, self.response, self._delay(delay)))
 
     def _delay(self, given: float | None = None) -> float:
         for delay in (given, self.delay):
             if delay is not None:
                 return delay
-        return aligning_delay(self.omega, self.response)
+        return find_aligning_delay(self.omega, self.response)
 
     def select_run(self, run: Any) -> FrequencyResponse:
         """Response of one run.
@@ -573,7 +573,7 @@ class FrequencyResponse:
             One row per run. NaN, with a warning, where a run does not cross.
         """
         rows = [
-            crossover_at_lines(self.omega, values, self._delay(), interpolate)
+            find_crossover_at_lines(self.omega, values, self._delay(), interpolate)
             for values in np.atleast_2d(self.response)
         ]
         table = pd.DataFrame(
@@ -596,7 +596,7 @@ class FrequencyResponse:
         return replace(
             self,
             response=self.response / (1.0 + self.response),
-            covariance=_turned(self.covariance, slope),
+            covariance=_turn(self.covariance, slope),
             coherence=None,
             coefficients=None,
             delay=None,
@@ -629,7 +629,7 @@ class FrequencyResponse:
         chained = second.input == first.output
         delays = (self.delay, other.delay)
         product = self._times(other.response)
-        added = _turned(other.covariance, self.response)
+        added = _turn(other.covariance, self.response)
         if added is not None:
             own = product.covariance
             total = added if own is None else own + added
@@ -655,7 +655,7 @@ class FrequencyResponse:
         coefficients = self.coefficients
         if coefficients is not None:
             coefficients = (coefficients[0], coefficients[1] * factor)
-        covariance = _turned(self.covariance, np.broadcast_to(factor, response.shape))
+        covariance = _turn(self.covariance, np.broadcast_to(factor, response.shape))
         same = response.shape == self.response.shape
         return replace(
             self,
@@ -667,7 +667,7 @@ class FrequencyResponse:
         )
 
 
-def _turned(covariance: np.ndarray | None, factor: np.ndarray) -> np.ndarray | None:
+def _turn(covariance: np.ndarray | None, factor: np.ndarray) -> np.ndarray | None:
     """Covariance of (Re, Im) after multiplication by known complex numbers."""
     if covariance is None:
         return None

@@ -2,8 +2,8 @@
 
 Reference fits and paths of ARX models (:func:`~skhoid.interpret.conversion.fit_operator`) and
 responses that wavelets estimate are fitted here, thousands of responses side by side: SciPy's
-``least_squares``, one response at a time, took 2 to 4 times as long along paths, for the same minima
-to 1e-7.
+``least_squares``, one response at a time, took 2 to 4 times as long along paths, for the same
+minima to 1e-7.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class ResponseFit:
     def residuals(self, p: np.ndarray) -> np.ndarray:
         """Real parts, then imaginary ones, of shape (n, 2 n_frequencies)."""
         response = np.einsum("nfi,ni->nf", self.model.gains(p), p[:, :2])
-        return stacked(self.weight * (self.H - response))
+        return stack_parts(self.weight * (self.H - response))
 
     def starts(
         self, dynamics: Iterable[np.ndarray], n_best: int = 1, *, positive: bool = False
@@ -58,14 +58,14 @@ class ResponseFit:
         minimum, too.
         """
         tried, squares = [], []
-        target = stacked(self.weight * self.H)
+        target = stack_parts(self.weight * self.H)
         for point in dynamics:
             p = np.zeros((len(self.H), 5))
             p[:, 2:] = np.clip(point, self.low[2:], self.high[2:])
-            slopes = stacked(self.weight[..., None] * self.model.gains(p[:1]), axis=1)
+            slopes = stack_parts(self.weight[..., None] * self.model.gains(p[:1]), axis=1)
             normal = np.einsum("nfi,nfj->nij", slopes, slopes)
             right = np.einsum("nfi,nf->ni", slopes, target)
-            p[:, :2] = np.linalg.solve(_damped(normal, 1e-9), right[..., None])[..., 0]
+            p[:, :2] = np.linalg.solve(_damp(normal, 1e-9), right[..., None])[..., 0]
             left = ((target - np.einsum("nfi,ni->nf", slopes, p[:, :2])) ** 2).sum(axis=1)
             if positive:
                 left[(p[:, :2] < 0).any(axis=1)] *= UNUSUAL
@@ -85,7 +85,7 @@ class ResponseFit:
         for _ in range(MOST_STEPS):
             some = self.of(going)
             normal, gradient = some.normal_equations(p[going], residuals[going])
-            step = np.linalg.solve(_damped(normal, damping[going]), gradient[..., None])[..., 0]
+            step = np.linalg.solve(_damp(normal, damping[going]), gradient[..., None])[..., 0]
             trial = np.clip(p[going] + step, self.low, self.high)
             new = some.residuals(trial)
             left = (new**2).sum(axis=1)
@@ -117,7 +117,7 @@ class ResponseFit:
         self, p: np.ndarray, residuals: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Normal matrix and gradient, in which what is stuck at a bound does not move."""
-        slopes = stacked(self.weight[..., None] * self.model.slopes(p), axis=1)
+        slopes = stack_parts(self.weight[..., None] * self.model.slopes(p), axis=1)
         gradient = np.einsum("nfi,nf->ni", slopes, residuals)
         stuck = ((p <= self.low) & (gradient <= 0)) | ((p >= self.high) & (gradient >= 0))
         slopes = np.where(stuck[:, None, :], 0.0, slopes)
@@ -127,12 +127,12 @@ class ResponseFit:
         return normal, np.where(stuck, 0.0, gradient)
 
 
-def stacked(values: np.ndarray, axis: int = -1) -> np.ndarray:
+def stack_parts(values: np.ndarray, axis: int = -1) -> np.ndarray:
     """Real parts, then imaginary ones."""
     return np.concatenate([values.real, values.imag], axis=axis)
 
 
-def _damped(normal: np.ndarray, damping: np.ndarray | float) -> np.ndarray:
+def _damp(normal: np.ndarray, damping: np.ndarray | float) -> np.ndarray:
     """Normal matrices whose diagonals have grown by a factor 1 + damping."""
     out = normal.copy()
     diagonal = np.einsum("nii->ni", out)

@@ -9,10 +9,10 @@ from scipy.signal import lfilter
 
 from ..effects.composition import Effects
 from ..effects.record import Record
-from .arx_starts import arx_starts, spread_starts
+from .arx_starts import find_arx_starts, list_spread_starts
 from .cores import ARXCore
 from .fitting import Criterion
-from .model import Model, halved, scaled_sse
+from .model import Model, find_scaled_sse, fit_by_halving
 from .simulator import Simulator
 
 N_ROUNDS = 5  # of Steiglitz and McBride
@@ -20,16 +20,16 @@ N_LEAST_SQUARES = 3  # of these, best first, that are followed
 N_SPREAD = 4  # of the spread starts, the same
 
 
-def fitted_arx(core: ARXCore, record: Record, criterion: Criterion) -> Model:
+def fit_arx(core: ARXCore, record: Record, criterion: Criterion) -> Model:
     """The core without effects at its smallest simulation error, never worse than its starts."""
     simulator = Simulator(core, Effects([]), record)
-    starts = arx_starts(core, record, record.input, N_ROUNDS)
+    starts = find_arx_starts(core, record, record.input, N_ROUNDS)
     starts.sort(key=lambda theta: criterion.sse(simulator.run(theta)))
     starts = starts[:N_LEAST_SQUARES]
-    starts += spread_starts(core, record, record.input, core.n_starts)[:N_SPREAD]
-    best = min(starts, key=lambda theta: scaled_sse(simulator, criterion, theta))
+    starts += list_spread_starts(core, record, record.input, core.n_starts)[:N_SPREAD]
+    best = min(starts, key=lambda theta: find_scaled_sse(simulator, criterion, theta))
     simulator = Simulator(core.sized(sizes(core, record, best)), Effects([]), record)
-    return halved(simulator, criterion, starts)
+    return fit_by_halving(simulator, criterion, starts)
 
 
 def sizes(core: ARXCore, record: Record, theta: np.ndarray) -> dict[str, float]:

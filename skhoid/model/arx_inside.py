@@ -10,7 +10,7 @@ from ..effects.operator_signals import Spring
 AT_ONE = 1e-9  # distance from 1 within which a pole integrates
 
 
-def inside_response(
+def simulate_inside(
     x: np.ndarray,
     polynomials: tuple[np.ndarray, np.ndarray, float],
     n_late: int,
@@ -37,7 +37,7 @@ def inside_response(
     bends, terms = _kernels.gate(rows[springs]), _kernels.gate(rows[~springs])
 
     def run(x: np.ndarray, factor: np.ndarray, first: np.ndarray) -> np.ndarray:
-        shifted, gain = with_frequencies(a, factor)
+        shifted, gain = scale_frequencies(a, factor)
         return _kernels.inside.arx_inside(
             _kernels.gate(x),
             _kernels.gate(shifted),
@@ -59,7 +59,7 @@ def inside_response(
     return np.concatenate(columns, axis=1)
 
 
-def with_frequencies(a: np.ndarray, factor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def scale_frequencies(a: np.ndarray, factor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Coefficients a for each factor on the frequencies of the poles, and the gain that keeps B/A.
 
     A pole exp(s dt) becomes exp(factor s dt): frequencies and decay rates change, damping ratios do

@@ -12,7 +12,7 @@ from scipy.stats.qmc import Halton
 
 from ..arx.base import ESTIMATE, REST, pays
 from ..effects.record import Record
-from .initial import fitted_states, free_responses
+from .initial import fit_states, make_free_responses
 
 Filter = Callable[[np.ndarray], np.ndarray]
 LARGEST_POLE = 0.999  # radius of a start
@@ -30,7 +30,9 @@ class HasOrders(Protocol):
     intercept: bool
 
 
-def arx_starts(core: HasOrders, record: Record, x: np.ndarray, n_rounds: int) -> list[np.ndarray]:
+def find_arx_starts(
+    core: HasOrders, record: Record, x: np.ndarray, n_rounds: int
+) -> list[np.ndarray]:
     """Coefficients by ordinary least squares, and by Steiglitz and McBride's iteration.
 
     Least squares minimise the one-step error, which noise on the output biases; on signals
@@ -40,24 +42,24 @@ def arx_starts(core: HasOrders, record: Record, x: np.ndarray, n_rounds: int) ->
     found = []
     a = np.zeros(core.na)
     for _ in range(n_rounds if core.na else 1):
-        a = _stable(_denominator(core, record, x, a))
-        found.append(np.r_[a, _numerator(core, record, x, a)])
+        a = _stabilise(_filter_by_denominator(core, record, x, a))
+        found.append(np.r_[a, _estimate_numerator(core, record, x, a)])
     return found
 
 
-def spread_starts(core: HasOrders, record: Record, x: np.ndarray, n: int) -> list[np.ndarray]:
+def list_spread_starts(core: HasOrders, record: Record, x: np.ndarray, n: int) -> list[np.ndarray]:
     """Coefficients of systems of spread poles with their best numerators, best first."""
     tried = []
-    for a in spread_poles(core, record, n):
-        table, y = _regression(core, record, x, a)
-        b = _least_squares(table, y)
+    for a in draw_spread_poles(core, record, n):
+        table, y = _make_regression(core, record, x, a)
+        b = _solve(table, y)
         error = y - table @ b
         tried.append((float(error @ error), np.r_[a, b]))
     tried.sort(key=lambda one: one[0])
     return [theta for _, theta in tried]
 
 
-def blind_starts(core: HasOrders, record: Record, x: np.ndarray, n: int) -> list[np.ndarray]:
+def list_blind_starts(core: HasOrders, record: Record, x: np.ndarray, n: int) -> list[np.ndarray]:
     """Coefficients of systems of spread poles with outputs of the size of the measured one.
 
     For cases that least squares cannot start from because a map hides the output.
@@ -65,14 +67,14 @@ def blind_starts(core: HasOrders, record: Record, x: np.ndarray, n: int) -> list
     assert record.y is not None
     size = float(np.sqrt(np.mean(record.y[record.known] ** 2)))
     found = []
-    for a in spread_poles(core, record, n):
-        answer = lfilter([1.0], np.r_[1.0, a], _late(x, core.nk), axis=0)[record.known]
+    for a in draw_spread_poles(core, record, n):
+        answer = lfilter([1.0], np.r_[1.0, a], _delay(x, core.nk), axis=0)[record.known]
         gain = size / max(float(np.sqrt(np.mean(answer**2))), 1e-300)
         found.append(np.r_[a, gain, np.zeros(core.nb - 1 + core.intercept)])
     return found
 
 
-def spread_poles(core: HasOrders, record: Record, n: int) -> list[np.ndarray]:
+def draw_spread_poles(core: HasOrders, record: Record, n: int) -> list[np.ndarray]:
     """a_1 ... of systems whose poles are spread over what a record can show.
 
     Frequencies lie between one period a run and nearly half the sampling rate, on a logarithmic
@@ -91,11 +93,11 @@ def spread_poles(core: HasOrders, record: Record, n: int) -> list[np.ndarray]:
         poles = np.exp(np.c_[omega * (-zeta + root), omega * (-zeta - root)].ravel())
         if core.na % 2:
             poles = np.r_[poles[:-2], np.exp(-omega[-1])]
-        found.append(_stable(np.poly(poles)[1:].real))
+        found.append(_stabilise(np.poly(poles)[1:].real))
     return found
 
 
-def starts_at_rest(core: HasOrders, record: Record) -> bool:
+def begins_at_rest(core: HasOrders, record: Record) -> bool:
     """Whether runs begin at rest, as far as a linear model without effects can tell."""
     assert record.y is not None
     least = []
@@ -104,25 +106,27 @@ def starts_at_rest(core: HasOrders, record: Record) -> bool:
         a = np.zeros(core.na)
         left = []
         for _ in range(N_TOLD if core.na else 1):
-            a = _stable(_denominator(core, begun, begun.input, a))
-            left.append(_residual_power(*_regression(core, begun, begun.input, a)))
+            a = _stabilise(_filter_by_denominator(core, begun, begun.input, a))
+            left.append(_find_residual_power(*_make_regression(core, begun, begun.input, a)))
         least.append(min(left))
     return not pays(least[0], least[1], record.y[record.known])
 
 
-def _residual_power(table: np.ndarray, y: np.ndarray) -> float:
-    error = y - table @ _least_squares(table, y)
+def _find_residual_power(table: np.ndarray, y: np.ndarray) -> float:
+    error = y - table @ _solve(table, y)
     return float(error @ error)
 
 
-def _least_squares(table: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _solve(table: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Least squares with scaled columns, so that the rank does not depend on units."""
     scale = np.sqrt(np.mean(table**2, axis=0))
     scale = np.where(scale > 0, scale, 1.0)
     return np.linalg.lstsq(table / scale, y, rcond=None)[0] / scale
 
 
-def _denominator(core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray) -> np.ndarray:
+def _filter_by_denominator(
+    core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray
+) -> np.ndarray:
     """a_1 ... by least squares on signals filtered by 1 / A for the last a."""
     assert record.y is not None
 
@@ -130,64 +134,66 @@ def _denominator(core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray) 
         return lfilter([1.0], np.r_[1.0, a], signal, axis=0)
 
     y = filtered(record.y)
-    columns = [-_late(y, i + 1) for i in range(core.na)]
-    columns += _inputs(core, record, x, filtered)
+    columns = [-_delay(y, i + 1) for i in range(core.na)]
+    columns += _stack_inputs(core, record, x, filtered)
     usable = record.known.copy()
     for lag in range(1, core.na + 1):
         usable[lag:] &= record.known[:-lag]
     usable[: max(core.na, core.nb + core.nk - 1)] = False
-    y, *columns = _without_start(record, a, [y, *columns], usable)
+    y, *columns = _remove_start(record, a, [y, *columns], usable)
     table = np.stack([c[usable] for c in columns], axis=1)
-    return _least_squares(table, y[usable])[: core.na]
+    return _solve(table, y[usable])[: core.na]
 
 
-def _numerator(core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray) -> np.ndarray:
+def _estimate_numerator(
+    core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray
+) -> np.ndarray:
     """b_0 ... and the intercept that simulate best with a given denominator."""
-    return _least_squares(*_regression(core, record, x, a))
+    return _solve(*_make_regression(core, record, x, a))
 
 
-def _regression(
+def _make_regression(
     core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Signals that b_0 ... and the intercept weigh, and the output, on known rows."""
     assert record.y is not None
-    columns = _inputs(core, record, x, lambda s: lfilter([1.0], np.r_[1.0, a], s, axis=0))
-    y, *columns = _without_start(record, a, [record.y, *columns], record.known)
+    columns = _stack_inputs(core, record, x, lambda s: lfilter([1.0], np.r_[1.0, a], s, axis=0))
+    y, *columns = _remove_start(record, a, [record.y, *columns], record.known)
     return np.stack([c[record.known] for c in columns], axis=1), y[record.known]
 
 
-def _without_start(
+def _remove_start(
     record: Record, a: np.ndarray, columns: list[np.ndarray], rows: np.ndarray
 ) -> list[np.ndarray]:
     """Columns less the free responses of 1 / A in them, where runs do not begin at rest."""
     if record.initial == REST or not a.size:
         return columns
-    free = free_responses(np.r_[1.0, a], len(rows))
-    return [c - free @ fitted_states(free, c, rows) for c in columns]
+    free = make_free_responses(np.r_[1.0, a], len(rows))
+    return [c - free @ fit_states(free, c, rows) for c in columns]
 
 
-def _inputs(
+def _stack_inputs(
     core: HasOrders, record: Record, signal: np.ndarray, filtered: Filter
 ) -> list[np.ndarray]:
     lags = [core.nk + i for i in range(core.nb)]
     if record.initial == REST:
         x = filtered(signal)
-        columns = [_late(x, lag) for lag in lags]
+        columns = [_delay(x, lag) for lag in lags]
     else:
-        columns = [filtered(_late(signal, lag, signal[:1])) for lag in lags]
+        columns = [filtered(_delay(signal, lag, signal[:1])) for lag in lags]
     if core.intercept:
         columns.append(filtered(np.ones_like(signal)))
     return columns
 
 
-def _late(signal: np.ndarray, lag: int, before: np.ndarray | float = 0.0) -> np.ndarray:
+def _delay(signal: np.ndarray, lag: int, before: np.ndarray | float = 0.0) -> np.ndarray:
     late = np.empty_like(signal)
     late[:lag] = before
     late[lag:] = signal[: len(signal) - lag]
     return late
 
 
-def _stable(a: np.ndarray) -> np.ndarray:
+def _stabilise(a: np.ndarray) -> np.ndarray:
     roots = np.roots(np.r_[1.0, a])
     radius = np.abs(roots)
     outside = radius > LARGEST_POLE

@@ -14,8 +14,8 @@ from ..arx.base import held_level
 from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import ONE, RAD, CoreKind, Dimension, E, Parameter, S, U
 from ..effects.record import Record
-from .arx_inside import inside_response
-from .arx_starts import arx_starts, blind_starts, starts_at_rest
+from .arx_inside import simulate_inside
+from .arx_starts import begins_at_rest, find_arx_starts, list_blind_starts
 
 
 @dataclass(frozen=True)
@@ -361,7 +361,7 @@ class ARXCore:
         return replace(
             record,
             core=self.kind,
-            time_unit=OPERATORS_MOVE / pace(record),
+            time_unit=OPERATORS_MOVE / find_pace(record),
             criterion_rate=np.inf,
             ahead=self.nk * record.dt,
             least_delay=record.dt,
@@ -395,7 +395,7 @@ class ARXCore:
         constant = float(theta[-1]) if self.intercept else 0.0
         if spring.terms or gains.omega.size > 1:
             polynomials = theta[: self.na], b, constant
-            return inside_response(x, polynomials, self.nk, spring, gains.omega, dt, BOUND, begun)
+            return simulate_inside(x, polynomials, self.nk, spring, gains.omega, dt, BOUND, begun)
         return _kernels.greybox.arx_response(
             _kernels.gate(x),
             _kernels.gate(theta[: self.na]),
@@ -410,7 +410,7 @@ class ARXCore:
         return np.r_[1.0, [values[f"a{i + 1}"] for i in range(self.na)]]
 
     def at_rest(self, record: Record) -> bool:
-        return starts_at_rest(self, record)
+        return begins_at_rest(self, record)
 
     def held_start(
         self,
@@ -451,13 +451,13 @@ class ARXCore:
         return None
 
     def starts_for(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
-        return arx_starts(self, record, command, N_ROUNDS)
+        return find_arx_starts(self, record, command, N_ROUNDS)
 
     def spread(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
-        return blind_starts(self, record, command, self.n_starts)
+        return list_blind_starts(self, record, command, self.n_starts)
 
 
-def pace(record: Record) -> float:
+def find_pace(record: Record) -> float:
     """Frequency in rad/s below which half of the output's power is."""
     if record.y is None:
         return OPERATORS_MOVE

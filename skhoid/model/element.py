@@ -36,13 +36,15 @@ class FastMotion:
     agreement: float
 
 
-def fast_motion(element: LinearElement, record: Record, u: np.ndarray, x: np.ndarray) -> FastMotion:
+def compare_fast_motion(
+    element: LinearElement, record: Record, u: np.ndarray, x: np.ndarray
+) -> FastMotion:
     """Compare changes of denominator x and numerator u, as averages over some samples."""
     b, a = element.discrete(record.dt)
     m = max(1, round(FAST / record.dt))
     made, seen = np.zeros(0), np.zeros(0)
     for j in range(record.n_runs):
-        span = known_span(record, j)
+        span = find_known_span(record, j)
         if span is not None and span.stop - span.start > b.size + 2 * m:
             made = np.append(made, _changes(np.convolve(u[span, j], b, "valid"), m))
             seen = np.append(seen, _changes(np.convolve(x[span, j], a, "valid"), m))
@@ -62,16 +64,16 @@ def _changes(signal: np.ndarray, m: int) -> np.ndarray:
     return averages[m:] - averages[:-m]
 
 
-def given_element(given: Any, record: Record) -> LinearElement:
+def adopt_element(given: Any, record: Record) -> LinearElement:
     """An element given by the user, with the timing found in the data."""
     element = LinearElement.of(given)
     names = record.with_role("x")
     if not names or record.y is None:
         return element
-    return with_timing(element, record, record.y, record.channels[names[0]])
+    return choose_timing(element, record, record.y, record.channels[names[0]])
 
 
-def with_timing(
+def choose_timing(
     element: LinearElement, record: Record, u: np.ndarray, x: np.ndarray
 ) -> LinearElement:
     """The element with ``direct`` from the data: whether x(k) already depends on u(k).
@@ -84,7 +86,7 @@ def with_timing(
     b, a = replace(element, direct=False).discrete(record.dt)
     now, before, moved = [], [], []
     for j in range(record.n_runs):
-        span = known_span(record, j)
+        span = find_known_span(record, j)
         if span is None:
             continue
         # b[0] is zero: the late answer of sample k is the early one of sample k - 1.
@@ -108,7 +110,7 @@ def with_timing(
     return replace(element, direct=bool(surely))
 
 
-def known_span(record: Record, j: int) -> slice | None:
+def find_known_span(record: Record, j: int) -> slice | None:
     known = np.flatnonzero(record.known[:, j])
     return slice(known[0], known[-1] + 1) if known.size >= FEWEST else None
 
@@ -166,29 +168,29 @@ class ElementEstimate:
 
 def estimate_element(record: Record) -> LinearElement | None:
     """The element from u to x; None where x is not measured or does not follow u linearly."""
-    found = element_estimate(record)
+    found = search_element(record)
     return None if found is None else found.element
 
 
-def element_estimate(record: Record) -> ElementEstimate | None:
+def search_element(record: Record) -> ElementEstimate | None:
     """As :func:`estimate_element`, with errors."""
     names = record.with_role("x")
     if not names or record.y is None:
         return None
     x = record.channels[names[0]]
     found = [
-        _estimated(record, x, disturbance) for disturbance in (*record.with_role("dist")[:1], None)
+        _estimate(record, x, disturbance) for disturbance in (*record.with_role("dist")[:1], None)
     ]
-    return min((f for f in found if f is not None), key=_unexplained, default=None)
+    return min((f for f in found if f is not None), key=_find_unexplained, default=None)
 
 
-def _estimated(record: Record, x: np.ndarray, disturbance: str | None) -> ElementEstimate | None:
+def _estimate(record: Record, x: np.ndarray, disturbance: str | None) -> ElementEstimate | None:
     """The best element for one disturbance, or for none, with the timing of its input."""
     assert record.y is not None
     u = record.y if disturbance is None else record.y + record.channels[disturbance]
     late = _Search.of(record, u, x, disturbance)
     found = None if late is None else late.best()
-    if found is None or not with_timing(found.element, record, u, x).direct:
+    if found is None or not choose_timing(found.element, record, u, x).direct:
         return found
     early = _Search.of(record, np.concatenate([u[1:], u[-1:]]), x, disturbance)
     found = None if early is None else early.best()
@@ -216,14 +218,14 @@ class _Table:
         blocks: list[np.ndarray] = []
         labels: list[np.ndarray] = []
         for j in range(record.n_runs):
-            span = known_span(record, j)
+            span = find_known_span(record, j)
             if span is None:
                 continue
-            for piece in _pieces(span, length):
-                columns = _integrals(u[piece, j], record.dt)
-                columns += [x[piece, j], _integral(x[piece, j], record.dt)]
+            for piece in _cut(span, length):
+                columns = _integrate_twice(u[piece, j], record.dt)
+                columns += [x[piece, j], _integrate(x[piece, j], record.dt)]
                 if target is not None:
-                    columns += _lagged(target[span, j], piece, span, length, record.dt)
+                    columns += _lag(target[span, j], piece, span, length, record.dt)
                 block = np.stack(columns, 1)
                 # Start, speed, and the second integral of a constant disturbance.
                 still = np.vander(np.linspace(-1.0, 1.0, len(block)), 3)
@@ -281,7 +283,7 @@ class _Search:
             for case, one in zip(fits, fast, strict=True)
             if top < CLEAR or one.agreement > top - LESS
         ]
-        form, best = min((c for c in able if not c[0].breaks), key=_worse, default=(None, None))
+        form, best = min((c for c in able if not c[0].breaks), key=_rate, default=(None, None))
         for other, fit in able:
             surely = other.breaks and fit.constants[1] > SURE * fit.sd[1]
             if best is None or (surely and EXACT < SIMPLER * best.unexplained > fit.unexplained):
@@ -305,7 +307,7 @@ class _Search:
         return fit if clear and abs(fast.gain - 1) < max(OFF, SURE * fast.sd) else None
 
     def fast(self, fit: ElementEstimate) -> FastMotion:
-        return fast_motion(fit.element, self.record, self.u, self.x)
+        return compare_fast_motion(fit.element, self.record, self.u, self.x)
 
     def fitted(self, form: Form, gain: float | None = None) -> ElementEstimate:
         """Constants by least squares on what the instruments move; the gain may be given."""
@@ -338,37 +340,35 @@ class _Search:
         )
 
 
-def _worse(case: tuple[Form, ElementEstimate]) -> float:
+def _rate(case: tuple[Form, ElementEstimate]) -> float:
     return case[1].unexplained
 
 
-def _unexplained(found: ElementEstimate) -> float:
+def _find_unexplained(found: ElementEstimate) -> float:
     return found.unexplained
 
 
-def _integral(signal: np.ndarray, dt: float) -> np.ndarray:
+def _integrate(signal: np.ndarray, dt: float) -> np.ndarray:
     return cumulative_trapezoid(signal, dx=dt, initial=0)
 
 
-def _integrals(u: np.ndarray, dt: float) -> list[np.ndarray]:
+def _integrate_twice(u: np.ndarray, dt: float) -> list[np.ndarray]:
     """u, its integral and the integral of that, with u held from each sample to the next."""
     once = LinearElement((1.0,), (1.0, 0.0)).answer(u, dt)
     return [u, once, LinearElement((1.0,), (1.0, 0.0, 0.0)).answer(u, dt)]
 
 
-def _lagged(
-    target: np.ndarray, piece: slice, span: slice, length: int, dt: float
-) -> list[np.ndarray]:
+def _lag(target: np.ndarray, piece: slice, span: slice, length: int, dt: float) -> list[np.ndarray]:
     """The target and its integrals over a piece, at lags."""
     columns = []
     for lag in np.unique(np.round(LAGS * length).astype(int)):
         rows = np.arange(piece.start, piece.stop) - span.start - lag
         late = target[np.maximum(rows, 0)]
-        once = _integral(late, dt)
-        columns += [late, once, _integral(once, dt)]
+        once = _integrate(late, dt)
+        columns += [late, once, _integrate(once, dt)]
     return columns
 
 
-def _pieces(span: slice, length: int) -> list[slice]:
+def _cut(span: slice, length: int) -> list[slice]:
     starts = range(span.start, max(span.stop - length // 2, span.start + 1), length)
     return [slice(s, min(s + length, span.stop)) for s in starts]

@@ -24,7 +24,7 @@ from ..effects.parameter import CoreKind
 from ..effects.record import Record
 from ..exceptions import UsageError, did_you_mean
 from ..human import ELEMENT, ControlledElement, LinearElement
-from ..human.controlled_element import simplest
+from ..human.controlled_element import simplify
 from ..parameters import Kind, ParameterTable
 from ..preprocessing.base import keep_parameters
 from ..preprocessing.grid import ModelGrid
@@ -40,31 +40,31 @@ from ..text import (
     signal_facts,
 )
 from .cores import Core
-from .element import estimate_element, given_element
+from .element import adopt_element, estimate_element
 from .extend import beside_each_other, extended, on_all_runs
-from .fitting import Criterion, RemnantModel, minimise, record_of_some
-from .initial import begun_where_it_pays, error_of
-from .likelihood import criterion_of, likelihood_fit, prior_of
+from .fitting import Criterion, RemnantModel, minimise, take_some_runs
+from .initial import begin_where_it_pays, find_error
+from .likelihood import collect_prior, likelihood_fit, make_criterion
 from .model import AT_BOUND, Model
 from .parameters import (
-    covariance_frame,
     difference_notes,
     effects_with_values,
-    moved,
+    label_covariance,
+    move_parameters,
     parameter_table,
 )
 from .prepared import (
     Prepared,
     SegmentColumns,
     SimulatedCore,
-    beginning,
     build_record,
     check_moving,
     check_rows,
-    measured,
+    choose_beginning,
+    mark_measured,
 )
 from .simulator import Simulator
-from .uncertainty import covariance_of, profile_intervals
+from .uncertainty import covariance_of, find_profile_intervals
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class Simulation:
             return free
         record = replace(record, y=y, known=known, _derived={})
         fitted = self.run(record, ESTIMATE)
-        return begun_where_it_pays(record, free, fitted) if initial is None else fitted
+        return begin_where_it_pays(record, free, fitted) if initial is None else fitted
 
 
 class GreyBox(RunRegressor):
@@ -189,16 +189,18 @@ class GreyBox(RunRegressor):
     def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
         """Set the attributes of a fit."""
         self._set_estimates(prepared, model, noise)
-        self.simulation_parameters_ = of_least_error(model, prepared)
+        self.simulation_parameters_ = tabulate_least_error(model, prepared)
 
     def _set_estimates(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
         record = model.simulator.record
         criterion = Criterion(record, noise)
         intervals = {}
         if record.core != CoreKind.ARX:
-            own = criterion_of(model, noise)
-            covariance = covariance_of(model.simulator, own, model.fit, prior_of(model.simulator))
-            intervals = profile_intervals(model, own, covariance)
+            own = make_criterion(model, noise)
+            covariance = covariance_of(
+                model.simulator, own, model.fit, collect_prior(model.simulator)
+            )
+            intervals = find_profile_intervals(model, own, covariance)
         else:
             covariance = model.covariance()
         n, output = criterion.n, model.output
@@ -217,7 +219,7 @@ class GreyBox(RunRegressor):
         )
         self.parameters_ = self.parameter_table_.estimates()
         self.effects_ = effects_with_values(model)
-        self.covariance_ = covariance_frame(model.simulator, covariance)
+        self.covariance_ = label_covariance(model.simulator, covariance)
         self.simulation_ = Simulation(
             spec=prepared.spec,
             effects=model.effects,
@@ -252,7 +254,7 @@ class GreyBox(RunRegressor):
             for way in (REST, HELD):
                 begun = replace(record, initial=way, levels=levels)
                 simulator = Simulator(model.simulator.core, model.effects, begun)
-                left[way] = error_of(record, simulator.run(model.theta))
+                left[way] = find_error(record, simulator.run(model.theta))
             begins = HELD if pays(left[REST], left[HELD], y) else REST
         self.initial_ = REST if begins == REST and record.initial == REST else ESTIMATE
         if self.initial_ == ESTIMATE:
@@ -312,7 +314,7 @@ class GreyBox(RunRegressor):
                 f"This {type(self).__name__} has no effects, and only parameters of effects can be "
                 "moved: add one by with_effect(...), and fit."
             )
-        return moved(self, values, self._fixed_core)
+        return move_parameters(self, values, self._fixed_core)
 
     def with_table(self, table: ParameterTable) -> Any:
         """A new, unfitted model that a fit completes as a table says.
@@ -413,21 +415,23 @@ class GreyBox(RunRegressor):
             settling=self.settling,
         )
         if given is not None:
-            some = record_of_some(record) or record
-            record = replace(record, controlled_element=given_element(given, some))
+            some = take_some_runs(record) or record
+            record = replace(record, controlled_element=adopt_element(given, some))
         spec = self._simulated_core()
         if spec.check is not None:
             spec.check(grid)
         record = spec.core.on(record)
         initial = getattr(self, "initial", None)
-        record = replace(record, initial=beginning(spec.core, record, initial, self.settling))
+        record = replace(
+            record, initial=choose_beginning(spec.core, record, initial, self.settling)
+        )
         check_rows(record, len(spec.core.parameters), grid, self.settling)
         check_moving(record, thinned[:, self._columns[0]], error, output_name)
         if given is None:
-            some = record_of_some(record) or record
+            some = take_some_runs(record) or record
             record = replace(record, controlled_element=estimate_element(some))
         element = record.controlled_element
-        self.controlled_element_ = None if element is None else simplest(element)
+        self.controlled_element_ = None if element is None else simplify(element)
         units = self._units
         return Prepared(
             spec=spec,
@@ -443,7 +447,7 @@ class GreyBox(RunRegressor):
             | {f"[{name}]": unit for name, unit in units.items()},
             n_missing=int(np.isnan(output).sum()),
             output=output_name,
-            measured=measured(grid, sides, output),
+            measured=mark_measured(grid, sides, output),
             known=known,
         )
 
@@ -460,7 +464,7 @@ class GreyBox(RunRegressor):
         fitted : Model
             The model from which searches and the maximum-likelihood fit start.
         """
-        return first_model(prepared, Effects.of(self.effects))
+        return fit_first_model(prepared, Effects.of(self.effects))
 
     def with_fit(self, prepared: Prepared, fitted: Model, noise: RemnantModel) -> Any:
         """A new estimator with the same settings, fitted: it takes the given estimates.
@@ -538,7 +542,7 @@ class GreyBox(RunRegressor):
         self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, initial: str | None
     ) -> np.ndarray:
         record, columns = self._record(grid, values)
-        known, y = measured(grid, columns, output), columns.beside(np.nan_to_num(output))
+        known, y = mark_measured(grid, columns, output), columns.beside(np.nan_to_num(output))
         return columns.rows(self.simulation_.run_from(record, known, y, initial))
 
     def _summary(self) -> ModelSummary:
@@ -600,15 +604,15 @@ class GreyBox(RunRegressor):
         }
 
 
-def first_model(prepared: Prepared, effects: Effects) -> Model:
+def fit_first_model(prepared: Prepared, effects: Effects) -> Model:
     """The core with effects at the minimum of the simulation error.
 
     Of a large number of runs, some are fitted first from all starts, and then all from the best.
     """
     record, core = prepared.record, prepared.core
-    some = record_of_some(record)
+    some = take_some_runs(record)
     if some is not None:
-        return on_all_runs(first_model(replace(prepared, record=some), effects), record)
+        return on_all_runs(fit_first_model(replace(prepared, record=some), effects), record)
     criterion = Criterion(record)
     start = prepared.spec.start
     for name, effect in effects:
@@ -678,7 +682,7 @@ def delay_notes(table: pd.DataFrame, least: float) -> list[str]:
     return []
 
 
-def of_least_error(model: Model, prepared: Prepared) -> pd.DataFrame:
+def tabulate_least_error(model: Model, prepared: Prepared) -> pd.DataFrame:
     """Table of the parameters at the smallest simulation error near those of a model.
 
     Standard errors allow for a remnant of any colour, but not for a bias.

@@ -13,11 +13,11 @@ from ..effects.composition import Effects
 from ..effects.free_form import FreeForm
 from ..effects.parameter import Dimension
 from ..effects.record import Record
-from .fitting import Criterion, Fit, derivatives, minimise, sse_at, sums_of
-from .jumps import Scan, searched
-from .model import Model, best_of, halved, in_order, scaled_sse, start_beside, without
+from .fitting import Criterion, Fit, derivatives, minimise, sse_at, sum_up
+from .jumps import Scan, search_pattern
+from .model import Model, find_best, find_scaled_sse, fit_by_halving, in_order, make_start, without
 from .simulator import Simulator
-from .smoothing import smoothed
+from .smoothing import smooth
 
 HIDDEN = 0.5  # share of the output's power about its mean that a hopeless parent leaves
 N_VARIANTS_KEPT = 2  # variants that are followed to the end
@@ -72,17 +72,17 @@ def extended(
         simulator = with_(variant, coarse.record)
         scan = scan.of(variant)
         values = [*variant.scanned(scan, coarse.record), *variant.starts(record)]
-        starts = [start_beside(rough, simulator, name, v) for v in values]
+        starts = [make_start(rough, simulator, name, v) for v in values]
         if effect.place == "delay":
-            starts = [restarted(simulator, coarse, start) for start in starts]
-        starts += [start_given(simulator, one, start) for one in starts[:1] if start]
+            starts = [restart_core(simulator, coarse, start) for start in starts]
+        starts += [apply_start(simulator, one, start) for one in starts[:1] if start]
         for other in parent.other_cores:
-            starts += [start_beside(rough, simulator, name, v, other) for v in values]
+            starts += [make_start(rough, simulator, name, v, other) for v in values]
         if last:  # what the last variant found, where its parameters have the same units
             known = [(last.get(key), i) for i, key in enumerate(_keys(simulator))]
             again = [np.array([s[i] if v is None else v for v, i in known]) for s in starts]
             starts = [*np.unique(np.clip(again, simulator.low, simulator.high), axis=0), *starts]
-        fit = best_of(simulator, coarse, starts, explore=True, below=below).fit
+        fit = find_best(simulator, coarse, starts, explore=True, below=below).fit
         if effect.place == "output" and before > HIDDEN * coarse.power_about_mean:
             # It hides the output from least squares, so the parent is far off.
             spread = core.spread(coarse.record, coarse.record.input)
@@ -90,13 +90,13 @@ def extended(
                 held = with_(variant.with_values(variant.starts(record)[0]), coarse.record)
                 own = parent.theta.size
                 kept = [np.r_[one, parent.theta[one.size : own]] for one in spread]
-                found = halved(held, coarse, kept).fit.theta
+                found = fit_by_halving(held, coarse, kept).fit.theta
                 blind = [np.r_[found, starts[-1][own:]]]
             else:
                 blind = [np.r_[own, starts[0][len(own) :]] for own in spread]
-            fit = halved(simulator, coarse, [fit.theta, *blind]).fit
+            fit = fit_by_halving(simulator, coarse, [fit.theta, *blind]).fit
         if not variant.smooth and fit.sse < HOPEFUL * before:
-            fit = searched(Model(simulator, fit), name, coarse, COARSE_SIZES).fit
+            fit = search_pattern(Model(simulator, fit), name, coarse, COARSE_SIZES).fit
         if before - fit.sse > enough:
 
             def error_of(other: Effect, theta: np.ndarray = fit.theta) -> float:
@@ -129,9 +129,9 @@ def extended(
                 full = minimise(simulator, criterion, full.theta, max_iter=20)
         model = Model(simulator, full, parent.other_cores)
         if isinstance(variant, FreeForm) and variant.spread is None:
-            model = smoothed(model, [name]).refined(criterion)
+            model = smooth(model, [name]).refined(criterion)
         if followed and not variant.smooth:
-            model = searched(model, name, criterion, FINE_SIZES)
+            model = search_pattern(model, name, criterion, FINE_SIZES)
         finished.append((number, model))
     assert finished
     least = min(model.sse for _, model in finished)
@@ -154,7 +154,7 @@ def _keys(simulator: Simulator) -> list[tuple[str, Dimension]]:
     return list(zip(simulator.names, dimensions, strict=True))
 
 
-def start_given(
+def apply_start(
     simulator: Simulator, theta: np.ndarray, start: Mapping[str, float] | None
 ) -> np.ndarray:
     """A start with the values that a user gave."""
@@ -162,7 +162,7 @@ def start_given(
     return np.clip([values[n] for n in simulator.names], simulator.low, simulator.high)
 
 
-def restarted(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
+def restart_core(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
     """Parameters, with the core re-estimated by least squares if that is better.
 
     The parent's core compensates for a wrong delay; with another delay it would lead back to the
@@ -172,7 +172,7 @@ def restarted(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> 
     simulator.run(theta)
     found = core.starts_for(simulator.record, simulator.last_state.command.position)
     again = [np.r_[own, theta[len(core.parameters) :]] for own in found]
-    return min([theta, *again], key=lambda t: scaled_sse(simulator, criterion, t))
+    return min([theta, *again], key=lambda t: find_scaled_sse(simulator, criterion, t))
 
 
 def beside_each_other(
@@ -200,7 +200,7 @@ def on_all_runs(model: Model, record: Record) -> Model:
     found = Model(simulator, minimise(simulator, criterion, model.theta), model.other_cores)
     for name, effect in simulator.effects:
         if not effect.smooth:
-            found = searched(found, name, criterion, FINE_SIZES)
+            found = search_pattern(found, name, criterion, FINE_SIZES)
     return found
 
 
@@ -253,7 +253,7 @@ def refitted(
     known = model.values()
     points = [model.theta]
     points += [np.array([{**known, **start}[n] for n in simulator.names]) for start in starts]
-    known_sums = [None if rows is None else sums_of(inside, rows), *(None for _ in points[1:])]
+    known_sums = [None if rows is None else sum_up(inside, rows), *(None for _ in points[1:])]
     fits = [
         minimise(simulator, inside, point, max_iter=max_iter, tol=tol, at_start=at_start)
         for point, at_start in zip(points, known_sums, strict=True)
@@ -261,7 +261,9 @@ def refitted(
     best = Model(simulator, min(fits, key=lambda fit: fit.sse), model.other_cores)
     for name, effect in simulator.effects:
         if not effect.smooth:
-            best = min([best, searched(best, name, inside, HELD_OUT_SIZES)], key=lambda m: m.sse)
+            best = min(
+                [best, search_pattern(best, name, inside, HELD_OUT_SIZES)], key=lambda m: m.sse
+            )
     return Model(whole, best.fit, model.other_cores)
 
 

@@ -34,7 +34,7 @@ def some_runs(record: Record, most: int) -> np.ndarray | None:
     return columns[np.round(np.linspace(0, columns.size - 1, count)).astype(int)]
 
 
-def record_of_some(record: Record) -> Record | None:
+def take_some_runs(record: Record) -> Record | None:
     """The record of some runs with ``MOST_ROWS``; None where these are all runs."""
     columns = some_runs(record, MOST_ROWS)
     return None if columns is None else record.part(columns, 1)
@@ -149,10 +149,10 @@ class Criterion:
 
     def remnant_model(self, output: np.ndarray) -> RemnantModel:
         """AR model of the residual of an output, one for all runs, by Yule and Walker."""
-        return remnant_model(self.residual(output), self.known)
+        return fit_remnant(self.residual(output), self.known)
 
 
-def remnant_model(residual: np.ndarray, known: np.ndarray) -> RemnantModel:
+def fit_remnant(residual: np.ndarray, known: np.ndarray) -> RemnantModel:
     """AR model of residuals (n, runs), and the rms of whitened residuals of each run."""
     order = AR_ORDER
     lags = np.zeros(order + 1)
@@ -214,7 +214,7 @@ def sse_at(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> flo
     return sum(criterion.sse(part.run(theta), runs) for runs, part in simulator.parts())
 
 
-def residual_at(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
+def find_residual(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> np.ndarray:
     """Residuals on the criterion's rows at parameters."""
     found = np.empty_like(criterion.y)
     for runs, part in simulator.parts():
@@ -254,11 +254,11 @@ def minimise(
     if prior is None:
         prior = simulator.prior.weighing(sse / max(criterion.n, 1))
     if not simulator.smooth:
-        theta, sse = rescaled(simulator, criterion, theta, sse)
+        theta, sse = rescale(simulator, criterion, theta, sse)
     better, hopeless = True, False
     for i in range(max_iter):
         if i or at_start is None:
-            normal, gradient = normal_equations(simulator, criterion, theta)
+            normal, gradient = make_normal_equations(simulator, criterion, theta)
         else:
             _, normal, gradient = at_start
         curvature, slope = prior.normal_equations(theta)
@@ -301,7 +301,7 @@ def minimise(
     return Fit(theta, sse, criterion.n, normal, gradient, hopeless=hopeless)
 
 
-def rescaled(
+def rescale(
     simulator: Simulator, criterion: Criterion, theta: np.ndarray, sse: float
 ) -> tuple[np.ndarray, float]:
     """Parameters and squares, with the output's scale solved for where that is better.
@@ -309,7 +309,7 @@ def rescaled(
     All parameters in units of the output scale together: scaling only gains, or only levels of the
     output, would change when events happen.
     """
-    power, product = power_and_product(simulator, criterion, theta)[:2]
+    power, product = find_power_and_product(simulator, criterion, theta)[:2]
     if product <= 0.0 or (power - product) ** 2 <= WORTHWHILE * sse * power:
         return theta, sse
     powers = np.array([p.dimension.u for p in simulator.parameters])
@@ -318,7 +318,7 @@ def rescaled(
     return (trial, new) if new < sse else (theta, sse)
 
 
-def power_and_product(
+def find_power_and_product(
     simulator: Simulator, criterion: Criterion, theta: np.ndarray
 ) -> tuple[float, float, float]:
     """Whitened squares of the output at some parameters, its product with y, and squares of y."""
@@ -330,19 +330,19 @@ def power_and_product(
     return float(gram[0, 0]), float(gram[0, 1]), float(gram[1, 1])
 
 
-def normal_equations(
+def make_normal_equations(
     simulator: Simulator, criterion: Criterion, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """J'J and J'r for whitened residuals r and derivatives J of the output."""
     gram = np.zeros((theta.size + 1, theta.size + 1))
     for runs, part in simulator.parts():
-        rows = _derivatives(part, criterion, theta, runs, range(theta.size))
+        rows = _differentiate_part(part, criterion, theta, runs, range(theta.size))
         table = criterion.whitened(rows, runs)
         gram += table @ table.T
     return gram[:-1, :-1], gram[:-1, -1]
 
 
-def sums_of(criterion: Criterion, rows: np.ndarray) -> Sums:
+def sum_up(criterion: Criterion, rows: np.ndarray) -> Sums:
     """Sums of a criterion, from :func:`derivatives` of one on the same or on more rows."""
     table = criterion.whitened(rows)
     gram = table @ table.T
@@ -369,11 +369,11 @@ def derivatives(
     at = range(theta.size) if at is None else at
     rows = np.empty((len(at) + 1, *criterion.y.shape))
     for runs, part in simulator.parts():
-        rows[:, :, runs] = _derivatives(part, criterion, theta, runs, at)
+        rows[:, :, runs] = _differentiate_part(part, criterion, theta, runs, at)
     return rows
 
 
-def _derivatives(
+def _differentiate_part(
     part: Simulator, criterion: Criterion, theta: np.ndarray, runs: slice, at: Sequence[int]
 ) -> np.ndarray:
     """The same of a part's runs."""
@@ -393,7 +393,7 @@ def _derivatives(
     return rows
 
 
-def felt(simulator: Simulator, theta: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
+def find_felt(simulator: Simulator, theta: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
     """Which parameters change the output at all, from the squares of their derivatives."""
     size = np.array([simulator.size(i, value) for i, value in enumerate(theta)])
     moved = diagonal * size**2

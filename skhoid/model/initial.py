@@ -30,14 +30,14 @@ WORTHWHILE = 1e-4  # share of the squares, below which these end
 DIFFERENCE = 1e-3  # of the output's standard deviation, of the derivatives there
 
 
-def begun_where_it_pays(record: Record, free: np.ndarray, fitted: np.ndarray) -> np.ndarray:
+def begin_where_it_pays(record: Record, free: np.ndarray, fitted: np.ndarray) -> np.ndarray:
     """Outputs with columns from ``fitted`` where that pays, from ``free`` elsewhere.
 
     Each run is judged alone: its prediction must not depend on the other runs.
     """
     assert record.y is not None
     with np.errstate(over="ignore", invalid="ignore"):
-        left = zip(_squares(record, free), _squares(record, fitted), strict=True)
+        left = zip(_sum_squares(record, free), _sum_squares(record, fitted), strict=True)
         pairs = [(float(rest), float(other)) for rest, other in left]
     chosen = free.copy()
     for j, (rest, other) in enumerate(pairs):
@@ -46,7 +46,7 @@ def begun_where_it_pays(record: Record, free: np.ndarray, fitted: np.ndarray) ->
     return chosen
 
 
-def error_of(record: Record, output: np.ndarray) -> float:
+def find_error(record: Record, output: np.ndarray) -> float:
     """Sum of squares over what is known; infinite where the output is not finite."""
     assert record.y is not None
     with np.errstate(over="ignore", invalid="ignore"):
@@ -55,7 +55,7 @@ def error_of(record: Record, output: np.ndarray) -> float:
     return total if np.isfinite(total) else np.inf
 
 
-def horizon(denominator: np.ndarray, n: int) -> int:
+def find_horizon(denominator: np.ndarray, n: int) -> int:
     """Rows, of ``n``, in which the free response of 1 / A matters."""
     radius = float(np.abs(np.roots(denominator)).max(initial=0.0))
     if not radius > GONE:
@@ -65,7 +65,7 @@ def horizon(denominator: np.ndarray, n: int) -> int:
     return int(min(n, MARGIN * np.log(GONE) / np.log(radius) + 2 * denominator.size))
 
 
-def free_responses(denominator: np.ndarray, n: int) -> np.ndarray:
+def make_free_responses(denominator: np.ndarray, n: int) -> np.ndarray:
     """Orthonormal free responses (n, n_states) of a system 1 / A; those of unstable ones end."""
     states = min(denominator.size - 1, n)
     if states == 0:
@@ -83,7 +83,7 @@ def free_responses(denominator: np.ndarray, n: int) -> np.ndarray:
     return np.linalg.qr(late)[0]
 
 
-def fitted_states(responses: np.ndarray, residual: np.ndarray, known: np.ndarray) -> np.ndarray:
+def fit_states(responses: np.ndarray, residual: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Amounts (n_states, n_runs) of free responses that fit a residual (n, n_runs) best.
 
     Those that the known rows hardly show stay small.
@@ -97,7 +97,7 @@ def fitted_states(responses: np.ndarray, residual: np.ndarray, known: np.ndarray
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a trial may run away
-def with_fitted_start(
+def fit_start(
     record: Record,
     core_output: np.ndarray,
     responses: np.ndarray,
@@ -114,7 +114,7 @@ def with_fitted_start(
     if not states or not np.isfinite(output).all():
         return output
     if additive:
-        amounts = fitted_states(responses, record.y[:n] - output[:n], record.known[:n])
+        amounts = fit_states(responses, record.y[:n] - output[:n], record.known[:n])
         output = output.copy()
         output[:n] += responses @ amounts
         return output
@@ -128,12 +128,12 @@ def with_fitted_start(
     hidden = record.y[record.known].min(initial=0.0) >= 0.0  # by a sensor, as the sign may be
     for sign in (1.0, -1.0) if hidden else (1.0,):
         wanted = sign * record.y[:n] - core_output[:n]
-        guess = fitted_states(responses, wanted, record.known[:n])
-        start, output = _where_better(record, begun, guess, start, output)
-    return _by_newton(record, begun, start, output)
+        guess = fit_states(responses, wanted, record.known[:n])
+        start, output = _keep_better(record, begun, guess, start, output)
+    return _iterate(record, begun, start, output)
 
 
-def with_fitted_pulses(
+def fit_pulses(
     record: Record,
     begun: Callable[[np.ndarray], np.ndarray],
     held: np.ndarray,
@@ -159,10 +159,10 @@ def with_fitted_pulses(
     start = np.zeros((states, record.n_runs))
     guess = start.copy()
     guess[0] = record.y[0] - output[0]  # measured, whether it counts or not
-    return _by_newton(record, of, *_where_better(record, of, guess, start, output))
+    return _iterate(record, of, *_keep_better(record, of, guess, start, output))
 
 
-def _where_better(
+def _keep_better(
     record: Record,
     begun: Callable[[np.ndarray], np.ndarray],
     guess: np.ndarray,
@@ -171,11 +171,11 @@ def _where_better(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Amounts and output of a guess in the runs where it fits better, unchanged in the others."""
     trial = begun(guess)
-    better = _squares(record, trial) < _squares(record, output)
+    better = _sum_squares(record, trial) < _sum_squares(record, output)
     return np.where(better, guess, start), np.where(better, trial, output)
 
 
-def _by_newton(
+def _iterate(
     record: Record,
     begun: Callable[[np.ndarray], np.ndarray],
     start: np.ndarray,
@@ -200,7 +200,7 @@ def _by_newton(
         right = np.einsum("inj,nj->ji", slopes, residual)
         change = np.linalg.solve(gram, right[:, :, None])[:, :, 0].T
         trial = begun(start + change)
-        before, after = _squares(record, output), _squares(record, trial)
+        before, after = _sum_squares(record, output), _sum_squares(record, trial)
         better = after < before
         start = start + np.where(better, change, 0.0)
         output = np.where(better, trial, output)
@@ -209,6 +209,6 @@ def _by_newton(
     return output
 
 
-def _squares(record: Record, output: np.ndarray) -> np.ndarray:
+def _sum_squares(record: Record, output: np.ndarray) -> np.ndarray:
     assert record.y is not None
     return np.asarray((np.where(record.known, record.y - output, 0.0) ** 2).sum(axis=0))

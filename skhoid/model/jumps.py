@@ -17,7 +17,7 @@ from ..effects.parameter import U
 from ..effects.record import differentiated
 from .cores import BOUND
 from .fitting import Criterion, Fit, RemnantModel, minimise, sse_at
-from .model import Model, scaled_sse, start_beside
+from .model import Model, find_scaled_sse, make_start
 from .simulator import Simulator
 
 
@@ -159,8 +159,8 @@ class Scan:
 
     def __call__(self, values: dict[str, float], seconds: float) -> float:
         simulator, short = self.on_first(seconds)
-        theta = start_beside(self.parent, simulator, self.name, values)
-        return scaled_sse(simulator, short, theta)
+        theta = make_start(self.parent, simulator, self.name, values)
+        return find_scaled_sse(simulator, short, theta)
 
     def commands(self, seconds: float, ahead: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         core = self.parent.simulator.core
@@ -237,7 +237,7 @@ class Scan:
 
     def fitted(self, values: dict[str, float]) -> tuple[float, dict[str, float]]:
         simulator, coarse = self.on_first(np.inf)
-        theta = start_beside(self.parent, simulator, self.name, values)
+        theta = make_start(self.parent, simulator, self.name, values)
         mine = np.array([name.startswith(f"{self.name}__") for name in simulator.names])
         tied = Tied(simulator, theta)
         fit = minimise(tied, coarse, tied.to(theta), max_iter=FOLLOWED, tol=1e-3, fixed=mine)
@@ -261,13 +261,15 @@ SHARES = (0.2, 0.6, 0.95)  # of the difference of two chains; the second is usua
 DIVERGED = 1e3  # times the squares of the start
 
 
-def searched(model: Model, name: str, criterion: Criterion, sizes: tuple[float, ...]) -> Model:
+def search_pattern(
+    model: Model, name: str, criterion: Criterion, sizes: tuple[float, ...]
+) -> Model:
     """Pattern search over the parameters of an effect whose response is not smooth in them.
 
     The other parameters follow each step.
     """
     simulator = model.simulator
-    softer = _followed(model, name, criterion)
+    softer = _follow_softened(model, name, criterion)
     if softer is not None:
         return softer
     tied = Tied(simulator, model.theta)
@@ -277,7 +279,7 @@ def searched(model: Model, name: str, criterion: Criterion, sizes: tuple[float, 
     best = replace(model.fit, theta=tied.to(model.theta))
     for _ in range(N_AGAIN):
         before = best.sse
-        for start in _starts_beside(simulator, name, criterion, tied.back(best.theta), model):
+        for start in _find_starts_beside(simulator, name, criterion, tied.back(best.theta), model):
             trial = minimise(tied, criterion, tied.to(start), max_iter=6, fixed=fixed)
             best = trial if trial.sse < best.sse else best
         if not best.sse < 0.999 * before:
@@ -297,7 +299,7 @@ def searched(model: Model, name: str, criterion: Criterion, sizes: tuple[float, 
     return Model(simulator, tied.back_fit(best), model.other_cores)
 
 
-def _followed(model: Model, name: str, criterion: Criterion) -> Model | None:
+def _follow_softened(model: Model, name: str, criterion: Criterion) -> Model | None:
     """The fit of an effect whose corners are softened at first and then sharpened."""
     simulator = model.simulator
     theta = model.theta
@@ -310,7 +312,7 @@ def _followed(model: Model, name: str, criterion: Criterion) -> Model | None:
     return Model(simulator, min(sharp, model.fit, key=lambda fit: fit.sse), model.other_cores)
 
 
-def _starts_beside(
+def _find_starts_beside(
     simulator: Simulator, name: str, criterion: Criterion, theta: np.ndarray, model: Model
 ) -> list[np.ndarray]:
     """Starts that an effect proposes near given parameters, on the record of a criterion."""
@@ -323,10 +325,10 @@ def _starts_beside(
     scan = Scan(Model(plain, fit), name, variant, criterion, bent=False)
     own = {n.split("__")[-1]: v for n, v in found.items() if n not in rest} | variant.fixed
     values = variant.scanned_beside(scan, own)
-    return [start_beside(scan.parent, simulator, name, v) for v in values]
+    return [make_start(scan.parent, simulator, name, v) for v in values]
 
 
-def evolved(model: Model, name: str, criterion: Criterion) -> tuple[Model, np.ndarray]:
+def evolve(model: Model, name: str, criterion: Criterion) -> tuple[Model, np.ndarray]:
     """The model at the best minimum by differential evolution, if that is better than its own.
 
     All parameters together: events of an effect that jumps depend on the core too. On some runs;
@@ -345,7 +347,7 @@ def evolved(model: Model, name: str, criterion: Criterion) -> tuple[Model, np.nd
     mine = np.array([simulator.names.index(f"{name}__{key}") for key in keys])
     rest = np.setdiff1d(np.arange(model.theta.size), mine)
     values = {key: float(model.theta[i]) for key, i in zip(keys, mine, strict=True)}
-    off = _how_far_off(model)
+    off = _guess_how_far_off(model)
     low = np.maximum(simulator.low, model.theta - WIDEST * off)[rest]
     high = np.minimum(simulator.high, model.theta + WIDEST * off)[rest]
     start = sse_at(few, on_few, model.theta)
@@ -380,7 +382,7 @@ def evolved(model: Model, name: str, criterion: Criterion) -> tuple[Model, np.nd
     return found, np.array([at(point) for point in best.population]) - at(best.x)
 
 
-def _how_far_off(model: Model) -> np.ndarray:
+def _guess_how_far_off(model: Model) -> np.ndarray:
     """What to add to or subtract from parameters of a first generation, typically."""
     simulator, core = model.simulator, model.simulator.core
     relative = dict.fromkeys(simulator.names, OFF) | dict.fromkeys(core.gains[1:], OFF_LEAD)
@@ -389,7 +391,7 @@ def _how_far_off(model: Model) -> np.ndarray:
     return np.array([relative[n] for n in simulator.names]) * sizes
 
 
-def wandered(model: Model, criterion: Criterion, apart: np.ndarray) -> tuple[Model, np.ndarray]:
+def wander(model: Model, criterion: Criterion, apart: np.ndarray) -> tuple[Model, np.ndarray]:
     """The likeliest parameters that Markov chains pass, and the covariance of chains about them.
 
     A likelihood with many narrow minima side by side has no slopes that would tell how far the

@@ -15,15 +15,15 @@ from .fitting import (
     NOISE_FLOOR,
     Criterion,
     RemnantModel,
+    find_residual,
+    fit_remnant,
+    make_normal_equations,
     minimise,
-    normal_equations,
-    record_of_some,
-    remnant_model,
-    residual_at,
     scaled_inverse,
     sse_at,
+    take_some_runs,
 )
-from .jumps import SOFT, evolved, wandered
+from .jumps import SOFT, evolve, wander
 from .loop import LoopSimulator, loop_of
 from .model import Model
 from .simulator import Simulator
@@ -66,27 +66,27 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
     loop into the error, and a response that is too slow, or to something else, fits it. The
     maximum-likelihood estimate is not biased if the noise model is right, and is biased with a
     noise model that keeps the bias. So for an operator both are estimated together, from several
-    starting points: see :func:`joint_fit`.
+    starting points: see :func:`fit_jointly`.
     """
     kind = model.simulator.record.core
     model, noise = settled(model, criterion)
     if kind == CoreKind.ARX:
         return model, noise
     if not model.simulator.smooth:
-        return among_jumps(model, noise, criterion)
-    theta, beside = joint_fit(model)
+        return choose_among_jumps(model, noise, criterion)
+    theta, beside = fit_jointly(model)
     if theta is None:
         model.fit.beside = beside
         return model, noise
     found = Model(model.simulator, replace(model.fit, theta=theta), model.other_cores)
-    residual = residual_at(found.simulator, criterion, theta)
-    criterion.set_noise(remnant_model(residual, criterion.known))
+    residual = find_residual(found.simulator, criterion, theta)
+    criterion.set_noise(fit_remnant(residual, criterion.known))
     found = found.under(criterion)
     found.fit.beside, found.fit.jointly = beside, True
     return found, criterion.noise
 
 
-def criterion_of(model: Model, noise: RemnantModel) -> Criterion:
+def make_criterion(model: Model, noise: RemnantModel) -> Criterion:
     """The criterion that a model's parameters minimise, for a noise model at the usual rate.
 
     A fit along with the noise model is on other rows, which decide how exact it is.
@@ -95,7 +95,9 @@ def criterion_of(model: Model, noise: RemnantModel) -> Criterion:
     if not model.fit.jointly:
         return Criterion(record, noise)
     criterion = Criterion(record, rate=JOINT_RATE)
-    found = autoregression(residual_at(model.simulator, criterion, model.theta), criterion.known)
+    found = fit_autoregression(
+        find_residual(model.simulator, criterion, model.theta), criterion.known
+    )
     criterion.set_noise(found or noise)
     return criterion
 
@@ -113,13 +115,13 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     power = 0.0
     for i in range(N_LIKELIHOOD[core]):
         before, noise = model, criterion.noise
-        residual = residual_at(model.simulator, criterion, model.theta)
+        residual = find_residual(model.simulator, criterion, model.theta)
         if i == 0 or core != CoreKind.ARX:
             power = _power(residual)
-        criterion.set_noise(remnant_model(residual, criterion.known))
+        criterion.set_noise(fit_remnant(residual, criterion.known))
         model = model.refined(criterion)
         moved = model.theta - before.theta
-        after = _power(residual_at(model.simulator, criterion, model.theta))
+        after = _power(find_residual(model.simulator, criterion, model.theta))
         worse = i >= N_FREELY[core] and after > WORSE[core] * power
         if worse or not after <= max(power, criterion.power):
             if not noise.ar.size:
@@ -131,7 +133,7 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     return model, criterion.noise
 
 
-def among_jumps(
+def choose_among_jumps(
     model: Model, noise: RemnantModel, criterion: Criterion
 ) -> tuple[Model, RemnantModel]:
     """The likeliest minimum where effects jump, sought again under each new noise model.
@@ -148,13 +150,13 @@ def among_jumps(
     for _ in range(ROUNDS_AMONG_JUMPS):
         found = here = model.under(criterion)
         for name in jumping:
-            found, apart = evolved(found, name, criterion)
+            found, apart = evolve(found, name, criterion)
         if not criterion.n * np.log(here.sse / found.sse) > NEEDED:
             break
         model, noise = settled(found, criterion)
-    if record_of_some(model.simulator.record) is not None:
+    if take_some_runs(model.simulator.record) is not None:
         return model, noise  # chains on all runs would take long, and these hardly leave minima
-    found, covariance = wandered(model, criterion, apart)
+    found, covariance = wander(model, criterion, apart)
     found = found.under(criterion)
     found.fit.beside = covariance
     return found, noise
@@ -164,12 +166,12 @@ def _power(signal: np.ndarray) -> float:
     return float((signal**2).sum())
 
 
-def prior_of(simulator: Simulator) -> Prior:
+def collect_prior(simulator: Simulator) -> Prior:
     """What is known of the parameters of a core and its effects before any data."""
     return Prior.of(simulator.names, simulator.core.usual) + simulator.prior
 
 
-def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
+def fit_jointly(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Parameters that are most probable jointly with a noise model; None where the fit fails.
 
     Their joint likelihood takes a person's remnant as an AR process; what is usual for people
@@ -177,16 +179,16 @@ def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
     error rate that is not needed is left out.
 
     The covariance due to choices is returned too: rows at half and at twice the rate, the mean of
-    both; the closed loop where it is known (:func:`beyond_chance`); how large the gain may be that
-    was left out (:func:`high_gain`). Where the simulation error forbids what is most probable, all
-    of that difference counts.
+    both; the closed loop where it is known (:func:`estimate_loop_bias`); how large the gain may be
+    that was left out (:func:`seek_high_gain`). Where the simulation error forbids what is most
+    probable, all of that difference counts.
 
     Of a large number of runs, some are fitted from all starting points, and then all from where
     that led; what the closed loop would change is found on those same runs.
     """
     simulator = model.simulator
     core = simulator.core
-    few = record_of_some(simulator.record)
+    few = take_some_runs(simulator.record)
     some = simulator if few is None else simulator.on(few)
 
     def best_from(starts: list[np.ndarray], held: np.ndarray | None = None) -> Likeliest:
@@ -201,7 +203,7 @@ def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
     held = np.zeros(model.theta.size, dtype=bool)
     beside = np.zeros((held.size, held.size))
     free = best
-    if extra and best[1][extra].any() and not clearly_needed(simulator, best[1], extra):
+    if extra and best[1][extra].any() and not is_clearly_needed(simulator, best[1], extra):
         held[extra] = True
         plain = [np.where(held, 0.0, start) for start in [best[1], *starts]]
         without = best_from(plain, held)
@@ -211,8 +213,8 @@ def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
             held[:] = False
     for i in extra:
         if best[1][i] == 0.0:
-            beside += _outer(high_gain(simulator, free, i) - best[1])
-    best, apart_minima = among_kinks(simulator, best, held)
+            beside += _outer(seek_high_gain(simulator, free, i) - best[1])
+    best, apart_minima = choose_among_kinks(simulator, best, held)
     beside += apart_minima
     theta = best[1]
     simulation = Criterion(simulator.record)
@@ -223,59 +225,63 @@ def joint_fit(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
     apart = [_outer(one[1] - theta) / len(OTHER_RATES) for one in others if one is not None]
     open_loop = (None, theta) if some is simulator else likeliest(some, [theta], held=held)
     if open_loop is not None:
-        apart.append(beyond_chance(some, open_loop[1], held))
+        apart.append(estimate_loop_bias(some, open_loop[1], held))
     return theta, beside + sum(apart)
 
 
-def beyond_chance(simulator: Simulator, theta: np.ndarray, held: np.ndarray) -> np.ndarray:
+def estimate_loop_bias(simulator: Simulator, theta: np.ndarray, held: np.ndarray) -> np.ndarray:
     """Covariance due to how far the likeliest parameters in the closed loop are, beyond chance.
 
     The loop tells little of an offset or of what is slow. If both models are right, the difference
     of an estimate from a better one has the difference of their variances (Hausman, Specification
     tests in econometrics, 1978); what exceeds that is taken for a bias.
     """
-    in_loop = likeliest_in_loop(simulator, theta, held)
-    criterion = joint_criterion(simulator, theta)
+    in_loop = fit_in_loop(simulator, theta, held)
+    criterion = make_joint_criterion(simulator, theta)
     if in_loop is None or criterion is None:
         return np.zeros((theta.size, theta.size))
     change = in_loop[0] - theta
-    chance = np.abs(in_loop[1] - variances(simulator, criterion, theta, held))
+    chance = np.abs(in_loop[1] - estimate_variances(simulator, criterion, theta, held))
     return _outer(np.sign(change) * np.sqrt(np.maximum(change**2 - chance, 0.0)))
 
 
-def joint_criterion(simulator: Simulator, theta: np.ndarray) -> Criterion | None:
+def make_joint_criterion(simulator: Simulator, theta: np.ndarray) -> Criterion | None:
     """The criterion with the noise model of some parameters; None where there is none."""
     criterion = Criterion(simulator.record, rate=JOINT_RATE)
-    noise = autoregression(residual_at(simulator, criterion, theta), criterion.known)
+    noise = fit_autoregression(find_residual(simulator, criterion, theta), criterion.known)
     if noise is None:
         return None
     criterion.set_noise(noise)
     return criterion
 
 
-def clearly_needed(simulator: Simulator, theta: np.ndarray, positions: list[int]) -> bool:
+def is_clearly_needed(simulator: Simulator, theta: np.ndarray, positions: list[int]) -> bool:
     """Whether a gain at some position is so many standard errors large that it must be kept."""
-    criterion = joint_criterion(simulator, theta)
+    criterion = make_joint_criterion(simulator, theta)
     if criterion is None:
         return False
-    variance = variances(simulator, criterion, theta, np.zeros(theta.size, dtype=bool))[positions]
+    variance = estimate_variances(simulator, criterion, theta, np.zeros(theta.size, dtype=bool))[
+        positions
+    ]
     return bool((theta[positions] ** 2 > CLEARLY_NEEDED * variance)[variance > 0.0].any())
 
 
-def variances(
+def estimate_variances(
     simulator: Simulator, criterion: Criterion, theta: np.ndarray, held: np.ndarray
 ) -> np.ndarray:
     """Variances of parameters at their likeliest values; zero for those held or at a bound."""
-    normal, _ = normal_equations(simulator, criterion, theta)
+    normal, _ = make_normal_equations(simulator, criterion, theta)
     variance = sse_at(simulator, criterion, theta) / criterion.n
-    known, _ = prior_of(simulator).weighing(variance).normal_equations(theta)
+    known, _ = collect_prior(simulator).weighing(variance).normal_equations(theta)
     free = ~held & (theta > simulator.low) & (theta < simulator.high)
     found = np.zeros(theta.size)
     found[free] = variance * np.diag(scaled_inverse((normal + known)[np.ix_(free, free)]))
     return found
 
 
-def high_gain(simulator: Simulator, best: tuple[float, np.ndarray], position: int) -> np.ndarray:
+def seek_high_gain(
+    simulator: Simulator, best: tuple[float, np.ndarray], position: int
+) -> np.ndarray:
     """Parameters that are likeliest with a gain one standard error above its likeliest value.
 
     What was left out is not known to be zero. Near zero a small gain on the error rate is nothing
@@ -298,7 +304,7 @@ def high_gain(simulator: Simulator, best: tuple[float, np.ndarray], position: in
     return theta
 
 
-def among_kinks(
+def choose_among_kinks(
     simulator: Simulator, best: tuple[float, np.ndarray], held: np.ndarray
 ) -> tuple[tuple[float, np.ndarray], np.ndarray]:
     """The likeliest minimum near the one found, and the covariance of those about as likely.
@@ -328,7 +334,7 @@ def among_kinks(
     return best, np.sum(apart, axis=0) / odds.sum()
 
 
-def likeliest_in_loop(
+def fit_in_loop(
     simulator: Simulator, theta: np.ndarray, held: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Likeliest parameters of a linear model in the closed loop, and their variances.
@@ -349,11 +355,11 @@ def likeliest_in_loop(
         if not np.isfinite(output).all():
             return None
         criterion.set_noise(criterion.remnant_model(output))
-        prior = prior_of(simulator).weighing(criterion.sse(output) / criterion.n)
+        prior = collect_prior(simulator).weighing(criterion.sse(output) / criterion.n)
         found = minimise(closed, criterion, found, max_iter=10, fixed=held, prior=prior).theta
     if not np.isfinite(closed.run(found)).all():
         return None
-    return found, variances(closed, criterion, found, held)
+    return found, estimate_variances(closed, criterion, found, held)
 
 
 def _outer(change: np.ndarray) -> np.ndarray:
@@ -390,13 +396,13 @@ def likeliest(
     held = np.zeros(simulator.low.size, dtype=bool) if held is None else held
     criterion = Criterion(simulator.record, rate=rate)
     for start in starts:
-        found = joint_loss(simulator, start, criterion, held, known)
+        found = minimise_joint_loss(simulator, start, criterion, held, known)
         if found is not None and (known is None or found[0] < known[0]):
             known = found
     return known
 
 
-def joint_loss(
+def minimise_joint_loss(
     simulator: Simulator,
     theta: np.ndarray,
     criterion: Criterion,
@@ -407,12 +413,12 @@ def joint_loss(
 
     None where no fit leads on, or it leads to what is known.
     """
-    prior = prior_of(simulator)
+    prior = collect_prior(simulator)
     last = np.inf
     theta = np.clip(theta, simulator.low, simulator.high)
     for _ in range(N_LIKELIHOOD[CoreKind.OPERATOR]):
-        residual = residual_at(simulator, criterion, theta)
-        noise = autoregression(residual, criterion.known)
+        residual = find_residual(simulator, criterion, theta)
+        noise = fit_autoregression(residual, criterion.known)
         if noise is None:
             return None
         criterion.set_noise(noise)
@@ -439,7 +445,7 @@ def joint_loss(
     return last, best
 
 
-def autoregression(residual: np.ndarray, known: np.ndarray) -> RemnantModel | None:
+def fit_autoregression(residual: np.ndarray, known: np.ndarray) -> RemnantModel | None:
     """AR model of residuals (n, runs) by least squares, one for all runs."""
     order = AR_ORDER
     gram = np.zeros((order + 1, order + 1))

@@ -102,7 +102,7 @@ class LoopSimulator:
         self._spread = record.sd("e")
         self._theta: np.ndarray | None = None
         self._pulse: tuple[np.ndarray, Response | None] | None = None
-        self._follow = record.once("follow", lambda: followers(record))
+        self._follow = record.once("follow", lambda: find_followers(record))
         self._set_draws(None)
 
     def parts(self) -> Iterator[tuple[slice, Any]]:
@@ -127,7 +127,7 @@ class LoopSimulator:
         self._chosen = False
 
     def _with_error(self, error: np.ndarray) -> Record:
-        return moved_with(self._columns, error, self._follow)
+        return move_channels(self._columns, error, self._follow)
 
     def _open(self, error: np.ndarray) -> Simulator:
         return self._open_loop.beside(self._with_error(error))
@@ -239,7 +239,7 @@ class LoopSimulator:
         error = self.record.input
         both = [
             self._open_loop.beside(
-                moved_with(self.record, error + s * size * remnant, self._follow)
+                move_channels(self.record, error + s * size * remnant, self._follow)
             ).run(theta)
             for s in (0, 1, -1)
         ]
@@ -264,7 +264,7 @@ class LoopSimulator:
     @property
     def record_inside(self) -> Record:
         """The record with the error and the controlled output of the last ``run``."""
-        return moved_with(self.record, self._mean(self._inside), self._follow)
+        return move_channels(self.record, self._mean(self._inside), self._follow)
 
     @property
     def last_state(self) -> Any:
@@ -272,7 +272,7 @@ class LoopSimulator:
         return self._last.last_state
 
 
-def followers(record: Record) -> dict[str, np.ndarray]:
+def find_followers(record: Record) -> dict[str, np.ndarray]:
     """Channels that the loop moves: what each is of x, its rate and its acceleration.
 
     Motion that the person feels is that of the controlled element; a channel that x hardly explains
@@ -282,7 +282,9 @@ def followers(record: Record) -> dict[str, np.ndarray]:
     if not names:
         return {}
     known, found = record.known, {names[0]: np.array([1.0, 0.0, 0.0])}
-    table = np.stack([s[known] for s in motions(record.channels[names[0]], record.dt)], axis=1)
+    table = np.stack(
+        [s[known] for s in differentiate_motion(record.channels[names[0]], record.dt)], axis=1
+    )
     table = table - table.mean(axis=0)
     size = np.sqrt((table**2).sum(axis=0)) + 1e-300
     for name in record.with_role("motion"):
@@ -295,16 +297,20 @@ def followers(record: Record) -> dict[str, np.ndarray]:
     return found
 
 
-def motions(signal: np.ndarray, dt: float) -> list[np.ndarray]:
+def differentiate_motion(signal: np.ndarray, dt: float) -> list[np.ndarray]:
     """A signal, its rate and its acceleration."""
     rate = differentiated(signal, dt)
     return [signal, rate, differentiated(rate, dt)]
 
 
-def moved_with(record: Record, error: np.ndarray, follow: dict[str, np.ndarray]) -> Record:
+def move_channels(record: Record, error: np.ndarray, follow: dict[str, np.ndarray]) -> Record:
     """The record with another error, and with what moves then."""
     channels = {record.inputs[0]: error}
-    moved = motions(record.input - error, record.dt) if len(follow) > 1 else [record.input - error]
+    moved = (
+        differentiate_motion(record.input - error, record.dt)
+        if len(follow) > 1
+        else [record.input - error]
+    )
     for name, shares in follow.items():
         change = sum(share * signal for share, signal in zip(shares, moved, strict=False))
         channels[name] = record.channels[name] + change
@@ -365,11 +371,11 @@ def loop_of(record: Record, settling: float = 3.0) -> Loop | None:
     after = np.cumsum(record.known[::-1], axis=0)[::-1][begin:] > 0
     if (missing & after).mean() > MISSING:
         return None
-    b, a = pulse_response(element, record, begin)
+    b, a = choose_pulse_response(element, record, begin)
     return Loop(b, a, begin)
 
 
-def pulse_response(
+def choose_pulse_response(
     element: LinearElement, record: Record, begin: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Pulse transfer function of an element, given what the output does between samples.

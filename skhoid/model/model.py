@@ -13,10 +13,10 @@ from .cores import Core
 from .fitting import (
     Criterion,
     Fit,
-    felt,
+    find_felt,
+    find_power_and_product,
+    make_normal_equations,
     minimise,
-    normal_equations,
-    power_and_product,
     scaled_inverse,
     sse_at,
 )
@@ -85,7 +85,7 @@ class Model:
     def covariance(self) -> np.ndarray:
         """Covariance of the parameters; NaN for those at a bound or without effect."""
         inside = (self.theta > self.simulator.low) & (self.theta < self.simulator.high)
-        inside &= felt(self.simulator, self.theta, np.diag(self.fit.normal))
+        inside &= find_felt(self.simulator, self.theta, np.diag(self.fit.normal))
         return self.fit.covariance(inside)
 
     def at_bound(self, tol: float = AT_BOUND) -> list[str]:
@@ -108,7 +108,7 @@ class Model:
         """
         simulator = self.simulator
         sd = np.sqrt(np.diag(self.covariance()))
-        lost = ~felt(simulator, self.theta, np.diag(self.fit.normal))
+        lost = ~find_felt(simulator, self.theta, np.diag(self.fit.normal))
         lost |= sd > simulator.high - simulator.low
         return [name for name, is_lost in zip(simulator.names, lost, strict=True) if is_lost]
 
@@ -118,7 +118,7 @@ class Model:
 
     def under(self, criterion: Criterion) -> Model:
         """The same parameters, with squares and normal equations of another criterion."""
-        normal, gradient = normal_equations(self.simulator, criterion, self.theta)
+        normal, gradient = make_normal_equations(self.simulator, criterion, self.theta)
         sse = sse_at(self.simulator, criterion, self.theta)
         known = self.simulator.prior.weighing(sse / max(criterion.n, 1))
         curvature, slope = known.normal_equations(self.theta)
@@ -133,10 +133,10 @@ class Model:
 
 def fit_core(core: Core, record: Record, criterion: Criterion, starts: np.ndarray) -> Model:
     """The core without effects, from the best of some starts."""
-    return best_of(Simulator(core, Effects([]), record), criterion, starts)
+    return find_best(Simulator(core, Effects([]), record), criterion, starts)
 
 
-def best_of(
+def find_best(
     simulator: Simulator,
     criterion: Criterion,
     starts: Iterable[np.ndarray],
@@ -152,7 +152,7 @@ def best_of(
     points = [np.asarray(start, dtype=float) for start in starts]
     n_screened = N_SCREENED if simulator.smooth else N_SCREENED_COARSELY
     if len(points) > n_screened:
-        points.sort(key=lambda s: scaled_sse(simulator, criterion, s))
+        points.sort(key=lambda s: find_scaled_sse(simulator, criterion, s))
         points = points[:n_screened]
     fits: list[Fit] = []
     if len(points) > N_STARTS_KEPT:
@@ -171,7 +171,7 @@ def best_of(
     return Model(simulator, min(fits, key=lambda fit: fit.sse))
 
 
-def halved(
+def fit_by_halving(
     simulator: Simulator,
     criterion: Criterion,
     starts: Iterable[np.ndarray],
@@ -190,15 +190,15 @@ def halved(
     return Model(simulator, fits[0])
 
 
-def scaled_sse(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> float:
+def find_scaled_sse(simulator: Simulator, criterion: Criterion, theta: np.ndarray) -> float:
     """Sum of squares left by the best multiple of the output at some parameters."""
-    power, product, of_y = power_and_product(simulator, criterion, theta)
+    power, product, of_y = find_power_and_product(simulator, criterion, theta)
     if not np.isfinite(power) or power <= 0.0:
         return np.inf
     return of_y - max(product, 0.0) ** 2 / power
 
 
-def start_beside(
+def make_start(
     parent: Model,
     simulator: Simulator,
     name: str,

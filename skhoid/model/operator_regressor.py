@@ -190,7 +190,7 @@ class OperatorRegressor(GreyBox):
 
 def fit_plain_operator(core: OperatorCore, record: Record, criterion: Criterion) -> Model:
     """An operator without effects; see ``Model.other_cores`` where it ends at a bound."""
-    starts = operator_starts(core, record, criterion)
+    starts = list_operator_starts(core, record, criterion)
     model = fit_core(core, record, criterion, starts)
     simulator = model.simulator
     dynamic = np.array([name in core.ordinary for name in simulator.names])
@@ -211,7 +211,7 @@ def fit_plain_operator(core: OperatorCore, record: Record, criterion: Criterion)
     return model
 
 
-def operator_starts(core: OperatorCore, record: Record, criterion: Criterion) -> np.ndarray:
+def list_operator_starts(core: OperatorCore, record: Record, criterion: Criterion) -> np.ndarray:
     """Starts of an operator: gains by least squares on a grid of delay and neuromuscular system."""
     simulator = Simulator(core, Effects([]), record)
     delays = np.zeros(1)

@@ -50,7 +50,7 @@ def parameter_table(
         name: str, value: float, s: float, dimension: Dimension, meaning: str
     ) -> ModelParameter:
         unit = dimension.label(units)
-        return estimated(
+        return set_estimate(
             ModelParameter(name, unit=unit, meaning=meaning, kind=Kind.DERIVED), value, s
         )
 
@@ -60,7 +60,7 @@ def parameter_table(
         if lost[i]:
             rows.append(replace(p, value=float(theta[i]), low=p.min, high=p.max))
         else:
-            rows.append(estimated(p, float(theta[i]), float(sd[i]), intervals.get(p.name)))
+            rows.append(set_estimate(p, float(theta[i]), float(sd[i]), intervals.get(p.name)))
         ratio = ratios.get(p.name)
         if ratio is not None:
             k = simulator.names.index(ratio.under)
@@ -74,7 +74,7 @@ def parameter_table(
                     row = replace(row, sd=np.nan, low=-np.inf, high=np.inf)
                 rows.append(row)
     for name, value in fixed.items():
-        rows.append(given(ModelParameter(name, unit=S.label(units), meaning="given"), value))
+        rows.append(set_given(ModelParameter(name, unit=S.label(units), meaning="given"), value))
     for name, effect in simulator.effects:
         limits = effect.limits(simulator.record)
         for spec in effect.parameters:
@@ -83,13 +83,13 @@ def parameter_table(
                 one = spec.on(simulator.record, effect.place, f"{name}__{key}", limits[key])
                 meaning = f"{spec.meaning} (given)"
                 one = replace(one, unit=one.dimension.label(units), meaning=meaning)
-                rows.append(given(one, effect.fixed[key]))
-        for key, number in derived_with_errors(simulator, theta, covariance, name).items():
+                rows.append(set_given(one, effect.fixed[key]))
+        for key, number in derive_numbers(simulator, theta, covariance, name).items():
             rows.append(derived(f"{name}__{key}", *number))
     return ParameterTable(rows)
 
 
-def estimated(
+def set_estimate(
     parameter: ModelParameter,
     value: float,
     sd: float,
@@ -100,12 +100,12 @@ def estimated(
     return replace(parameter, value=value, sd=sd, low=low, high=high)
 
 
-def given(parameter: ModelParameter, value: float) -> ModelParameter:
+def set_given(parameter: ModelParameter, value: float) -> ModelParameter:
     """A parameter that is not estimated."""
     return replace(parameter, kind=Kind.GIVEN, value=value, sd=0.0, low=value, high=value)
 
 
-def derived_with_errors(
+def derive_numbers(
     simulator: Simulator, theta: np.ndarray, covariance: np.ndarray, name: str
 ) -> dict[str, tuple[float, float, Dimension, str]]:
     """Numbers derived from those of an effect, with standard errors by linearisation."""
@@ -136,7 +136,7 @@ def derived_with_errors(
     return found
 
 
-def covariance_frame(simulator: Simulator, covariance: np.ndarray) -> pd.DataFrame:
+def label_covariance(simulator: Simulator, covariance: np.ndarray) -> pd.DataFrame:
     return pd.DataFrame(covariance, index=simulator.names, columns=simulator.names)
 
 
@@ -160,7 +160,7 @@ def parameter_text(table: pd.DataFrame, prefix: str) -> str:
     )
 
 
-def moved(model: Any, values: Mapping[str, float], fixed_core: bool) -> Any:
+def move_parameters(model: Any, values: Mapping[str, float], fixed_core: bool) -> Any:
     """A copy of a fitted model with parameters at other values.
 
     With ``fixed_core`` only parameters of effects may be moved.
@@ -176,7 +176,7 @@ def moved(model: Any, values: Mapping[str, float], fixed_core: bool) -> Any:
             theta[names.index(name)] = value
     fixed = {name: value for name, value in by_hand.items() if name in kept}
     effects = Effects(
-        [(name, one.with_choices(**own_of(name, fixed))) for name, one in simulation.effects]
+        [(name, one.with_choices(**select_own(name, fixed))) for name, one in simulation.effects]
     )
     found = dict(zip(names, theta.tolist(), strict=True))
     taken = copy.copy(model)
@@ -189,26 +189,26 @@ def moved(model: Any, values: Mapping[str, float], fixed_core: bool) -> Any:
         ]
     )
     taken.simulation_ = replace(simulation, theta=theta, effects=effects)
-    new = {**found, **fixed, **following(taken.simulation_, {**found, **fixed})}
+    new = {**found, **fixed, **derive_following(taken.simulation_, {**found, **fixed})}
     taken.parameter_table_ = model.parameter_table_.moved(new, by_hand)
     taken.parameters_ = taken.parameter_table_.estimates()
     return taken
 
 
-def own_of(name: str, values: Mapping[str, float]) -> dict[str, float]:
+def select_own(name: str, values: Mapping[str, float]) -> dict[str, float]:
     """Those of an effect, by their plain names."""
     start = f"{name}__"
     return {full.removeprefix(start): v for full, v in values.items() if full.startswith(start)}
 
 
-def following(simulation: Simulation, values: Mapping[str, float]) -> dict[str, float]:
+def derive_following(simulation: Simulation, values: Mapping[str, float]) -> dict[str, float]:
     """What follows from values of parameters: ratios, and numbers derived by effects."""
     new = {}
     for ratio in simulation.spec.core.ratios:
         if values[ratio.under] != 0.0:
             new[ratio.name] = values[ratio.over] / values[ratio.under]
     for name, effect in simulation.effects:
-        own = {**effect.fixed, **own_of(name, values)}
+        own = {**effect.fixed, **select_own(name, values)}
         for key, (value, _, _) in effect.derived({**values, **own}).items():
             new[f"{name}__{key}"] = value
     return new
@@ -221,7 +221,7 @@ WHY = (
 )
 
 
-def that_differ(likelihood: pd.DataFrame, least_error: pd.DataFrame) -> list[str]:
+def find_differing(likelihood: pd.DataFrame, least_error: pd.DataFrame) -> list[str]:
     """Parameters of the core whose two estimates differ by more than their uncertainty allows.
 
     The 95 % interval of the difference is that of two independent estimates, which is too wide for
@@ -243,7 +243,7 @@ def _sd(row: pd.Series) -> float:
 
 def difference_notes(likelihood: pd.DataFrame, least_error: pd.DataFrame) -> list[str]:
     """Both estimates of each parameter that differs, and why, in a sentence; none if none does."""
-    names = that_differ(likelihood, least_error)
+    names = find_differing(likelihood, least_error)
     if not names:
         return []
     pairs = [

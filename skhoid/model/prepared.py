@@ -78,7 +78,7 @@ class Prepared:
         return self.grid.layout.run_of(rows)
 
 
-def beginning(core: Core, record: Record, initial: str | None, settling: float) -> str:
+def choose_beginning(core: Core, record: Record, initial: str | None, settling: float) -> str:
     """How the simulations of a fit begin, according to the user's choice."""
     if initial == REST or not getattr(core, "has_states", False):
         return REST
@@ -166,8 +166,8 @@ def build_record(
 ) -> tuple[Record, SegmentColumns]:
     """Put the rows of a grid side by side."""
     columns = SegmentColumns.of(grid)
-    known = measured(grid, columns, output)
-    channels, roles = _channels(columns, names, values, dict(roles))
+    known = mark_measured(grid, columns, output)
+    channels, roles = _read_channels(columns, names, values, dict(roles))
     y = None
     if output is not None:
         y = np.nan_to_num(columns.beside(output, dtype=np.float64), copy=False)
@@ -175,7 +175,7 @@ def build_record(
             known[: min(round(settling / grid.dt), (b - a) // 4), j] = False
     record = Record(
         dt=grid.dt,
-        t=_times(columns, grid),
+        t=_read_times(columns, grid),
         channels=channels,
         roles=roles,
         inputs=tuple(inputs),
@@ -186,7 +186,7 @@ def build_record(
     return record, columns
 
 
-def _channels(
+def _read_channels(
     columns: SegmentColumns, names: Sequence[str], values: HeldInputs, roles: dict[str, str]
 ) -> tuple[RowChannels, dict[str, str]]:
     """All channels, with the target where it is the sum of two, and their roles."""
@@ -205,7 +205,7 @@ def _channels(
     return channels, roles
 
 
-def _times(columns: SegmentColumns, grid: ModelGrid) -> np.ndarray:
+def _read_times(columns: SegmentColumns, grid: ModelGrid) -> np.ndarray:
     """Time in the runs, in one column where they share it; it continues behind short ones."""
     time = grid.layout.time if grid.rows is None else grid.layout.time[grid.rows]
     more = grid.dt * np.arange(1, columns.length + 1)
@@ -228,7 +228,9 @@ def _times(columns: SegmentColumns, grid: ModelGrid) -> np.ndarray:
     return t
 
 
-def measured(grid: ModelGrid, columns: SegmentColumns, output: np.ndarray | None) -> np.ndarray:
+def mark_measured(
+    grid: ModelGrid, columns: SegmentColumns, output: np.ndarray | None
+) -> np.ndarray:
     """Samples (length, n_columns) outside run-ins in which the output is a number."""
     rows = np.ones(int(columns.end[-1]), dtype=bool) if output is None else ~np.isnan(output)
     for begin, end in zip(grid.begin[~grid.measured], grid.end[~grid.measured], strict=True):

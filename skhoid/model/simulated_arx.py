@@ -15,7 +15,7 @@ from ..arx.model_summary import orders_text
 from ..arx.orders import Orders
 from ..preprocessing.grid import ModelGrid
 from ..regression import segments
-from .arx_core import fitted_arx, forecast
+from .arx_core import fit_arx, forecast
 from .cores import ARXCore
 from .estimator import GreyBox
 from .fitting import RemnantModel
@@ -196,7 +196,7 @@ class SimulatedARX(GreyBox, BaseARX):
             core=ARXCore(
                 orders.na, orders.nb[0], orders.nk[0], orders.intercept, n_starts=self.n_starts
             ),
-            estimated=fitted_arx,
+            estimated=fit_arx,
             description=orders_text(orders),
             errors_note="Standard errors assume that the AR model whitens the residual.",
             start=self.start or {},

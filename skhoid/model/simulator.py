@@ -16,7 +16,7 @@ from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import ScaledParameter
 from ..effects.record import Record
 from .cores import ARXCore, Core, Prior, Usual, neutral_gains
-from .initial import free_responses, horizon, with_fitted_pulses, with_fitted_start
+from .initial import find_horizon, fit_pulses, fit_start, make_free_responses
 
 
 class StageSignals(NamedTuple):
@@ -147,7 +147,7 @@ class Simulator:
             return s
 
         def command(s: StageSignals, theta: Any) -> StageSignals:
-            gains = gains_of_delayed(s.gains, s.delay, record)
+            gains = delay_gains(s.gains, s.delay, record)
             position, rate = core.command(s.error, gains, values(theta, gain))
             return s._replace(command=Command(position, rate, s.error, s.delay))
 
@@ -187,12 +187,12 @@ class Simulator:
 
             if record.initial == HELD or record.y is None:
                 return begun(held)
-            return with_fitted_pulses(record, begun, held, states)
+            return fit_pulses(record, begun, held, states)
 
         def start(s: StageSignals, theta: Any) -> StageSignals:
             given = values(theta, dynamic)
             denominator = core.denominator(given, record.dt)
-            n = horizon(denominator, len(s.answer))
+            n = find_horizon(denominator, len(s.answer))
             reach = min(n + core.memory, len(s.answer))
             if isinstance(core, ARXCore) and s.spring.terms:
                 return s._replace(output=begun_inside(core, s, theta, reach, denominator.size - 1))
@@ -204,8 +204,8 @@ class Simulator:
 
             if record.initial == HELD or record.y is None:
                 return s._replace(output=last(answer))
-            free = free_responses(denominator, n)
-            return s._replace(output=with_fitted_start(record, answer, free, last, additive))
+            free = make_free_responses(denominator, n)
+            return s._replace(output=fit_start(record, answer, free, last, additive))
 
         return [*stages, Stage(start, dynamic)]
 
@@ -217,7 +217,7 @@ class Simulator:
             if effect.place != place:
                 continue
             free = {p.name: position[f"{name}__{p.name}"] for p in effect.free}
-            made.append(_effect_stage(effect, self.record, free, signal))
+            made.append(_make_effect_stage(effect, self.record, free, signal))
         return made
 
     def _start(self) -> StageSignals:
@@ -275,7 +275,7 @@ class Simulator:
         return max(abs(value), 0.05 * self.scale[position]) if own is None else own
 
 
-def gains_of_delayed(gains: Gains, delay: Any, record: Record) -> Gains:
+def delay_gains(gains: Gains, delay: Any, record: Record) -> Gains:
     """The gains at the time of the error that is responded to now, so delayed as the error is."""
     error, rate = gains.error, gains.rate
     if len(error) > 1:
@@ -287,7 +287,7 @@ def gains_of_delayed(gains: Gains, delay: Any, record: Record) -> Gains:
     return gains._replace(error=error, rate=rate)
 
 
-def _effect_stage(effect: Effect, record: Record, free: dict[str, int], signal: str) -> Stage:
+def _make_effect_stage(effect: Effect, record: Record, free: dict[str, int], signal: str) -> Stage:
     fixed = effect.fixed
 
     def run(state: StageSignals, theta: Any) -> StageSignals:

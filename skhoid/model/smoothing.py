@@ -9,7 +9,7 @@ import numpy as np
 
 from ..effects.composition import Effects
 from ..effects.free_form import FreeForm
-from .fitting import Criterion, minimise, normal_equations, scaled_inverse, sse_at
+from .fitting import Criterion, make_normal_equations, minimise, scaled_inverse, sse_at
 from .model import Model
 from .simulator import Simulator
 
@@ -33,7 +33,7 @@ class Posterior(NamedTuple):
 
 def posterior_of(model: Model, criterion: Criterion) -> Posterior:
     """Covariance under data and prior, and how much of each parameter the data decide."""
-    normal, _ = normal_equations(model.simulator, criterion, model.theta)
+    normal, _ = make_normal_equations(model.simulator, criterion, model.theta)
     sigma2 = sse_at(model.simulator, criterion, model.theta) / max(criterion.n, 1)
     curvature, _ = model.simulator.prior.weighing(sigma2).normal_equations(model.theta)
     inverse = scaled_inverse(normal + curvature)
@@ -43,7 +43,7 @@ def posterior_of(model: Model, criterion: Criterion) -> Posterior:
 def change_if_rougher(model: Model, name: str, criterion: Criterion) -> np.ndarray:
     """Change of parameters at a fit, linearised, if the spread of a curve were much greater."""
     simulator, theta = model.simulator, model.theta
-    normal, _ = normal_equations(simulator, criterion, theta)
+    normal, _ = make_normal_equations(simulator, criterion, theta)
     sigma2 = sse_at(simulator, criterion, theta) / max(criterion.n, 1)
     curvature, slope = simulator.prior.weighing(sigma2).normal_equations(theta)
     own = np.array([one.startswith(f"{name}__") for one in simulator.names])
@@ -63,13 +63,13 @@ def change_if_finer(
     """Change of a curve at points if it might be much rougher, and on the knots of another form."""
     assert finer.spread is not None
     rough = finer.with_choices(spread=ROUGHER * finer.spread)
-    simulator, start = on_other_knots(model, name, rough)
+    simulator, start = move_knots(model, name, rough)
     theta = minimise(simulator, criterion, start, max_iter=2).theta
     own = np.array([one.startswith(f"{name}__") for one in simulator.names])
     return np.asarray(rough.design(at) @ (theta - start)[own])
 
 
-def smoothed(model: Model, names: Collection[str]) -> Model:
+def smooth(model: Model, names: Collection[str]) -> Model:
     """A model with free forms that are as smooth as is most likely, at the minimum of that.
 
     By the generalised Fellner-Schall iteration: the variance of a curve's coefficients is the sum
@@ -90,10 +90,10 @@ def smoothed(model: Model, names: Collection[str]) -> Model:
         if sse_at(found.simulator, plain, found.theta) > most:
             # What whitening favours may be no simulation, as long as the curve is too smooth.
             found = model if number == 0 else model.refined(plain, max_iter=4)
-        spreads = chosen_spreads(found, names, criterion)
+        spreads = choose_spreads(found, names, criterion)
         if not spreads:
             return found
-        model = with_spreads(found, spreads)
+        model = set_spreads(found, spreads)
         moved = [abs(np.log(new / old)) for new, old in spreads.values()]
         if max(moved) < SETTLED:
             return found if number else model
@@ -113,7 +113,7 @@ def in_detail(model: Model, name: str, least: int = N_FINE) -> Model:
     finer, before = effect, None
     while len(finer.knots or ()) < least and finer.knots != before:
         before, finer = finer.knots, finer.with_more_knots()
-    return model if finer.knots == effect.knots else with_finer(model, name, finer)
+    return model if finer.knots == effect.knots else fit_finer(model, name, finer)
 
 
 def crowded(model: Model, name: str) -> bool:
@@ -125,15 +125,15 @@ def crowded(model: Model, name: str) -> bool:
     return bool(dof[own].sum() > CROWDED * sum(own))
 
 
-def with_finer(model: Model, name: str, finer: FreeForm) -> Model:
+def fit_finer(model: Model, name: str, finer: FreeForm) -> Model:
     """The model with the same curve on other knots, and fitted."""
     plain = Criterion(model.simulator.record)
-    simulator, start = on_other_knots(model, name, finer)
+    simulator, start = move_knots(model, name, finer)
     fit = minimise(simulator, plain, start, max_iter=8)
-    return smoothed(Model(simulator, fit, model.other_cores), [name]).refined(plain)
+    return smooth(Model(simulator, fit, model.other_cores), [name]).refined(plain)
 
 
-def on_other_knots(model: Model, name: str, form: FreeForm) -> tuple[Simulator, np.ndarray]:
+def move_knots(model: Model, name: str, form: FreeForm) -> tuple[Simulator, np.ndarray]:
     """A simulator with a form that has other knots, and the parameters of the same curve."""
     effect, values = dict(model.effects.steps)[name], model.values()
     assert isinstance(effect, FreeForm)
@@ -145,7 +145,7 @@ def on_other_knots(model: Model, name: str, form: FreeForm) -> tuple[Simulator, 
     return simulator, np.array([values[one] for one in simulator.names])
 
 
-def chosen_spreads(
+def choose_spreads(
     model: Model, names: Collection[str], criterion: Criterion
 ) -> dict[str, tuple[float, float]]:
     """New and old spread of free forms by their names; none where there is no curve."""
@@ -172,7 +172,7 @@ def chosen_spreads(
     return found
 
 
-def with_spreads(model: Model, spreads: dict[str, tuple[float, float]]) -> Model:
+def set_spreads(model: Model, spreads: dict[str, tuple[float, float]]) -> Model:
     """The same parameters, with other spreads of free forms."""
     steps = [
         (name, effect.with_choices(spread=float(spreads[name][0])) if name in spreads else effect)

@@ -14,14 +14,14 @@ from .fitting import (
     STEP,
     Criterion,
     Fit,
-    felt,
+    find_felt,
+    make_normal_equations,
     minimise,
-    normal_equations,
-    record_of_some,
     scaled_inverse,
     sse_at,
+    take_some_runs,
 )
-from .likelihood import JOINT_RATE, joint_loss, prior_of
+from .likelihood import JOINT_RATE, collect_prior, minimise_joint_loss
 from .model import Model
 from .simulator import Simulator
 
@@ -43,7 +43,7 @@ def covariance_of(
     of both takes the other lacks. Where whitened residuals are not white, a long-run covariance of
     the scores enlarges the variances. How far the estimates would move at twice the sampling time
     counts as a further standard deviation, and so does what is between samples
-    (:func:`change_if_later`): the accuracy of the simulation limits them whatever the noise. So do
+    (:func:`simulate_later`): the accuracy of the simulation limits them whatever the noise. So do
     the last step of a search where the response is not smooth, and what other choices in the fit
     would have changed.
     """
@@ -56,9 +56,9 @@ def covariance_of(
     sigma = np.sqrt(sse_at(simulator, criterion, theta) / max(criterion.n - free.sum(), 1))
     sloped = simulator.with_soft_corners(SOFT_CORNERS)
     if not simulator.smooth:
-        diagonal = np.diag(_wide_sums(sloped, criterion, theta, sigma, diagonal).gram)
-    sums = _wide_sums(sloped, criterion, theta, sigma, diagonal)
-    free &= felt(simulator, theta, np.diag(sums.gram)[: theta.size])
+        diagonal = np.diag(_sum_widely(sloped, criterion, theta, sigma, diagonal).gram)
+    sums = _sum_widely(sloped, criterion, theta, sigma, diagonal)
+    free &= find_felt(simulator, theta, np.diag(sums.gram)[: theta.size])
     known, _ = (prior or NO_PRIOR).weighing(sigma**2).normal_equations(theta)
     normal = sums.gram.copy()
     normal[: theta.size, : theta.size] += known
@@ -99,7 +99,7 @@ class _WideSums(NamedTuple):
     along: np.ndarray
 
 
-def _wide_sums(
+def _sum_widely(
     simulator: Simulator,
     criterion: Criterion,
     theta: np.ndarray,
@@ -112,23 +112,23 @@ def _wide_sums(
     along = np.zeros((2, size))
     for runs, part in simulator.parts():
         output = part.run(theta)
-        rows = wide_derivatives(part, criterion, theta, output, runs, sigma, diagonal)
+        rows = differentiate_widely(part, criterion, theta, output, runs, sigma, diagonal)
         slopes, residual = rows[:-1], rows[-1]
-        slopes = np.concatenate([slopes, by_noise(criterion, output, runs)])
+        slopes = np.concatenate([slopes, differentiate_by_noise(criterion, output, runs)])
         gram += slopes @ slopes.T
         by_row = (slopes * residual).reshape(size, *criterion.y[:, runs].shape)
-        scores += long_run(by_row, lags)
+        scores += sum_long_run(by_row, lags)
         if simulator.core.kind == CoreKind.ARX:  # of samples, whatever is between them
             continue
         changes = [
-            change_if_coarser(part, criterion, theta, output, runs),
-            change_if_later(part, criterion, output, runs),
+            simulate_coarser(part, criterion, theta, output, runs),
+            simulate_later(part, criterion, output, runs),
         ]
         along += criterion.whitened(np.stack(changes), runs) @ slopes.T
     return _WideSums(gram, scores, along)
 
 
-def by_noise(criterion: Criterion, output: np.ndarray, runs: slice) -> np.ndarray:
+def differentiate_by_noise(criterion: Criterion, output: np.ndarray, runs: slice) -> np.ndarray:
     """Derivatives of the whitened residual by the noise model, less their sign, as rows.
 
     Those of the output by its parameters have that sign too.
@@ -140,7 +140,7 @@ def by_noise(criterion: Criterion, output: np.ndarray, runs: slice) -> np.ndarra
     return (earlier * criterion.weight[:, runs]).reshape(len(earlier), residual.size)
 
 
-def wide_derivatives(
+def differentiate_widely(
     part: Simulator,
     criterion: Criterion,
     theta: np.ndarray,
@@ -164,7 +164,7 @@ def wide_derivatives(
     return criterion.whitened(rows, runs)
 
 
-def long_run(scores: np.ndarray, n_lags: int) -> np.ndarray:
+def sum_long_run(scores: np.ndarray, n_lags: int) -> np.ndarray:
     """Covariance of sums of scores (count, n, runs) that correlate in time (Newey and West)."""
     n_lags = min(n_lags, scores.shape[1] - 1)
     total = np.tensordot(scores, scores, axes=([1, 2], [1, 2]))
@@ -174,7 +174,7 @@ def long_run(scores: np.ndarray, n_lags: int) -> np.ndarray:
     return total
 
 
-def change_if_coarser(
+def simulate_coarser(
     part: Simulator, criterion: Criterion, theta: np.ndarray, output: np.ndarray, runs: slice
 ) -> np.ndarray:
     """Change of the output of some runs at twice the sampling time, on the criterion's rows."""
@@ -190,7 +190,7 @@ def change_if_coarser(
     return np.where(criterion.known[:, runs], change, 0.0)
 
 
-def change_if_later(
+def simulate_later(
     part: Simulator, criterion: Criterion, output: np.ndarray, runs: slice
 ) -> np.ndarray:
     """Change of the output of some runs if all channels came later, on the criterion's rows.
@@ -217,7 +217,7 @@ class Conditional(NamedTuple):
     theta: np.ndarray
 
 
-def profile_intervals(
+def find_profile_intervals(
     model: Model, criterion: Criterion, covariance: np.ndarray
 ) -> dict[str, tuple[float, float]]:
     """95 % intervals of the parameters of effects by their full names.
@@ -240,7 +240,7 @@ def profile_intervals(
     simulator = model.simulator
     curves = tuple(f"{name}__" for name, effect in simulator.effects if effect.free_form)
     mine = [i for i, n in enumerate(simulator.names) if "__" in n and not n.startswith(curves)]
-    if not mine or not simulator.smooth or record_of_some(simulator.record) is not None:
+    if not mine or not simulator.smooth or take_some_runs(simulator.record) is not None:
         return {}
     return _Profile(model, criterion, covariance).intervals(mine)
 
@@ -251,10 +251,10 @@ class _Profile:
     def __init__(self, model: Model, criterion: Criterion, covariance: np.ndarray):
         simulator = self.simulator = model.simulator
         self.theta, self.criterion = model.theta, criterion
-        self.prior = prior_of(simulator)
+        self.prior = collect_prior(simulator)
         self.variance = sse_at(simulator, criterion, self.theta) / max(criterion.n, 1)
         known, _ = self.prior.weighing(self.variance).normal_equations(self.theta)
-        normal = normal_equations(simulator, criterion, self.theta)[0] + known
+        normal = make_normal_equations(simulator, criterion, self.theta)[0] + known
         self.alone = self.variance * scaled_inverse(normal)  # also of what is at a bound
         self.free = (self.theta > simulator.low) & (self.theta < simulator.high)
         block = np.ix_(self.free, self.free)
@@ -291,7 +291,7 @@ class _Profile:
     def _loss(self, theta: np.ndarray, held: np.ndarray) -> Conditional:
         """What is minimised, from parameters of which some are held."""
         if self.joint is not None:
-            best = joint_loss(self.simulator, theta, self.joint, held)
+            best = minimise_joint_loss(self.simulator, theta, self.joint, held)
             return Conditional(np.inf, theta) if best is None else Conditional(*best)
         prior = self.prior.weighing(self.variance)
         fit = minimise(

@@ -11,7 +11,7 @@ import numpy as np
 from .._sklearn import Interval, checked
 from ..exceptions import did_you_mean
 from ..human import ControlledElement, HumanOperator
-from ..human.operator import neuromuscular
+from ..human.operator import respond_neuromuscular
 from ..human.variation import Parameter, Sigmoid, check_positive, evaluate, mix
 
 # Table II.
@@ -84,7 +84,7 @@ def tracking_condition(name: str) -> Condition:
     if begin == end:
         return Condition(name, *begin)
     progress = Sigmoid(0.0, 1.0, rate=RATES[name], time=T_M)
-    return _mixture(name, Condition("", *begin), Condition("", *end), progress)
+    return _mix_conditions(name, Condition("", *begin), Condition("", *end), progress)
 
 
 @checked(weight=[Interval(Real, 0, 1, closed="both"), callable], name=[str, None])
@@ -123,10 +123,10 @@ def mixed_condition(
     Sigmoid(initial=0.09, final=0.07, rate=2.0, time=30.0)
     """
     one, two = (c if isinstance(c, Condition) else tracking_condition(c) for c in (first, second))
-    return _mixture(name or f"{one.name} to {two.name}", one, two, weight)
+    return _mix_conditions(name or f"{one.name} to {two.name}", one, two, weight)
 
 
-def _mixture(name: str, one: Condition, two: Condition, weight: Parameter) -> Condition:
+def _mix_conditions(name: str, one: Condition, two: Condition, weight: Parameter) -> Condition:
     a, b = one.operator, two.operator
     if a.tau_e != b.tau_e:
         raise ValueError(
@@ -295,7 +295,7 @@ class Remnant:
         s = 1j * np.asarray(omega, dtype=float)
         K_n = evaluate(self.gain, np.asarray(t, dtype=float))
         if isinstance(self.order, str):
-            return K_n * neuromuscular(s, self.omega_nm, self.zeta_nm)
+            return K_n * respond_neuromuscular(s, self.omega_nm, self.zeta_nm)
         return K_n / (self.time_constant * s + 1) ** self.order
 
     def filter_coefficients(self) -> np.ndarray:

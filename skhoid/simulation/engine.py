@@ -25,7 +25,7 @@ from ..effects.record import Record
 from ..exceptions import UnstableLoopError
 from ..human import HumanOperator, LinearElement
 from ..human.operator import PURSUIT
-from ..human.variation import Transition, as_floats, evaluate, span_of_changes
+from ..human.variation import Transition, as_floats, evaluate, find_span
 from ..interpret.arx_channel import ARXChannel
 from ..model.cores import OperatorCore
 from ..model.simulator import Simulator
@@ -144,7 +144,7 @@ def operator_response(task: CompensatoryTask) -> Delay | ARXResponse:
     return Delay.of(task) if isinstance(task.operator, HumanOperator) else ARXResponse.of(task)
 
 
-def parameters_of(task: CompensatoryTask) -> dict[str, Any]:
+def read_parameters(task: CompensatoryTask) -> dict[str, Any]:
     """Numbers and functions of time on which the loop depends."""
     element, remnant = task.controlled_element, task.remnant
     display = DISPLAYS[task.display] if isinstance(task.display, str) else task.display
@@ -160,9 +160,9 @@ def physics_rows(task: CompensatoryTask) -> tuple[np.ndarray, int]:
 
     See ``_kernels.loop``.
     """
-    parameters = parameters_of(task)
+    parameters = read_parameters(task)
     n_steps = task.n_run_in + task.n_samples
-    varies = np.array(span_of_changes(*parameters.values())) * task.sampling_rate + task.n_run_in
+    varies = np.array(find_span(*parameters.values())) * task.sampling_rate + task.n_run_in
     if varies[0] > varies[1]:  # never
         varies = np.zeros(2)
     # One more sample on each side, for parameters that jump between two.
@@ -172,7 +172,7 @@ def physics_rows(task: CompensatoryTask) -> tuple[np.ndarray, int]:
     t = (half_steps / 2 + begin - task.n_run_in) / task.sampling_rate
     # Constants stay scalars, which broadcast; parameters with one transition share its progress.
     progress: dict[Any, np.ndarray] = {}
-    p = {name: _checked_values(name, value, t, progress) for name, value in parameters.items()}
+    p = {name: _check_values(name, value, t, progress) for name, value in parameters.items()}
     _check_rate(task, p)
     rows = np.zeros((t.size, _kernels.loop.N_PHYSICS))
     rows[:, 6], rows[:, 7], rows[:, 8] = p["K_c"], p["omega_b"], p["K_n"]
@@ -189,9 +189,7 @@ def physics_rows(task: CompensatoryTask) -> tuple[np.ndarray, int]:
     return rows, begin
 
 
-def _checked_values(
-    name: str, parameter: Any, t: np.ndarray, progress: dict[Any, np.ndarray]
-) -> Any:
+def _check_values(name: str, parameter: Any, t: np.ndarray, progress: dict[Any, np.ndarray]) -> Any:
     if not callable(parameter):
         return float(parameter)
     if isinstance(parameter, Transition):
@@ -283,10 +281,10 @@ def check_effects(task: CompensatoryTask) -> None:
                 f"CompensatoryTask: {effect.name} is noise; add {effect.noise} of your own to y."
             )
         if effect.free:
-            raise _without_numbers(name, effect)
+            raise _find_unnumbered(name, effect)
 
 
-def _without_numbers(name: str, effect: Effect) -> ValueError:
+def _find_unnumbered(name: str, effect: Effect) -> ValueError:
     missing = ", ".join(f"{p.name}=" for p in effect.free)
     return ValueError(
         f"CompensatoryTask: the effect {name} needs numbers to be simulated: "
@@ -294,12 +292,10 @@ def _without_numbers(name: str, effect: Effect) -> ValueError:
     )
 
 
-def with_first_choices(
-    task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray
-) -> Effects:
+def choose_first(task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray) -> Effects:
     """The effects with open choices (form, channel) made: the first whose numbers are all given."""
     window = t[:, 0] > -0.5 / task.sampling_rate
-    record = _record(task, {n: c[window] for n, c in channels.items()}, t[window])
+    record = _make_record(task, {n: c[window] for n, c in channels.items()}, t[window])
     steps = []
     for name, effect in Effects.of(task.effects):
         reason = effect.refusal(record, OperatorCore(task.operator.tau_e).kind)
@@ -308,12 +304,12 @@ def with_first_choices(
         variants = effect.variants(record)
         known = [variant for variant in variants if not variant.free]
         if not known:
-            raise _without_numbers(name, variants[0])
+            raise _find_unnumbered(name, variants[0])
         steps.append((name, known[0]))
     return Effects(steps)
 
 
-def track_with_effects(
+def track_effects(
     task: CompensatoryTask,
     track: Callable[..., tuple[np.ndarray, np.ndarray]],
     f_t: np.ndarray,
@@ -334,7 +330,7 @@ def track_with_effects(
     if f_d.any():
         channels["dist"] = np.broadcast_to(f_d, out[0].shape)
     effects = Effects([("operator", _Operator(operator=task.operator))])
-    effects = Effects([*effects.steps, *with_first_choices(task, channels, t).steps])
+    effects = Effects([*effects.steps, *choose_first(task, channels, t).steps])
     core, ones = OperatorCore(task.operator.tau_e), np.ones(4)
 
     answer = np.zeros(out[0].shape)
@@ -343,7 +339,7 @@ def track_with_effects(
     for end in [*range(step, n_total, step), n_total]:
         shown = min(end + round(AHEAD / dt), n_total)
         for _ in range(SWEEPS):
-            record = _record(task, {n: c[:shown] for n, c in channels.items()}, t[:shown])
+            record = _make_record(task, {n: c[:shown] for n, c in channels.items()}, t[:shown])
             new = Simulator(core, effects, record).run(ones)[:end]
             change = np.abs(new - answer[:end]).max()
             answer[:end] = new
@@ -366,7 +362,7 @@ def track_with_effects(
     return out
 
 
-def _record(task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray) -> Record:
+def _make_record(task: CompensatoryTask, channels: dict[str, np.ndarray], t: np.ndarray) -> Record:
     element = task.controlled_element
     K_c, omega_b = (float(evaluate(p, np.zeros(1))[0]) for p in (element.K_c, element.omega_b))
     return Record(
@@ -471,7 +467,7 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
             f"The gain of {remnant!r} is not known yet: tune_remnant(task) returns the task with "
             "the gain for this intensity."
         )
-    kept = _kept_run_in(task, options.keep_run_in)
+    kept = _count_run_in(task, options.keep_run_in)
     first = task.n_run_in - kept
     check_memory(
         5 * int(n_runs) * (n_total - first),  # error, output, x, remnant and target
@@ -479,7 +475,7 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
     )
     given_noise = options.noise
     if given_noise is not None:
-        given_noise = _given_noise(given_noise, int(n_runs), n_total)
+        given_noise = _read_noise(given_noise, int(n_runs), n_total)
     entropy = entropy_of(options.random_state)
     response, physics = operator_response(task), physics_rows(task)
     has_effects = len(Effects.of(task.effects)) > 0
@@ -487,7 +483,7 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
         _check_stability(task, physics, response)
     filter_ = np.zeros(10) if remnant is None else remnant.filter_coefficients()
     drawn = options.random_phases
-    forcing = {name: None if drawn else _forcing(task, name) for name in STREAMS}
+    forcing = {name: None if drawn else _sample_forcing(task, name) for name in STREAMS}
 
     def block(runs: range) -> tuple[np.ndarray, ...]:
         if remnant is None:
@@ -497,17 +493,17 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
             scale = np.sqrt(rate)  # unit intensity: variance 1 / dt
             if given_noise is None:
                 for column, run in enumerate(runs):
-                    generator = _generator(entropy, options.stream, options.first_run + run)
+                    generator = _make_generator(entropy, options.stream, options.first_run + run)
                     _kernels.loop.draw(generator, scale, white, column)
             else:
                 np.multiply(given_noise[runs.start : runs.stop].T, scale, out=white)
         f_t, f_d = (
-            _drawn_forcing(task, name, entropy, runs, options.first_run)
+            _draw_forcing(task, name, entropy, runs, options.first_run)
             if shared is None
             else shared
             for name, shared in forcing.items()
         )
-        compiled = _tracker(len(runs), filter_)
+        compiled = _make_tracker(len(runs), filter_)
 
         def track(
             f_t: np.ndarray, f_d: np.ndarray, white: np.ndarray, rows: np.ndarray, begin: int = 0
@@ -523,11 +519,11 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
                 1 / rate,
                 0.0 if options.open_loop else 1.0,
                 begin,
-                np.inf if task.is_constant or has_effects else _bound(f_t, f_d),
+                np.inf if task.is_constant or has_effects else _choose_bound(f_t, f_d),
             )
 
         if has_effects:
-            out = track_with_effects(task, track, f_t, f_d, white, physics[0])[:, first:]
+            out = track_effects(task, track, f_t, f_d, white, physics[0])[:, first:]
             lost = np.full(len(runs), -1)
         else:
             out, lost = track(f_t, f_d, white, physics[0], first)
@@ -566,13 +562,13 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
     return TrackingRecord(time=time, e=e, u=u, x=x, n=n, f_t=f_t, f_d=f_d)
 
 
-def _tracker(n_runs: int, remnant: np.ndarray) -> Any:
+def _make_tracker(n_runs: int, remnant: np.ndarray) -> Any:
     """The kernel for a number of runs and a remnant filter."""
     lanes = 1 if n_runs == 1 else _kernels.loop.MANY
     return _kernels.loop.tracker(lanes, bool(remnant[8:].any()))
 
 
-def _kept_run_in(task: CompensatoryTask, keep_run_in: Any) -> int:
+def _count_run_in(task: CompensatoryTask, keep_run_in: Any) -> int:
     """Number of samples of the run-in that are returned."""
     rate = task.sampling_rate
     known = isinstance(keep_run_in, Real) and np.isfinite(float(keep_run_in))
@@ -585,17 +581,17 @@ def _kept_run_in(task: CompensatoryTask, keep_run_in: Any) -> int:
     return kept
 
 
-def _bound(f_t: np.ndarray, f_d: np.ndarray) -> float:
+def _choose_bound(f_t: np.ndarray, f_d: np.ndarray) -> float:
     """The error above which a time-varying loop is suspected to be unstable."""
     forcing = max(np.abs(f_t).max(), 100 * np.abs(f_d).max())
     return float(LOST * forcing) or UNFORCED
 
 
-def _generator(entropy: int, stream: int, run: int) -> np.random.Generator:
+def _make_generator(entropy: int, stream: int, run: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(entropy, spawn_key=(stream, run)))
 
 
-def _drawn_forcing(
+def _draw_forcing(
     task: CompensatoryTask, name: str, entropy: int, runs: range, first_run: int
 ) -> np.ndarray:
     """A forcing function with phases of its own in each run, of shape (n_total, n_runs)."""
@@ -609,12 +605,12 @@ def _drawn_forcing(
             f"{type(given).__name__}."
         )
     numbers = [first_run + run for run in runs]
-    seeds = [int(_generator(entropy, STREAMS[name], i).integers(2**31)) for i in numbers]
+    seeds = [int(_make_generator(entropy, STREAMS[name], i).integers(2**31)) for i in numbers]
     drawn = [given.with_random_phases(seed) for seed in seeds]
     return np.stack([f.sample(-task.n_run_in, n_total, task.sampling_rate) for f in drawn], axis=1)
 
 
-def _forcing(task: CompensatoryTask, name: str) -> np.ndarray:
+def _sample_forcing(task: CompensatoryTask, name: str) -> np.ndarray:
     """A forcing function on the whole grid, of shape (n_total, 1)."""
     given = getattr(task, name)
     n_total = task.n_run_in + task.n_samples
@@ -638,7 +634,7 @@ def _forcing(task: CompensatoryTask, name: str) -> np.ndarray:
     return _kernels.gate(f[:, None])
 
 
-def _given_noise(noise: Any, n_runs: int, n_total: int) -> np.ndarray:
+def _read_noise(noise: Any, n_runs: int, n_total: int) -> np.ndarray:
     noise = np.atleast_2d(as_floats(noise, "noise"))
     if noise.shape != (n_runs, n_total):
         raise ValueError(
@@ -652,7 +648,7 @@ def _given_noise(noise: Any, n_runs: int, n_total: int) -> np.ndarray:
     return noise
 
 
-def _without_remnant(
+def _remove_remnant(
     task: CompensatoryTask,
     physics: tuple[np.ndarray, int],
     response: Delay | ARXResponse,
@@ -662,7 +658,7 @@ def _without_remnant(
 ) -> tuple[np.ndarray, int]:
     """Error of a run without remnant, and roughly where it exceeds ``bound``, or -1."""
     silent = np.zeros(10)
-    (e, *_), lost = _tracker(1, silent)(
+    (e, *_), lost = _make_tracker(1, silent)(
         f_t,
         f_d,
         np.zeros_like(f_t),
@@ -686,7 +682,7 @@ def _check_stability(
         n_samples = round(patience * (60.0 + 40 * response.delay_time) * task.sampling_rate)
         pulse = np.zeros((n_samples, 1))
         pulse[0] = 1.0
-        e, _ = _without_remnant(task, physics, response, pulse, np.zeros_like(pulse), np.inf)
+        e, _ = _remove_remnant(task, physics, response, pulse, np.zeros_like(pulse), np.inf)
         third = e.size // 3
         early, late = e[third : 2 * third].max(), e[2 * third :].max()
         if late <= max(early * (1 + 1e-6), 1e-9):  # not NaN
@@ -704,8 +700,8 @@ def _check_growth(
     task: CompensatoryTask, physics: tuple[np.ndarray, int], response: Delay | ARXResponse
 ) -> None:
     """Raise if time-varying dynamics make the error large even without remnant."""
-    f_t, f_d = (_forcing(task, name) for name in STREAMS)
-    _, lost = _without_remnant(task, physics, response, f_t, f_d, _bound(f_t, f_d))
+    f_t, f_d = (_sample_forcing(task, name) for name in STREAMS)
+    _, lost = _remove_remnant(task, physics, response, f_t, f_d, _choose_bound(f_t, f_d))
     if lost >= 0:
         t = (lost - task.n_run_in) / task.sampling_rate
         raise UnstableLoopError(

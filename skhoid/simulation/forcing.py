@@ -123,7 +123,7 @@ class Multisine:
         whole = round(period)
         if abs(period - whole) > 1e-9 * period or n_samples < whole:
             return self(np.arange(first, first + n_samples) / sampling_rate)
-        return np.resize(np.roll(_one_period(self, whole), -first), n_samples)
+        return np.resize(np.roll(_sample_period(self, whole), -first), n_samples)
 
     def crest_factor(self, sampling_rate: float | None = None) -> float:
         """Peak over root mean square, in one period.
@@ -214,9 +214,11 @@ class Multisine:
                 f"Multisine.interleaved: offset must be a whole number; got {offset!r}."
             )
         multiples = tuple(n + int(offset) for n in self.multiples)
-        if shared := shared_lines(self.multiples, int(offset)):
+        if shared := find_shared_lines(self.multiples, int(offset)):
             free = next(
-                d for d in range(1, 2 + max(self.multiples)) if not shared_lines(self.multiples, d)
+                d
+                for d in range(1, 2 + max(self.multiples))
+                if not find_shared_lines(self.multiples, d)
             )
             raise ValueError(
                 f"Multisine.interleaved: with offset={offset} the lines {shared} coincide with "
@@ -228,7 +230,7 @@ class Multisine:
         return second.with_random_phases(random_state)
 
 
-def shared_lines(multiples: tuple[int, ...], offset: int) -> list[int]:
+def find_shared_lines(multiples: tuple[int, ...], offset: int) -> list[int]:
     """Lines that would fall on others when shifted."""
     return sorted({n + offset for n in multiples} & set(multiples))
 
@@ -251,5 +253,5 @@ class Samples:
 
 
 @lru_cache(maxsize=16)
-def _one_period(multisine: Multisine, n_samples: int) -> np.ndarray:
+def _sample_period(multisine: Multisine, n_samples: int) -> np.ndarray:
     return multisine(np.arange(n_samples) * (multisine.period / n_samples))

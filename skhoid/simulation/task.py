@@ -14,7 +14,7 @@ from ..effects.composition import Effects
 from ..exceptions import RemnantIntensityError
 from ..human import ControlledElement, HumanOperator
 from ..human.operator import PURSUIT
-from ..human.variation import Parameter, check_positive, evaluate, mix, transition_of
+from ..human.variation import Parameter, check_positive, evaluate, find_transition, mix
 from ..interpret.arx_channel import is_arx
 from .conditions import Condition, Remnant, tracking_condition
 from .engine import (
@@ -25,8 +25,8 @@ from .engine import (
     check_effects,
     entropy_of,
     operator_response,
-    parameters_of,
     physics_rows,
+    read_parameters,
     simulate,
 )
 from .forcing import Multisine, Samples
@@ -222,7 +222,7 @@ class CompensatoryTask:
     @property
     def is_constant(self) -> bool:
         """Whether no parameter varies over time."""
-        return not any(callable(p) for p in parameters_of(self).values())
+        return not any(callable(p) for p in read_parameters(self).values())
 
     def at(self, t: float) -> CompensatoryTask:
         """The task with its parameters at one instant.
@@ -310,7 +310,7 @@ def change_times(task: CompensatoryTask) -> tuple[float, float, float] | None:
     """
     t = np.arange(task.n_samples + 1) / task.sampling_rate
     travelled = np.zeros(task.n_samples)
-    for name, parameter in parameters_of(task).items():
+    for name, parameter in read_parameters(task).items():
         if callable(parameter) and name != "K_n":
             values = evaluate(parameter, t)
             travelled += np.abs(np.diff(values)) / (np.abs(values).max() or 1.0)
@@ -408,19 +408,19 @@ def tune_remnant(
     gains = (
         (operator.K_e, operator.T_L, operator.K_edot) if isinstance(operator, HumanOperator) else ()
     )
-    transition = transition_of(*gains, element.K_c, element.omega_b)
+    transition = find_transition(*gains, element.K_c, element.omega_b)
     gain: Any
     if remnant.intensity == 0:
         gain = 0.0
     elif transition is None:
-        gain = _constant_gain(task, n_realisations, options)
+        gain = _tune_constant(task, n_realisations, options)
     else:
-        begin, end = (_constant_gain(task.at(t), n_realisations, options) for t in (-EVER, EVER))
+        begin, end = (_tune_constant(task.at(t), n_realisations, options) for t in (-EVER, EVER))
         gain = mix(begin, end, transition)
     return replace(task, remnant=replace(remnant, intensity=None, gain=gain))
 
 
-def _constant_gain(task: CompensatoryTask, n_realisations: int, options: RunOptions) -> float:
+def _tune_constant(task: CompensatoryTask, n_realisations: int, options: RunOptions) -> float:
     assert task.remnant is not None
     wanted = task.remnant.intensity
     assert wanted is not None

@@ -160,7 +160,7 @@ def make_tracking_runs(
     """
     given = dict(locals())  # most of the options are only passed on
     check_channel_names(channels)
-    task = _tuned(task_of(condition, {name: given[name] for name in OF_TASK}), given)
+    task = _tune(task_of(condition, {name: given[name] for name in OF_TASK}), given)
     record = task.simulate(n_runs, **{name: given[name] for name in OF_SIMULATION})
     of_thesis = isinstance(condition, str) and target is None  # Tables I and II
     X, y = frames_of(record, channels, "deg" if of_thesis else None)
@@ -177,7 +177,7 @@ def check_channel_names(channels: Any) -> None:
         )
 
 
-def _tuned(task: CompensatoryTask, given: Mapping[str, Any]) -> CompensatoryTask:
+def _tune(task: CompensatoryTask, given: Mapping[str, Any]) -> CompensatoryTask:
     """The task with the gain of its remnant."""
     if task.remnant is None or task.remnant.gain is not None:
         return task
@@ -192,7 +192,7 @@ def task_of(
         name: parameter.default
         for name, parameter in signature(make_tracking_runs).parameters.items()
     }
-    given = {name: value for name, value in given.items() if not _is(value, defaults[name])}
+    given = {name: value for name, value in given.items() if not _is_default(value, defaults[name])}
     of_task = {name: value for name, value in given.items() if name not in CHANGES}
     if not isinstance(condition, CompensatoryTask):
         task = CompensatoryTask.of_condition(condition, **of_task)
@@ -204,9 +204,9 @@ def task_of(
     else:
         task = condition
     lag, perturbation = given.get("adaptation_lag", 0.0), given.get("perturbation")
-    task = _adapted(task, lag, dict(perturbation or {}))
+    task = _adapt(task, lag, dict(perturbation or {}))
     remnant = [given.get(name, defaults[name]) for name in REMNANT]
-    return _with_remnant(task, condition, *remnant)
+    return _set_remnant(task, condition, *remnant)
 
 
 def frames_of(
@@ -214,9 +214,9 @@ def frames_of(
 ) -> tuple[pd.DataFrame, pd.Series]:
     """X and y of simulated runs."""
     n_runs = len(record.u)
-    index = _index(record)
+    index = _make_index(record)
     X = pd.DataFrame(
-        {c: _rows(getattr(record, CHANNELS[c]), n_runs) for c in channels}, index=index
+        {c: _repeat_rows(getattr(record, CHANNELS[c]), n_runs) for c in channels}, index=index
     )
     y = pd.Series(record.u.ravel(), index=index, name="u")
     if unit is not None:
@@ -225,19 +225,19 @@ def frames_of(
     return X, y
 
 
-def _index(record: TrackingRecord) -> pd.MultiIndex:
+def _make_index(record: TrackingRecord) -> pd.MultiIndex:
     return pd.MultiIndex.from_product([range(len(record.u)), record.time], names=["run", "time"])
 
 
-def _is(value: Any, default: Any) -> bool:
+def _is_default(value: Any, default: Any) -> bool:
     return value is default or (np.isscalar(value) and value == default)
 
 
-def _rows(signal: np.ndarray, n_runs: int) -> np.ndarray:
+def _repeat_rows(signal: np.ndarray, n_runs: int) -> np.ndarray:
     return np.broadcast_to(signal, (n_runs, signal.shape[1])).ravel()
 
 
-def _adapted(
+def _adapt(
     task: CompensatoryTask, lag: Any, perturbation: dict[str, Parameter]
 ) -> CompensatoryTask:
     """The operator with its parameters lagging the controlled element's, or perturbed."""
@@ -266,7 +266,7 @@ def _adapted(
     return replace(task, operator=replace(operator, **changed))
 
 
-def _with_remnant(
+def _set_remnant(
     task: CompensatoryTask,
     condition: Any,
     intensity: float,
@@ -299,7 +299,7 @@ def _with_remnant(
 
 def truth_of(task: CompensatoryTask, record: TrackingRecord) -> Bunch:
     """What is behind simulated runs; see :func:`make_tracking_runs`."""
-    index = _index(record)
+    index = _make_index(record)
     t = pd.Index(record.time, name="time")
     element, operator, remnant = task.controlled_element, task.operator, task.remnant
     truth = Bunch(

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from skhoid.interpret.conversion import OperatorUnderHold
-from skhoid.interpret.response_fit import ResponseFit, stacked
+from skhoid.interpret.response_fit import ResponseFit, stack_parts
 from skhoid.tracking.wavelet_operator import SampledOperator
 
 OMEGA = np.geomspace(0.3, 18, 12)
@@ -31,7 +31,7 @@ def fit_of(model):
 @pytest.mark.parametrize("model", MODELS)
 def test_slopes_are_derivatives(model):
     fit = fit_of(model)
-    slopes = stacked(fit.weight[..., None] * model.slopes(TRUE), axis=1)
+    slopes = stack_parts(fit.weight[..., None] * model.slopes(TRUE), axis=1)
     for i, step in enumerate(1e-6 * np.eye(5)):
         difference = (fit.residuals(TRUE - step) - fit.residuals(TRUE + step)) / 2e-6
         np.testing.assert_allclose(slopes[:, :, i], difference, atol=1e-5)

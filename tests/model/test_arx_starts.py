@@ -8,7 +8,7 @@ from support.places import RECORDINGS
 
 from skhoid import ARXRegressor, OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import Effect
-from skhoid.model.arx_starts import arx_starts, spread_poles
+from skhoid.model.arx_starts import draw_spread_poles, find_arx_starts
 from skhoid.model.cores import ARXCore
 from skhoid.model.fitting import Criterion
 from skhoid.model.simulator import Effects, Simulator
@@ -46,7 +46,7 @@ def test_fit_is_never_worse_than_its_starts(seed):
     X, y = stiff(seed)
     model = SimulatedARX(2, 3, 0, dt=0.01, initial="rest")
     prepared = model.prepare(X, y)
-    starts = arx_starts(prepared.core, prepared.record, prepared.record.input, 5)
+    starts = find_arx_starts(prepared.core, prepared.record, prepared.record.input, 5)
     by_one_step = ARXRegressor(2, 3, 0, dt=0.01).fit(X, y).coef_
     fitted = model.first_fit(prepared)
     assert fitted.sse <= min(errors_of(prepared, [*starts, by_one_step]))
@@ -59,13 +59,13 @@ def test_fit_is_never_worse_than_its_starts(seed):
 def test_spread_poles_are_stable_and_the_same_each_time(na):
     prepared = SimulatedARX(na, 2, 0, dt=0.01).prepare(*stiff(0))
     core = ARXCore(na, 2, 0)
-    found = spread_poles(core, prepared.record, 24)
+    found = draw_spread_poles(core, prepared.record, 24)
     poles = np.abs([np.roots(np.r_[1.0, a]) for a in found])
     assert poles.shape == (24, na)
     assert poles.max() <= 0.999 + 1e-9
     assert poles.min() < 0.5 < 0.95 < poles.max()
-    np.testing.assert_array_equal(found, spread_poles(core, prepared.record, 24))
-    assert spread_poles(core, prepared.record, 0) == []
+    np.testing.assert_array_equal(found, draw_spread_poles(core, prepared.record, 24))
+    assert draw_spread_poles(core, prepared.record, 0) == []
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])

@@ -9,7 +9,7 @@ from support.hidden_disturbance import tracked
 
 from skhoid import ControlledElement, LinearElement
 from skhoid.effects.record import Record
-from skhoid.model.element import element_estimate, given_element
+from skhoid.model.element import adopt_element, search_element
 
 
 def without(record, *names):
@@ -28,20 +28,20 @@ def without(record, *names):
 )
 def test_a_hidden_disturbance_does_not_bias_it(text, constants, within):
     record = tracked(text, rate=60, direct=True, seed=1)
-    hidden = element_estimate(without(record, "dist"))
+    hidden = search_element(without(record, "dist"))
     assert hidden.instruments
     assert len(hidden.constants) == len(constants)
     assert (np.abs(hidden.constants - constants) < within).all()
     assert (np.abs(hidden.constants - constants) < 4 * hidden.sd).all()
     assert hidden.element.direct
-    known = element_estimate(record)
+    known = search_element(record)
     np.testing.assert_allclose(known.constants, constants, rtol=2e-3)
     assert known.disturbance == "dist"
 
 
 def test_fast_motion_tells_the_gain_without_the_target():
     """Least squares on integrals alone gives 0.86: u answers the disturbance."""
-    blind = element_estimate(without(tracked("1/s"), "dist", "f_t"))
+    blind = search_element(without(tracked("1/s"), "dist", "f_t"))
     assert not blind.instruments
     assert blind.constants[0] == pytest.approx(1.0, abs=0.05)
 
@@ -62,7 +62,7 @@ def test_forms_in_an_open_loop(text, dt):
     record = Record(
         dt, t, {"e": target - x, "x": x}, {"e": "e", "x": "x"}, ("e",), np.ones(x.shape, bool), u
     )
-    found = element_estimate(record).element
+    found = search_element(record).element
     slower = dt * 60
     assert found.order == true.order
     omega = np.array([0.5, 2.0, 6.0])
@@ -76,8 +76,8 @@ def test_what_does_not_answer_the_output_has_no_element():
     rng = np.random.default_rng(1)
     walk = lfilter([1.0], [1.0, -0.99], rng.standard_normal(record.y.shape), axis=0)
     channels = {"e": record.channels["e"], "x": walk}
-    assert element_estimate(replace(record, channels=channels, roles={"e": "e", "x": "x"})) is None
-    assert element_estimate(without(record, "x")) is None
+    assert search_element(replace(record, channels=channels, roles={"e": "e", "x": "x"})) is None
+    assert search_element(without(record, "x")) is None
 
 
 @pytest.mark.parametrize("x", [2.0, 1e-30, "parabola"])
@@ -85,13 +85,13 @@ def test_what_rests_has_no_element(x):
     record = tracked("1/s", runs=2)
     at_rest = record.t**2 - 1e3 if x == "parabola" else x
     channels = {"e": record.channels["e"], "x": np.zeros_like(record.y) + at_rest}
-    assert element_estimate(replace(record, channels=channels, roles={"e": "e", "x": "x"})) is None
+    assert search_element(replace(record, channels=channels, roles={"e": "e", "x": "x"})) is None
 
 
 @pytest.mark.parametrize("direct", [False, True])
 def test_a_given_element_gets_the_timing_of_the_data(direct):
     record = without(tracked("1/(s(s+1))", direct=direct, runs=2), "dist")
-    assert given_element("1/(s(s+1))", record).direct == direct
-    assert given_element(ControlledElement(1.0, 1.0), record).direct == direct
+    assert adopt_element("1/(s(s+1))", record).direct == direct
+    assert adopt_element(ControlledElement(1.0, 1.0), record).direct == direct
     # A wrong element says nothing about samples.
-    assert not given_element("30/(s(s+1))", record).direct
+    assert not adopt_element("30/(s(s+1))", record).direct

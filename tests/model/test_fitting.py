@@ -7,13 +7,13 @@ import pytest
 
 from skhoid.model import fitting
 from skhoid.model.cores import Prior
-from skhoid.model.fitting import AR_ORDER, remnant_model
+from skhoid.model.fitting import AR_ORDER, fit_remnant
 
 
 @pytest.mark.parametrize("known", [True, False])
 def test_nothing_left_is_white(known):
     residual = np.zeros((64, 2)) if known else np.random.default_rng(0).standard_normal((64, 2))
-    model = remnant_model(residual, np.full((64, 2), known))
+    model = fit_remnant(residual, np.full((64, 2), known))
     np.testing.assert_array_equal(model.scale, [1.0, 1.0])
     assert model.ar.shape == (AR_ORDER,)
     assert known == (not model.ar.any())
@@ -32,7 +32,7 @@ def test_where_a_bound_cuts_a_step_short_shorter_ones_are_tried(exact, monkeypat
         return normal, normal @ (best - theta)
 
     monkeypatch.setattr(fitting, "sse_at", sse_at)
-    monkeypatch.setattr(fitting, "normal_equations", normal_equations)
+    monkeypatch.setattr(fitting, "make_normal_equations", normal_equations)
     start, known = np.array([0.1, 0.0]), SimpleNamespace(n=10)
     assert sse_at(None, None, np.clip(best, 0.0, 10.0)) > sse_at(None, None, start)
     fit = fitting.minimise(simulator, known, start, prior=Prior(), max_iter=50)

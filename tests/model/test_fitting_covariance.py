@@ -8,7 +8,12 @@ import pytest
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import Quantised
 from skhoid.model.fitting import Criterion, RemnantModel
-from skhoid.model.uncertainty import UNKNOWN_DELAY, by_noise, change_if_later, covariance_of
+from skhoid.model.uncertainty import (
+    UNKNOWN_DELAY,
+    covariance_of,
+    differentiate_by_noise,
+    simulate_later,
+)
 
 ALL = slice(None)
 
@@ -27,7 +32,7 @@ def fitted():
 def test_derivatives_by_the_noise_model_are_differences(fitted):
     model, criterion = fitted
     residual = criterion.residual(model.output)
-    found = by_noise(criterion, model.output, ALL)
+    found = differentiate_by_noise(criterion, model.output, ALL)
     here = criterion.whitened(residual[None])[0]
     for i, row in enumerate(found):
         ar = criterion.noise.ar.copy()
@@ -39,7 +44,7 @@ def test_derivatives_by_the_noise_model_are_differences(fitted):
 def test_later_channels_are_as_a_longer_delay(fitted):
     model, criterion = fitted
     simulator = model.simulator
-    change = change_if_later(simulator, criterion, model.output, ALL)
+    change = simulate_later(simulator, criterion, model.output, ALL)
     later = model.theta.copy()
     dt = simulator.record.dt
     later[simulator.names.index("tau_e")] += UNKNOWN_DELAY * dt

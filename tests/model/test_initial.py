@@ -14,7 +14,7 @@ from skhoid import (
     make_tracking_runs,
     vaf_score,
 )
-from skhoid.model.initial import fitted_states, free_responses
+from skhoid.model.initial import fit_states, make_free_responses
 
 
 def furnace(level=900.0, seed=0):
@@ -128,8 +128,8 @@ def test_operator_at_rest_stays_so():
 def test_states_are_those_of_the_difference_equation():
     a = np.array([1.0, -1.6, 0.7])
     free = lfilter([1.0, 0.4], a, np.eye(1, 200).ravel())
-    responses = free_responses(a, 200)
+    responses = make_free_responses(a, 200)
     known = np.ones((200, 1), dtype=bool)
-    amounts = fitted_states(responses, free[:, None], known)
+    amounts = fit_states(responses, free[:, None], known)
     np.testing.assert_allclose((responses @ amounts).ravel(), free, atol=1e-5)
     np.testing.assert_allclose(responses.T @ responses, np.eye(2), atol=1e-12)

@@ -7,11 +7,11 @@ from support.person_in_loop import Person, pursued
 
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import Feedforward
-from skhoid.model.fitting import AR_ORDER, Criterion, normal_equations
+from skhoid.model.fitting import AR_ORDER, Criterion, make_normal_equations
 from skhoid.model.likelihood import (
     TOLERATED,
-    autoregression,
-    joint_fit,
+    fit_autoregression,
+    fit_jointly,
     likelihood_fit,
 )
 
@@ -26,7 +26,7 @@ def coloured(n=4000, runs=3, seed=0):
 
 def test_autoregression_recovers_a_known_process():
     residual, ar = coloured()
-    found = autoregression(residual, np.ones(residual.shape, dtype=bool))
+    found = fit_autoregression(residual, np.ones(residual.shape, dtype=bool))
     assert found.ar.size == AR_ORDER == ar.size
     np.testing.assert_allclose(found.ar, ar, atol=0.06)
     np.testing.assert_array_equal(found.scale, 1.0)
@@ -36,9 +36,9 @@ def test_autoregression_reads_no_unknown_rows():
     residual, ar = coloured(seed=1)
     known = np.ones(residual.shape, dtype=bool)
     known[:500, 0] = known[1000:1200, 1] = known[3000:, 2] = False
-    expected = autoregression(residual, known)
+    expected = fit_autoregression(residual, known)
     other = np.where(known, residual, 1e3)
-    np.testing.assert_array_equal(autoregression(other, known).ar, expected.ar)
+    np.testing.assert_array_equal(fit_autoregression(other, known).ar, expected.ar)
     np.testing.assert_allclose(expected.ar, ar, atol=0.08)
 
 
@@ -58,7 +58,7 @@ def fitted():
 def test_joint_fit_is_no_worse_a_simulation_than_is_tolerated(fitted):
     model, _ = fitted
     plain = Criterion(model.simulator.record)
-    theta, _ = joint_fit(model)
+    theta, _ = fit_jointly(model)
     least = plain.sse(model.output)
     assert least <= plain.sse(model.simulator.run(theta)) <= TOLERATED * least
     low, high = model.simulator.low, model.simulator.high
@@ -73,7 +73,7 @@ def test_likelihood_fit_has_the_noise_model_of_its_residual(fitted):
     np.testing.assert_allclose(noise.ar, expected.ar)
     assert found.sse == pytest.approx(criterion.sse(found.output))
     assert found.fit.n == criterion.n
-    normal, gradient = normal_equations(found.simulator, criterion, found.theta)
+    normal, gradient = make_normal_equations(found.simulator, criterion, found.theta)
     np.testing.assert_allclose(found.fit.normal, normal)
     np.testing.assert_allclose(found.fit.gradient, gradient)
 
@@ -81,7 +81,7 @@ def test_likelihood_fit_has_the_noise_model_of_its_residual(fitted):
 def test_gain_on_the_error_rate_that_nobody_needs_is_zero(fitted):
     model, person = fitted
     assert person.K_edot == 0
-    found = dict(zip(model.simulator.names, joint_fit(model)[0], strict=True))
+    found = dict(zip(model.simulator.names, fit_jointly(model)[0], strict=True))
     assert found["K_edot"] == 0
     assert found["K_e"] == pytest.approx(person.K_e, rel=0.2)
 

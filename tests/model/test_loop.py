@@ -18,9 +18,9 @@ from skhoid.model.loop import (
     SAME,
     Loop,
     LoopSimulator,
+    choose_pulse_response,
     drawn,
     loop_of,
-    pulse_response,
 )
 from skhoid.model.simulator import Simulator
 
@@ -251,7 +251,7 @@ def test_pulse_response_finds_what_the_output_does_between_samples(kind, step):
     if step:
         x = step * x.std() * np.round(x / (step * x.std()))
     channels = {**world.record.channels, "x": x}
-    found = pulse_response(element, without(world.record, channels=channels), 150)
+    found = choose_pulse_response(element, without(world.record, channels=channels), 150)
     np.testing.assert_array_equal(found[0], b)
 
 

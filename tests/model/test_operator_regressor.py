@@ -38,7 +38,7 @@ from skhoid.effects import (
     Quantised,
     WrongDelay,
 )
-from skhoid.model.fitting import Criterion, rescaled
+from skhoid.model.fitting import Criterion, rescale
 from skhoid.model.simulator import Simulator
 
 # Table II and Appendix D.
@@ -468,6 +468,6 @@ def test_the_scale_of_a_jagged_response_is_solved_for(runs):
     simulator.record.y[:] = simulator.run(true)
     off = true * [1.1, 1.1, 1, 1, 1.1, 1]
     criterion = Criterion(simulator.record)
-    theta, sse = rescaled(simulator, criterion, off, criterion.sse(simulator.run(off)))
+    theta, sse = rescale(simulator, criterion, off, criterion.sse(simulator.run(off)))
     np.testing.assert_allclose(theta, true, rtol=1e-9)
     assert sse < 1e-12 * criterion.power

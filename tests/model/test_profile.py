@@ -6,8 +6,8 @@ import pytest
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import GainDrift, HardeningStiffness
 from skhoid.model.fitting import Criterion
-from skhoid.model.likelihood import likelihood_fit, prior_of
-from skhoid.model.uncertainty import CHI2_95, NEAR, _Profile, covariance_of, profile_intervals
+from skhoid.model.likelihood import collect_prior, likelihood_fit
+from skhoid.model.uncertainty import CHI2_95, NEAR, _Profile, covariance_of, find_profile_intervals
 
 pytestmark = pytest.mark.slow  # fits many models
 
@@ -22,7 +22,9 @@ def fit_of(X, y, effect):
     prepared = estimator.prepare(X, y)
     model, noise = likelihood_fit(estimator.first_fit(prepared), Criterion(prepared.record))
     criterion = Criterion(prepared.record, noise)
-    covariance = covariance_of(model.simulator, criterion, model.fit, prior_of(model.simulator))
+    covariance = covariance_of(
+        model.simulator, criterion, model.fit, collect_prior(model.simulator)
+    )
     return model, criterion, covariance
 
 
@@ -44,7 +46,7 @@ def test_ends_are_where_the_deviance_is_that_of_the_interval(drifting):
 
 def test_a_normal_likelihood_has_the_interval_of_the_standard_error(drifting):
     model, criterion, covariance = drifting
-    found = profile_intervals(model, criterion, covariance)
+    found = find_profile_intervals(model, criterion, covariance)
     i = model.simulator.names.index("gain_drift__rate")
     sd = np.sqrt(covariance[i, i])
     assert found["gain_drift__rate"] == pytest.approx(

@@ -7,7 +7,7 @@ from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import CubicGain, FreeMap
 from skhoid.model.extend import extended
 from skhoid.model.fitting import Criterion
-from skhoid.model.smoothing import change_if_rougher, in_detail, posterior_of, with_spreads
+from skhoid.model.smoothing import change_if_rougher, in_detail, posterior_of, set_spreads
 
 
 def with_map(effects, spread=None, seed=0):
@@ -76,7 +76,7 @@ def test_a_curve_moves_as_said_if_it_may_be_rougher(bent):
     """Twin: fitted with a spread that is ten times as large."""
     model, criterion = under_its_noise(bent)
     spread = dict(model.effects.steps)["map"].spread
-    rougher = with_spreads(model, {"map": (10 * spread, spread)})
+    rougher = set_spreads(model, {"map": (10 * spread, spread)})
     found = rougher.refined(criterion, max_iter=40, tol=1e-9).theta - model.theta
     said = change_if_rougher(model, "map", criterion)
     own = [i for i, name in enumerate(model.simulator.names) if name.startswith("map__")]

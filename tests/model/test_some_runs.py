@@ -9,10 +9,10 @@ from skhoid.model import fitting as module
 from skhoid.model.cores import OperatorCore
 from skhoid.model.fitting import (
     Criterion,
+    find_residual,
     minimise,
-    record_of_some,
-    residual_at,
     some_runs,
+    take_some_runs,
     whitened_derivatives,
 )
 from skhoid.model.simulator import Simulator
@@ -62,7 +62,7 @@ def test_a_few_runs_at_a_time_make_the_same_output_and_derivatives(
     assert [runs.stop - runs.start for runs, _ in apart.parts()] == [3, 3, 1]
     np.testing.assert_array_equal(apart.run(theta), expected[0])
     np.testing.assert_array_equal(
-        residual_at(apart, criterion, theta), criterion.residual(expected[0])
+        find_residual(apart, criterion, theta), criterion.residual(expected[0])
     )
     np.testing.assert_array_equal(whitened_derivatives(apart, criterion, theta), expected[1])
     again = minimise(apart, criterion, theta, max_iter=2)
@@ -114,4 +114,4 @@ def test_all_runs_decide_where_the_minimum_is_and_are_simulated_less(monkeypatch
     assert by_some.n_rows_used_ == of_all.n_rows_used_
     some = OperatorRegressor(settling=1.0).prepare(*data).record
     monkeypatch.setattr(module, "MOST_ROWS", 2000)
-    assert record_of_some(some).n_runs == 2
+    assert take_some_runs(some).n_runs == 2

@@ -6,7 +6,7 @@ import pytest
 from support.person_in_loop import pursued
 
 from skhoid import OperatorRegressor
-from skhoid.model.parameters import difference_notes, that_differ
+from skhoid.model.parameters import difference_notes, find_differing
 
 NAN = np.nan
 
@@ -35,12 +35,12 @@ def row(value, sd=0.01):
 )
 def test_what_differs(one, other, differ):
     names = ["tau_e"] if differ else []
-    assert that_differ(table(tau_e=one), table(tau_e=other)) == names
-    assert that_differ(table(tau_e=other), table(tau_e=one)) == names
+    assert find_differing(table(tau_e=one), table(tau_e=other)) == names
+    assert find_differing(table(tau_e=other), table(tau_e=one)) == names
 
 
 def test_only_the_core_is_compared():
-    assert that_differ(table(bias__level=row(0.1)), table(bias__level=row(0.5))) == []
+    assert find_differing(table(bias__level=row(0.1)), table(bias__level=row(0.5))) == []
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def person():
 def test_both_are_shown_where_the_loop_biases_one(person):
     _, _, truth, model = person
     likelihood, least_error = model.parameters_, model.simulation_parameters_
-    assert "tau_e" in that_differ(likelihood, least_error)
+    assert "tau_e" in find_differing(likelihood, least_error)
     off = abs(least_error["value"]["tau_e"] - truth.tau_e)
     assert abs(likelihood["value"]["tau_e"] - truth.tau_e) < off / 2
     (note,) = difference_notes(likelihood, least_error)
