@@ -1,4 +1,3 @@
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy.stats import norm
@@ -135,15 +134,6 @@ def test_open_loop_without_crossover_says_so(operator):
     assert "no crossover" in legend_texts(display)[-1]
 
 
-def test_given_axes_are_used(operator):
-    figure, axes = plt.subplots(2)
-    display = BodeDisplay.from_responses(operator, ax=axes)
-    assert display.figure_ is figure
-    assert list(display.axes_) == list(axes)
-    with pytest.raises(ValueError, match="needs 2: magnitude and phase"):
-        display.plot(axes[0])
-
-
 def test_lost_lines_leave_gaps(operator):
     holed = FrequencyResponse(LINES, [np.nan, 1.0, 1j, np.nan, -1.0])
     display = BodeDisplay.from_responses({"holed": holed, "model": operator})
@@ -156,23 +146,3 @@ def test_lost_lines_leave_gaps(operator):
     ]
     everything_lost = FrequencyResponse(LINES, np.full(5, np.nan))
     BodeDisplay.from_responses({"lost": everything_lost})
-
-
-def test_wrong_arguments_are_refused(operator):
-    with pytest.raises(ValueError, match="say view='open_loop'"):
-        BodeDisplay.from_responses(operator, controlled_element=ControlledElement())
-    with pytest.raises(ValueError, match="view must be"):
-        BodeDisplay.from_responses(operator, view="nyquist")
-    with pytest.raises(ValueError, match="confidence"):
-        BodeDisplay.from_responses(operator, confidence=95)
-    with pytest.raises(TypeError, match="'operator' is a HumanOperator"):
-        BodeDisplay.from_responses({"operator": HumanOperator()})
-    with pytest.raises(ValueError, match="no responses"):
-        BodeDisplay.from_responses([])
-
-
-def test_models_to_compare_with_are_evaluated(model):
-    display = BodeDisplay.from_estimator(model, compare={"true": HumanOperator()})
-    line = display.magnitude_["true"]
-    expected = np.abs(HumanOperator().frequency_response(line.get_xdata()))
-    np.testing.assert_allclose(line.get_ydata(), expected)

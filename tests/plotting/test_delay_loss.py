@@ -46,19 +46,6 @@ def test_line_is_the_loss_over_the_delay(data):
     assert display.band_ is None
 
 
-def test_upper_axis_counts_samples(data):
-    display = DelayLossDisplay.from_estimator(search_of(data, nk=range(1, 11)))
-    display.figure_.canvas.draw()
-    low, high = display.ax_.get_xlim()
-    np.testing.assert_allclose(display.samples_ax_.get_xlim(), [low / DT, high / DT])
-    assert display.samples_ax_.get_xlabel() == "delay, samples"
-
-
-def test_unit_is_squared(data):
-    display = DelayLossDisplay.from_estimator(search_of(data, nk=[5]), unit="deg")
-    assert display.ax_.get_ylabel() == "mean squared one-step error, deg²"
-
-
 def test_band_spans_one_standard_deviation_over_folds(data):
     search = search_of(data, nk=[4, 5, 6], criterion="vaf")
     display = DelayLossDisplay.from_estimator(search)
@@ -70,13 +57,6 @@ def test_band_spans_one_standard_deviation_over_folds(data):
     assert display.ax_.get_ylabel() == "100 − cross-validated VAF, %"
     texts = legend_texts(display)
     assert "± 1 standard deviation over 3 folds" in texts
-
-
-def test_single_fold_has_no_band(data):
-    X, y = data
-    one = X.index.get_level_values("run") == 1
-    search = search_of((X[one], y[one]), nk=[4, 5, 6], criterion="vaf")
-    assert DelayLossDisplay.from_estimator(search).band_ is None
 
 
 def test_worthless_models_lie_off_the_plot():
@@ -107,12 +87,6 @@ def test_unsorted_candidates_and_missing_losses():
     np.testing.assert_array_equal(display.best_.get_xdata(), [1.5])
 
 
-def test_single_candidate(data):
-    display = DelayLossDisplay.from_estimator(search_of(data, nk=[1]))
-    display.figure_.canvas.draw()
-    assert display.ax_.get_title() == "Best delay: 0.02 s, 1 sample"
-
-
 def test_decimated_pipeline_counts_samples_of_the_model(data):
     pipe = make_pipeline(Decimator(2, padding="odd"), ARXRegressor(na=1, nb=2))
     search = search_of(data, estimator=pipe, nk=range(1, 6))
@@ -131,12 +105,6 @@ def test_several_inputs_with_delays_of_their_own(data):
     assert names == ["(4, 1)", "(5, 2)", "(6, 2)"]
     assert display.samples_ax_ is None
     assert display.ax_.get_title() == "Best delays: (0.1, 0.04) s, (5, 2) samples"
-
-
-def test_several_inputs_with_one_delay(data):
-    search = search_of(data, columns=("a", "b"), nk=[(2, 2), (3, 3)])
-    display = DelayLossDisplay.from_estimator(search)
-    np.testing.assert_allclose(display.line_.get_xdata(), [2 * DT, 3 * DT])
 
 
 def test_delay_over_time(data):

@@ -15,7 +15,7 @@ from skhoid.plotting import ROLES, SimulationDisplay
 
 DARK = mpl.style.library["dark_background"]
 WORDS = {role.word: role for role in ROLES.values()}
-QUICK = ("path", "forest", "SimulationDisplay", "EnsembleDisplay")
+QUICK = ("TournamentDisplay", "forest", "SimulationDisplay", "EnsembleDisplay")
 every_picture = pytest.mark.parametrize(("name", "kind"), PICTURES)
 SOME_AT_ONCE = [
     pytest.param(name, kind, marks=[] if {name, kind} & {*QUICK} else pytest.mark.slow)

@@ -13,7 +13,6 @@ import pandas as pd
 import pytest
 from matplotlib.text import Text
 from sklearn.exceptions import NotFittedError
-from support.plot_checks import covers_nothing
 
 from skhoid import OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import (
@@ -206,16 +205,14 @@ def test_maps_are_what_apply_makes(effect, formula, with_runs, baseline, runs):
     assert display.ax_.get_title().lower().startswith(title_of(effect.name))
 
 
-@pytest.mark.parametrize("with_runs", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("effect", "kind"), OTHERS.items(), ids=[f"{e.name}" for e in OTHERS])
-def test_effects_are_drawn_by_what_they_answer(effect, kind, with_runs, baseline, runs):
+def test_effects_are_drawn_by_what_they_answer(effect, kind, baseline, runs):
     model = with_found(baseline, completed(effect), sd=0.05)
-    display = EffectDisplay.from_estimator(model, X=runs[0] if with_runs else None, n_draws=20)
+    display = EffectDisplay.from_estimator(model, X=runs[0], n_draws=20)
     assert display.curves.kind == kind
     assert set(display.bands_) == set(display.lines_) != set()
     for line in display.lines_.values():
         assert np.isfinite(line.get_ydata()).all()
-    covers_nothing(display)
 
 
 def test_levels_are_steps(baseline, runs):
@@ -247,12 +244,6 @@ def test_draws_keep_to_the_bounds(baseline, runs):
     curve = next(iter(display.curves.curves.values()))
     early = curve.x < 30.0
     np.testing.assert_allclose(curve.low[early], 1.0, atol=0.02)
-
-
-def test_parameters_at_a_bound_have_no_band(baseline, runs):
-    model = with_found(baseline, DeadZone(width=0.3, form="gap"))
-    model.covariance_.loc[:, :] = np.nan
-    assert EffectDisplay.from_estimator(model, X=runs[0]).bands_ == {}
 
 
 def test_density_is_that_of_the_runs(baseline, runs):
@@ -346,19 +337,6 @@ def test_which_effect(baseline, runs):
         EffectDisplay.from_estimator(OperatorRegressor())
 
 
-def test_axes_of_the_effect(baseline, runs):
-    model = with_found(baseline, DeadZone(width=0.3, form="gap"))
-    _, ax = plt.subplots()
-    display = EffectDisplay.from_estimator(model, X=runs[0], ax=ax)
-    assert display.ax_ is ax
-    assert display.density_ is None
-    _, axes = plt.subplots(2)
-    display = EffectDisplay.from_estimator(model, X=runs[0], ax=axes)
-    assert display.density_ is not None
-    with pytest.raises(ValueError, match="this plot needs"):
-        display.plot(plt.subplots(3)[1])
-
-
 def test_of_a_fitted_model(runs):
     """Numbers that come out of a fit, not out of this file."""
     X, y = runs
@@ -441,20 +419,3 @@ def machine():
         y.iloc[k] = 0.8 * y.iloc[k - 1] + 0.8 * force[k]
     X.attrs["units"], y.attrs["units"] = {"force": "N"}, {"velocity": "m/s"}
     return SimulatedARX(1, 1, inputs=["force"], effects=Bias(level=0.0)).fit(X, y), X
-
-
-@pytest.mark.parametrize(
-    ("effect", "drawn"), IN_MACHINES.items(), ids=[str(e) for e in IN_MACHINES]
-)
-def test_effects_of_machines(effect, drawn, machine):
-    model, X = machine
-    found = copy.copy(model)
-    found.effects_ = Effects.of(effect)
-    kind, formula = drawn
-    display = EffectDisplay.from_estimator(found, effect.name, X=X, n_draws=0)
-    assert display.curves.kind == kind
-    (line,) = display.lines_.values()
-    x, y = line.get_data()
-    assert np.ptp(y) > 0
-    if formula is not None:
-        np.testing.assert_allclose(y, formula(x), rtol=1e-4, atol=1e-3)

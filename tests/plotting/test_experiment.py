@@ -126,24 +126,6 @@ def test_rows_share_limits_and_count_what_is_outside():
     assert display.notes_["b0", "B"].get_text() == f"{int(wild.sum())} of 600 outside"
 
 
-def test_stretches_and_levels_without_estimates():
-    tables = made_up()
-    paths = tables["paths"]
-    tables["paths"] = paths.assign(b0=paths["b0"].where(paths["time"] > 5))
-    display = EnsembleDisplay.from_result(result_of(tables))
-    assert {form for *_, form in display.batch_} == {"ini"}
-    covers_nothing(display)
-    tables["paths"] = paths.assign(b0=np.nan)
-    tables["batch"] = tables["batch"].assign(b0=np.nan)
-    covers_nothing(EnsembleDisplay.from_result(result_of(tables)))
-
-
-def test_many_runs_share_a_name():
-    display = EnsembleDisplay.from_result(result_of(made_up(runs=range(12))))
-    assert legend_of(display)[0] == "single runs"
-    assert len(display.singles_["b0", "A"]) == 12
-
-
 def test_refusals(result):
     with pytest.raises(ValueError, match="condition must be one of 'C4'; got 'C1'"):
         result.plot("C1")

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LinearRegression
 from sklearn.pipeline import make_pipeline
@@ -31,12 +30,6 @@ def test_weights_of_constant_factors():
     assert panel.get_xlabel() == "age $t - k$, samples"
     assert panel.get_ylabel() == r"weight $\beta(t, k)$"
     assert display.seconds_ax_ is None
-
-
-def test_one_factor():
-    display = ForgettingProfileDisplay.from_factors(0.95, n_samples=10)
-    (line,) = display.lines_.values()
-    np.testing.assert_allclose(line.get_ydata(), 0.95 ** np.arange(10))
 
 
 def test_weights_of_a_factor_over_time():
@@ -74,12 +67,6 @@ def test_factor_over_time_covers_a_part_of_the_curve():
     np.testing.assert_allclose(part[:, 1], 1 / (1 - part[:, 0]))
 
 
-def test_only_infinite_memory():
-    display = ForgettingProfileDisplay.from_factors(1.0)
-    np.testing.assert_array_equal(display.weights["λ = 1"], 1.0)
-    display.figure_.canvas.draw()
-
-
 def test_model_with_one_factor(data):
     display = ForgettingProfileDisplay.from_estimator(recursive(data, memory_horizon=50))
     (label,) = display.lines_
@@ -89,11 +76,6 @@ def test_model_with_one_factor(data):
     assert display.seconds_ax_.get_xlabel() == "age, s"
     display.figure_.canvas.draw()
     assert display.seconds_ax_.get_xlim() == pytest.approx((0, 200 * DT))
-
-
-def test_no_more_past_than_the_model_has_seen(data):
-    display = ForgettingProfileDisplay.from_estimator(recursive(data, memory_horizon=200))
-    assert next(iter(display.weights.values())).size == 300
 
 
 def test_factors_of_their_own_have_a_line_each(data):
@@ -121,15 +103,6 @@ def test_forgetting_over_time_at_an_instant(data):
         ForgettingProfileDisplay.from_estimator(model, time=-1)
 
 
-def test_forgetting_over_time_of_each_parameter(data):
-    path = np.full((300, 4), 0.99)
-    path[:, 2:] = np.linspace(0.9, 0.95, 300)[:, None]
-    display = ForgettingProfileDisplay.from_estimator(recursive(data, forgetting=path))
-    first, second = display.lines_
-    assert first.startswith("$a_{1}$, $a_{2}$: λ = 0.99")
-    assert second == "$b_{0}$, $b_{1}$: λ = 0.9 to 0.95"
-
-
 def test_pipelines_and_several_models(data):
     pipeline = make_pipeline(
         DelayShift(delay=NK * DT), RecursiveARX(init="zeros", forgetting=0.9)
@@ -137,15 +110,6 @@ def test_pipelines_and_several_models(data):
     models = {"short": pipeline, "long": recursive(data)}
     display = ForgettingProfileDisplay.from_estimator(models)
     assert list(display.lines_) == ["short: λ = 0.9, $N_0$ = 10", "long: λ = 1, $N_0$ = ∞"]
-
-
-def test_given_axes():
-    axes = Figure().subplots(1, 2)
-    display = ForgettingProfileDisplay.from_factors([0.9, 0.99], ax=axes)
-    assert list(display.axes_) == list(axes)
-    assert axes[0].get_legend() is not None
-    with pytest.raises(ValueError, match="needs 2: weights, and memory horizon"):
-        ForgettingProfileDisplay.from_factors(0.9, ax=axes[0])
 
 
 def test_refusals(data):

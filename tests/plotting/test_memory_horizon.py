@@ -1,14 +1,11 @@
-from itertools import pairwise
-
 import numpy as np
 import pandas as pd
 import pytest
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LinearRegression
-from sklearn.pipeline import make_pipeline
 from support.synthetic import DT, NK, arx_runs
 
-from skhoid import DelayShift, RecursiveARXCV
+from skhoid import RecursiveARXCV
 from skhoid.plotting import MemoryHorizonDisplay
 
 pytestmark = pytest.mark.slow  # simulates studies
@@ -99,13 +96,6 @@ def test_infinity_is_at_the_right_end(search):
     assert display.dt == pytest.approx(DT)
 
 
-def test_best_is_said_with_the_number_of_runs(search):
-    display = MemoryHorizonDisplay.from_estimator(search)
-    best = search.best_memory_horizon_
-    samples = "∞" if np.isinf(best) else f"{best:g}"
-    assert legend_of(display)[-1] == f"best: $N_0$ = {samples} (2 runs per model)"
-
-
 def test_several_searches(data, search):
     other = RecursiveARXCV([16, 64, INF], nk=NK - 1, init="zeros").fit(*data)
     display = MemoryHorizonDisplay.from_estimator({"3": search, "2": other})
@@ -137,16 +127,6 @@ def test_horizons_of_each_parameter_stand_at_the_shortest(data):
     assert list(display.lines_)[1] == ("", "Λ, (∞, ∞, $N_0$, $N_0$)")
 
 
-def test_order_of_the_grid_does_not_matter(data, search):
-    other = RecursiveARXCV([INF, 128, 8, 32], nk=NK, init="zeros").fit(*data)
-    first, second = (
-        MemoryHorizonDisplay.from_estimator(s).lines_["", "mean over 3 splits"]
-        for s in (search, other)
-    )
-    np.testing.assert_array_equal(first.get_xdata(), second.get_xdata())
-    np.testing.assert_allclose(first.get_ydata(), second.get_ydata(), atol=1e-9)
-
-
 def test_limits_leave_out_what_is_far_worse():
     gain = [-900.0, 3.0, 4.0, 0.0]
     display = MemoryHorizonDisplay(results=table(gain=gain), n_splits=2).plot()
@@ -176,24 +156,6 @@ def test_few_horizons(horizons):
     (line,) = display.lines_.values()
     low, high = display.ax_.get_xlim()
     assert ((line.get_xdata() > low) & (line.get_xdata() < high)).all()
-
-
-def test_many_horizons_have_names_that_do_not_touch():
-    horizons = [*np.unique(np.geomspace(2, 8192, 100).round()), INF]
-    display = MemoryHorizonDisplay(results=table(horizons)).plot()
-    display.figure_.canvas.draw()
-    boxes = [text.get_window_extent() for text in display.ax_.get_xticklabels()]
-    assert len(boxes) <= 15
-    assert all(a.x1 < b.x0 for a, b in pairwise(boxes))
-
-
-def test_pipeline(data, search):
-    pipeline = make_pipeline(DelayShift(delay=NK * DT), RecursiveARXCV(HORIZONS, init="zeros")).fit(
-        *data
-    )
-    display = MemoryHorizonDisplay.from_estimator(pipeline)
-    (line,) = display.lines_.values()
-    np.testing.assert_array_equal(line.get_ydata(), pipeline[-1].cv_results_["gain"])
 
 
 def test_refusals(data, search):

@@ -49,17 +49,6 @@ def test_lines_are_the_estimates():
     assert display.axes_[-1].get_xlabel() == "time, s"
 
 
-def test_band_is_one_standard_deviation():
-    display = ParametersDisplay.from_frame(path())
-    corners = display.bands_["estimate", "K_e"].get_paths()[0].vertices
-    at_start = corners[corners[:, 0] == 0.0, 1]
-    np.testing.assert_allclose([at_start.min(), at_start.max()], [0.08, 0.10], atol=1e-9)
-    assert ("estimate", "T_L") not in display.bands_  # without a standard deviation
-    (legend,) = display.figure_.legends
-    texts = [text.get_text() for text in legend.get_texts()]
-    assert texts == ["estimate", "± 1 standard deviation"]
-
-
 def test_truth_of_an_operator_is_evaluated_at_the_instants():
     display = ParametersDisplay.from_frame(path(), truth=TRANSITION)
     time = path().index
@@ -79,15 +68,6 @@ def test_truth_as_a_frame():
     assert "T_L" not in display.truth_
 
 
-def test_batch_model_among_paths_is_a_level():
-    frames = {"recursive": path(), "batch": table(K_e=0.08)}
-    display = ParametersDisplay.from_frame(frames)
-    line = display.lines_["batch", "K_e"]
-    np.testing.assert_array_equal(line.get_xdata(), [0, 80])
-    np.testing.assert_array_equal(line.get_ydata(), [0.08, 0.08])
-    assert line.get_color() != display.lines_["recursive", "K_e"].get_color()
-
-
 def test_batch_models_are_points():
     frames = {"a": table(), "b": table(K_e=np.nan), "c": table(K_e=0.1, sd_K_e=0.02)}
     display = ParametersDisplay.from_frame(frames, truth=HumanOperator())
@@ -97,12 +77,6 @@ def test_batch_models_are_points():
     assert [tick.get_text() for tick in display.axes_[-1].get_xticklabels()] == ["a", "b", "c"]
     assert [text.get_text() for text in display.axes_[0].texts] == ["none"]
     np.testing.assert_allclose(display.truth_["K_e"].get_ydata(), 0.09)
-
-
-def test_long_labels_are_slanted():
-    frames = {f"a model with a long name {i}": table() for i in range(3)}
-    display = ParametersDisplay.from_frame(frames)
-    assert display.axes_[-1].get_xticklabels()[0].get_rotation() == 20
 
 
 @pytest.mark.parametrize(
@@ -116,18 +90,6 @@ def test_delay_that_is_estimated_has_a_panel(frames):
     assert display.axes_[0].get_title() == ""
 
 
-def test_limits_hold_truth_and_typical_estimates_but_not_outliers():
-    frame = path()
-    T_L = frame["T_L"].to_numpy().copy()
-    T_L[20] = 1e3
-    display = ParametersDisplay.from_frame(frame.assign(T_L=T_L), truth=TRANSITION)
-    low, high = display.axes_[1].get_ylim()
-    assert low < 0.4
-    assert 1.2 < high < 2
-    assert display.notes_["T_L"].get_text() == "1 of 41 outside"
-    assert list(display.notes_) == ["T_L"]
-
-
 def test_infinite_and_missing_estimates():
     frame = path()
     T_L = frame["T_L"].to_numpy().copy()
@@ -136,33 +98,6 @@ def test_infinite_and_missing_estimates():
     display = ParametersDisplay.from_frame(frame.assign(T_L=T_L, zeta_nm=nothing))
     assert display.notes_["T_L"].get_text() == "1 of 40 outside"
     assert np.isfinite(display.axes_[1].get_ylim()).all()
-
-
-def test_limits_hold_all_estimates_where_none_is_far_away():
-    noisy = 0.1 + 0.01 * np.random.default_rng(0).standard_normal(41)
-    display = ParametersDisplay.from_frame(path().assign(K_e=noisy))
-    low, high = display.axes_[0].get_ylim()
-    assert low < noisy.min() < noisy.max() < high
-    assert display.notes_ == {}
-
-
-def test_references_are_levels_over_their_windows():
-    references = pd.DataFrame(
-        {"start": [0.0, 50.0], "stop": [30.0, 80.0], "K_e": [0.09, 0.2], "sd_K_e": [0.01, 0.01]},
-        index=["ini", "fin"],
-    )
-    display = ParametersDisplay.from_frame(path(), references=references, transition_time=40.0)
-    assert list(display.references_) == [("ini", "K_e"), ("fin", "K_e")]
-    line = display.references_["fin", "K_e"]
-    np.testing.assert_array_equal(line.get_xydata(), [[50.0, 0.2], [80.0, 0.2]])
-    assert display.axes_[0].get_ylim()[1] > 0.2
-    (legend,) = display.figure_.legends
-    texts = [text.get_text() for text in legend.get_texts()]
-    assert texts[2:] == ["batch ± 1 standard deviation", "transition"]
-    with pytest.raises(ValueError, match="no estimate varies in time"):
-        ParametersDisplay.from_frame(table(), references=references)
-    with pytest.raises(ValueError, match="none of the columns K_e, T_L"):
-        ParametersDisplay.from_frame(path(), references=references[["start", "stop"]])
 
 
 def test_from_estimator(model):

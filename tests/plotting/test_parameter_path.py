@@ -1,7 +1,6 @@
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.figure import Figure
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import LinearRegression
@@ -13,7 +12,6 @@ from skhoid import (
     DelayShift,
     RecursiveARX,
     make_tracking_runs,
-    reference_fits,
     run_labels,
 )
 from skhoid.plotting import ParametersDisplay
@@ -133,14 +131,6 @@ def test_pipelines_are_taken_apart(data):
     np.testing.assert_array_equal(display.lines_["estimate", "b1"].get_ydata(), expected)
 
 
-def test_models_of_different_orders_share_panels(data, model):
-    larger = RecursiveARX(na=3, nb=1, nk=NK, init="zeros").fit(*data)
-    display = ParametersDisplay.from_estimator({"2, 2": model, "3, 1": larger})
-    assert display.names_ == ["a1", "a2", "a3", "b0", "b1"]
-    assert ("2, 2", "a3") not in display.lines_
-    np.testing.assert_array_equal(display.lines_["3, 1", "b0"].get_ydata(), larger.coef_path_[:, 3])
-
-
 def test_many_parameters_stand_in_two_columns(data):
     model = RecursiveARX(na=3, nb=2, nk=NK, inputs=["e", "x"], init="zeros").fit(*data)
     display = ParametersDisplay.from_estimator(model)
@@ -157,23 +147,6 @@ def test_many_parameters_stand_in_two_columns(data):
     display = ParametersDisplay.from_estimator(many_inputs)
     columns = [panel.get_subplotspec().colspan.start for panel in display.axes_]
     assert columns == [0] * 5 + [1] * 4
-
-
-@pytest.mark.parametrize(
-    "truth",
-    [
-        TRUE,
-        dict(zip(NAMES, TRUE, strict=True)),
-        pd.Series(TRUE, NAMES),
-        pd.DataFrame([TRUE], columns=NAMES),
-        np.tile(TRUE, (300, 1)),
-    ],
-    ids=["array", "dict", "series", "frame", "path that is constant"],
-)
-def test_constant_truth(model, truth):
-    display = ParametersDisplay.from_estimator(model, truth)
-    for name, value in zip(NAMES, TRUE, strict=True):
-        np.testing.assert_array_equal(display.truth_[name].get_ydata(), [value, value])
 
 
 def test_truth_over_time(model):
@@ -216,24 +189,6 @@ def test_references_are_levels_over_their_windows(data, model):
     assert legend_of(display)[-1] == "batch ± 1 standard deviation"
 
 
-def test_reference_fits_are_references(data, model):
-    references = reference_fits(
-        *data, windows=[(0.0, 1.0), (2.0, 3.0)], estimator=ARXRegressor(nk=NK)
-    )
-    display = ParametersDisplay.from_estimator(model, references=references)
-    for window, row in references.iterrows():
-        line = display.references_[window, "b0"]
-        np.testing.assert_array_equal(line.get_xdata(), [row["start"], row["stop"]])
-        np.testing.assert_array_equal(line.get_ydata(), [row["b0"], row["b0"]])
-
-
-def test_transition_is_marked(model):
-    display = ParametersDisplay.from_estimator(model, transition_time=1.5)
-    assert legend_of(display)[-1] == "transition"
-    for panel in display.axes_:
-        assert panel.lines[-1].get_xdata() == [1.5, 1.5]
-
-
 def test_limits_hold_truth_but_not_the_start():
     start = np.r_[1e3, -1e3, np.full(98, -1.5)]
     display = ParametersDisplay(
@@ -266,22 +221,6 @@ def test_stretches_without_estimates():
     display.figure_.canvas.draw()
 
 
-def test_one_instant():
-    display = ParametersDisplay(frames={"estimate": path(1, a1=0.0)}).plot()
-    display.figure_.canvas.draw()
-
-
-def test_given_axes(model):
-    axes = Figure().subplots(2, 2)
-    display = ParametersDisplay.from_estimator(model, ax=axes)
-    assert list(display.axes_) == list(axes.ravel())
-    assert all(panel.get_xlabel() for panel in display.axes_)
-    assert axes[0, 0].get_legend() is not None
-    assert not display.figure_.legends
-    with pytest.raises(ValueError, match="needs 4: one for each of a1, a2, b0, b1"):
-        ParametersDisplay.from_estimator(model, ax=axes[0])
-
-
 def test_refusals(data, model):
     batch = ARXRegressor(nk=NK).fit(*data)
     with pytest.raises(NotFittedError):
@@ -302,20 +241,3 @@ def test_refusals(data, model):
         ParametersDisplay.from_estimator(model, references=windows().drop(columns="stop"))
     with pytest.raises(ValueError, match="has none of the columns a1, a2, b0, b1"):
         ParametersDisplay.from_estimator(model, references=windows().drop(columns="a1"))
-
-
-def test_streamed_model_has_no_path(data):
-    streamed = clone(RECURSIVE).set_params(p0=1.0).partial_fit(*data)
-    with pytest.raises(ValueError, match="partial_fit keeps no path"):
-        ParametersDisplay.from_estimator(streamed)
-
-
-def test_some_parameters_have_larger_panels(model):
-    display = ParametersDisplay.from_estimator(model, parameters=["b0", "a1"])
-    assert display.names_ == ["b0", "a1"]
-    assert len(display.axes_) == 2
-    np.testing.assert_array_equal(
-        display.lines_["estimate", "b0"].get_ydata(), model.coef_path_[:, 2]
-    )
-    with pytest.raises(ValueError, match="name in parameters must be one of 'a1', 'a2'"):
-        ParametersDisplay.from_estimator(model, parameters=["K_e"])

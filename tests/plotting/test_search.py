@@ -161,13 +161,6 @@ def test_staircase_shows_the_path(search):
     assert display.axes_[1].get_ylabel() == "held-out RMSE, deg"
 
 
-def test_staircase_has_one_panel_unless_the_rmse_is_asked_for():
-    display = SearchDisplay.from_estimator(SEARCHES["one"])
-    assert len(display.axes_) == 1
-    assert "rmse" not in display.lines_
-    assert display.axes_[0].get_xlim() == (-0.5, 1.5)  # nothing beside the steps
-
-
 def test_staircase_has_the_closed_loop_beside_the_free_run():
     display = SearchDisplay.from_estimator(SEARCHES["in loop"])
     expected = SEARCHES["in loop"].error_path_["vaf_loop"]
@@ -215,12 +208,6 @@ def test_staircase_tells_what_is_left():
     assert "nothing left to explain" in said_of_the_ceiling(display)
 
 
-def test_a_ceiling_that_is_passed_is_a_lower_bound():
-    for vaf, passed in ((87.9, False), (91.0, True)):
-        display = SearchDisplay.from_estimator(a_search(["dead_zone"], [76.0, vaf]))
-        assert ("(a lower bound)" in said_of_the_ceiling(display)) is passed
-
-
 def test_staircase_marks_what_no_effect_explains():
     display = SearchDisplay.from_estimator(SEARCHES["unknown"])
     assert said_of_the_ceiling(display).endswith("left to explain, not in the catalogue")
@@ -232,18 +219,6 @@ def test_staircase_marks_what_no_effect_explains():
     listed.error_path_ = pd.concat([listed.error_path_, row], ignore_index=True)
     display = SearchDisplay.from_estimator(listed)
     assert len(display.lines_["vaf"].get_data().values) == 2
-
-
-def test_staircase_without_effects_says_the_verdict():
-    display = SearchDisplay.from_estimator(SEARCHES["none"])
-    assert display.axes_[0].get_title() == "Nothing is missing"
-
-
-def test_staircase_says_stand_ins():
-    search = copy.copy(SEARCHES["unknown"])
-    search.best_effects_ = ["unknown"]
-    title = plain(SearchDisplay.from_estimator(search).axes_[0].get_title())
-    assert title == "Something is missing, not in the catalogue; stand-ins: dead zone"
 
 
 def test_a_small_gap_looks_small_and_a_lost_baseline_does_not_squeeze():
@@ -287,15 +262,6 @@ def test_steps_have_the_vaf_of_all_held_out_runs():
     ]
 
 
-def test_steps_have_the_colours_of_their_roles():
-    display = SearchDisplay.from_estimator(SEARCHES["one"], "steps")
-    for lines, role in ((display.lines_, "simulated"), (display.residuals_, "residual")):
-        assert same_color(lines["+ dead_zone"].get_color(), ROLES[role].colour)
-        assert lines["+ dead_zone"].get_linestyle() == "-"
-        assert not same_color(lines["baseline"].get_color(), ROLES[role].colour)
-        assert lines["baseline"].get_linestyle() == "--"
-
-
 @pytest.mark.slow
 def test_steps_of_a_run_and_a_window():
     search = SEARCHES["one"]
@@ -332,13 +298,6 @@ def test_window_passes_over_settling():
     assert SearchDisplay.from_estimator(search, "steps").window_[0] == 0.0
     search.best_estimator_ = SimpleNamespace(settling=3.0)
     assert SearchDisplay.from_estimator(search, "steps").window_[0] > 0.0
-
-
-def test_steps_of_short_runs_are_shown_whole():
-    search = copy.copy(SEARCHES["one"])
-    time = search.predictions_.index.get_level_values("time")
-    search.predictions_ = search.predictions_[time < 4.0]
-    assert SearchDisplay.from_estimator(search, "steps").window_ == (0.0, 3.98)
 
 
 # Ranking
@@ -413,14 +372,6 @@ def test_ranking_marks_what_cannot_be_told_apart():
     )
 
 
-def test_ranking_whose_second_has_the_better_likelihood():
-    search = copy.copy(SEARCHES["one"])
-    search.ranking_ = search.ranking_.copy()
-    search.ranking_.loc[search.ranking_["effect"] == "candidate_0", "delta_bic"] = 421.0
-    title = plain(SearchDisplay.from_estimator(search, "ranking").figure_.get_suptitle())
-    assert title == "Step 1: dead zone added, though candidate 0 has a ΔBIC that is 21 larger"
-
-
 def test_ranking_of_a_step_that_adds_nothing():
     display = SearchDisplay.from_estimator(SEARCHES["one"], "ranking", step=2)
     assert display.figure_.get_suptitle() == "Step 2: no candidate is better by more than chance"
@@ -428,16 +379,6 @@ def test_ranking_of_a_step_that_adds_nothing():
     assert high - low >= 1.0
     with pytest.raises(ValueError, match=r"has the steps 1, 2; got step=3"):
         SearchDisplay.from_estimator(SEARCHES["one"], "ranking", step=3)
-
-
-def test_ranking_of_nothing():
-    search = copy.copy(SEARCHES["one"])
-    full = search.ranking_
-    search.ranking_ = full.iloc[:0]
-    assert "No candidate" in texts_in(SearchDisplay.from_estimator(search, "ranking").ax_)[0]
-    search.ranking_ = full[(full["step"] == 1) & (full["status"] == "does not apply")]
-    display = SearchDisplay.from_estimator(search, "ranking")
-    assert display.figure_.get_suptitle() == "Step 1: no candidate applies"
 
 
 def test_ranking_without_a_gain_and_far_losses():

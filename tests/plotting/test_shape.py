@@ -6,7 +6,7 @@ import pytest
 from sklearn.exceptions import NotFittedError
 from support.pictures import legend_texts
 from support.plot_checks import covers_nothing
-from support.shapes import a_shape, nothing_near
+from support.shapes import a_shape
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import FreeGain
@@ -41,19 +41,6 @@ def test_curve_band_and_nearest_name_are_those_of_the_search(search):
     assert display.ax_.get_title() == (
         "It acts on the error, as a function of its size and sign\n+9.9 points of held-out VAF"
     )
-
-
-def test_knots_are_ticks_at_the_bottom():
-    display = EffectDisplay.from_shape(a_shape())
-    at = display.knots_.get_xdata()
-    np.testing.assert_array_equal(at[::3], a_shape().effect.knots)
-    assert np.nanmax(display.knots_.get_ydata()) < 0.1  # of the height of the panel
-
-
-def test_without_a_name_near_it_there_is_no_dashed_curve():
-    display = EffectDisplay.from_shape(a_shape(**nothing_near()))
-    assert display.nearest_ is None
-    assert "nearest" not in " ".join(legend_texts(display))
 
 
 def test_a_name_that_is_far_is_not_drawn():

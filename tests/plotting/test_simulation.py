@@ -1,7 +1,3 @@
-import subprocess
-import sys
-
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -73,14 +69,6 @@ def test_titles_and_labels_name_run_vaf_and_unit(data):
     assert legend_texts(display) == ["measured", "simulated", "residual"]
 
 
-def test_without_units_and_names():
-    _, y = recording(["A"])
-    display = SimulationDisplay.from_predictions(y.to_numpy(), 0.9 * y.to_numpy(), dt=DT)
-    assert display.ax_.get_ylabel() == "output"
-    assert display.ax_.get_title(loc="left") == "run 0: VAF 99.0 %"
-    np.testing.assert_allclose(display.measured_[0].get_xdata(), DT * np.arange(N_ROWS))
-
-
 def test_missing_measurement_is_a_gap_but_the_simulation_goes_on(data):
     X, y = data
     model = ARXRegressor(na=1, nb=1, nk=1).fit(X, y)
@@ -150,14 +138,6 @@ def test_window_shows_and_scores_its_rows_only(data):
         SimulationDisplay.from_estimator(model, X, y, window=(50, 60))
 
 
-def test_run_in_before_the_window_is_not_shaded(data):
-    X, y = data
-    pipe = make_pipeline(RunInTrimmer(1.0), ARXRegressor(na=1, nb=1, nk=1)).fit(X, y)
-    display = SimulationDisplay.from_estimator(pipe, X, y, window=(2.0, 4.0))
-    assert np.isnan(display.run_in_end).all()
-    assert not display.ax_.patches
-
-
 def test_decimated_pipeline_and_search_are_drawn_at_full_rate(data):
     X, y = data
     pipe = make_pipeline(
@@ -212,38 +192,6 @@ def test_array_with_run_column_and_sampling_time_of_the_estimator(data):
     np.testing.assert_allclose(again.vaf, twin.vaf)
 
 
-def test_single_row_run_is_drawn():
-    display = SimulationDisplay.from_predictions([1.0], [0.5])
-    assert display.vaf == pytest.approx(75.0)
-
-
-def test_given_axes(data):
-    _, y = data
-    _, ax = plt.subplots()
-    display = SimulationDisplay.from_predictions(y, 0.5 * y, runs="A", ax=ax)
-    assert display.ax_ is ax
-    assert display.axes_.shape == (1, 1)
-    assert display.residual_ == []
-    assert ax.get_xlabel() == "time, s"
-    _, grid = plt.subplots(2, 2)
-    display = SimulationDisplay.from_predictions(y, 0.5 * y, runs=["A", "C"], ax=grid)
-    assert display.axes_.ravel().tolist() == grid.ravel().tolist()
-    assert len(display.residual_) == 2
-    with pytest.raises(ValueError, match="ax holds 1 Axes; this plot needs 3 or 6"):
-        SimulationDisplay.from_predictions(y, 0.5 * y, ax=ax)
-    with pytest.raises(TypeError, match="ax must be matplotlib Axes"):
-        SimulationDisplay.from_predictions(y, 0.5 * y, ax="left")
-
-
-def test_plot_again_draws_the_same_data(data):
-    _, y = data
-    display = SimulationDisplay.from_predictions(y, 0.5 * y, runs="A")
-    first = display.figure_
-    assert display.plot() is display
-    assert display.figure_ is not first
-    assert len(display.measured_) == 1
-
-
 def test_errors_are_clear(data):
     X, y = data
     with pytest.raises(NotFittedError):
@@ -256,8 +204,3 @@ def test_errors_are_clear(data):
         SimulationDisplay.from_predictions(y, y, runs=[])
     with pytest.raises(ValueError, match="inconsistent numbers of samples"):
         SimulationDisplay.from_predictions(y, y[:-1])
-
-
-def test_the_package_needs_no_matplotlib_to_be_imported():
-    code = "import sys, skhoid; assert 'matplotlib' not in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True)

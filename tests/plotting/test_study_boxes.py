@@ -2,7 +2,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure
 from support.plot_checks import covers_nothing
 
 from skhoid.plotting import PALETTE, StudyBoxDisplay
@@ -50,25 +49,6 @@ def test_boxes_are_those_of_the_replications():
     assert display.ax_.get_ylabel() == "delay $n_k$, samples"
     assert display.ax_.get_xlabel() == "remnant intensity $P_n$"
     covers_nothing(display)
-
-
-def test_groups_stand_side_by_side_in_their_colours():
-    display = StudyBoxDisplay.from_table(delays(kinds=["estimated"]), "nk")
-    for place in range(len(INTENSITIES)):
-        middles = [
-            display.artists_[0][order]["medians"][place].get_xdata().mean() for order in ORDERS
-        ]
-        assert (np.diff(middles) > 0).all()
-        assert np.mean(middles) == pytest.approx(place)
-        assert np.ptp(middles) < 1
-    for order, colour in zip(ORDERS, PALETTE, strict=False):
-        face = display.artists_[0][order]["boxes"][0].get_facecolor()
-        np.testing.assert_allclose(face[:3], to_rgb(colour))
-    names = [text.get_text() for text in display.ax_.get_xticklabels()]
-    assert names == ["0", "0.05", "0.15", "0.3"]
-    (legend,) = display.figure_.legends
-    labels = [text.get_text() for text in legend.get_texts()]
-    assert labels == [f"$H_n^{{{order}}}$" for order in ORDERS]
 
 
 def test_biases_with_both_delays_share_rows():
@@ -128,14 +108,6 @@ def test_two_columns_make_a_grid():
     covers_nothing(display)
 
 
-def test_several_results_and_two_columns():
-    table = delays(loops=(False, True)).query("remnant_intensity > 0.1")
-    display = StudyBoxDisplay.from_table(table, BIASES[:2], by=["open_loop", "delay"])
-    assert display.axes_.shape == (2, 4)
-    assert display.axes_[0, 1].get_title() == "closed loop, estimated $n_k^*$"
-    covers_nothing(display)
-
-
 def test_difference_is_taken_in_each_replication():
     table = delays()
     display = StudyBoxDisplay.from_table(
@@ -173,24 +145,6 @@ def test_missing_results_and_other_cells():
         "pursuit",
         "compensatory",
     ]
-
-
-def test_cells_without_a_remnant_filter():
-    table = delays(kinds=["estimated"])
-    table = table[(table["remnant_intensity"] > 0) | (table["remnant_order"] == 1)]
-    table["remnant_order"] = table["remnant_order"].where(table["remnant_intensity"] > 0)
-    display = StudyBoxDisplay.from_table(table, "nk")
-    labels = [text.get_text() for text in display.figure_.legends[0].get_texts()]
-    assert labels[-1] == "no remnant"
-
-
-def test_given_axes():
-    axes = Figure().subplots(2, 2)
-    display = StudyBoxDisplay.from_table(delays(), BIASES[:2], by="delay", ax=axes)
-    assert list(display.axes_.flat) == list(axes.flat)
-    assert not display.figure_.legends
-    with pytest.raises(ValueError, match="this plot needs 4: 2 rows of 2 panels"):
-        StudyBoxDisplay.from_table(delays(), BIASES[:2], by="delay", ax=axes[0])
 
 
 @pytest.mark.parametrize(

@@ -133,31 +133,6 @@ def test_operator_parameters_without_values_and_wild():
     assert ("T_L", 0.3) not in calm.notes_
 
 
-def test_median_and_central_part():
-    table = paths((0.15,))
-    display = EnsembleDisplay.from_table(table, average="median")
-    groups = cell(table, "lambda", 0.15).groupby("time")["b0"]
-    np.testing.assert_allclose(display.lines_["b0", 0.15].get_ydata(), groups.median())
-    np.testing.assert_allclose(display.paths["low_b0"], groups.quantile(0.16))
-    labels = [text.get_text() for text in display.figure_.legends[0].get_texts()]
-    assert "median over replications" in labels
-    assert "central 68 %" in labels
-
-
-def test_one_replication_has_no_band():
-    table = paths((0.0,)).query("replication == 0")
-    for average in ("mean", "median"):
-        display = EnsembleDisplay.from_table(table, average=average)
-        assert display.bands_ == {}
-        assert display.axes_[0, 0].get_title() == "$P_n$ = 0, 1 run"
-
-
-def test_parameter_without_any_value():
-    table = paths((0.15,)).assign(T_L=np.nan)
-    display = EnsembleDisplay.from_table(table, parameters=["T_L"])
-    assert display.missing_["T_L", 0.15].get_text() == "100 % without value"
-
-
 def test_constant_truth_and_chosen_columns():
     truth = pd.DataFrame({"b0": [0.07]})
     both = pd.concat([paths(), paths(condition="C3")], ignore_index=True)

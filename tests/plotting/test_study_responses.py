@@ -112,18 +112,6 @@ def test_deviations_have_axes_of_their_own(table):
         assert len({panel.get_ylim() for panel in row}) == 1
 
 
-def test_panels_and_words(table):
-    display = StudyResponseDisplay.from_table(table, truth=TRUE)
-    assert display.methods_ == ["fc", "batch", "recursive"]
-    assert display.axes_.shape == (4, 3)
-    titles = [panel.get_title() for panel in display.axes_[0]]
-    assert titles == ["Fourier coefficients", "batch ARX", "recursive ARX"]
-    labels = [panel.get_ylabel() for panel in display.axes_[:, 0]]
-    assert labels == ["magnitude", "phase, deg", "sd of magnitude, %", "sd of phase, deg"]
-    assert display.axes_[3, 1].get_xlabel() == "frequency, rad/s"
-    covers_nothing(display)
-
-
 def test_truth_tells_the_turn_of_a_phase(table):
     display = StudyResponseDisplay.from_table(table, truth=TRUE)
     expected = FrequencyResponse.of(HumanOperator(), OMEGA).phase
@@ -138,17 +126,6 @@ def test_truth_tells_the_turn_of_a_phase(table):
     frame = pd.DataFrame({"omega": OMEGA, "H_real": H.real, "H_imag": H.imag})
     display = StudyResponseDisplay.from_table(table, truth=frame)
     np.testing.assert_allclose(display.truth_[0].get_ydata(), np.abs(H))
-
-
-def test_two_intensities_in_two_colours():
-    table = responses((0.0, 0.15, 0.3))
-    display = StudyResponseDisplay.from_table(table, truth=TRUE, remnant_intensity=[0.15, 0.3])
-    marks = [display.means_["magnitude", "fc", P_n] for P_n in (0.15, 0.3)]
-    assert marks[0].get_color() != marks[1].get_color()
-    assert (marks[0].get_xdata() < marks[1].get_xdata()).all()
-    labels = [text.get_text() for text in display.figure_.legends[0].get_texts()]
-    assert labels[:2] == ["$P_n$ = 0.15: mean", "$P_n$ = 0.3: mean"]
-    covers_nothing(display)
 
 
 def test_bars_to_zero_are_cut_and_counted():
@@ -166,14 +143,6 @@ def test_bars_to_zero_are_cut_and_counted():
     assert wide.any()
     assert (rows.loc[wide, "total_phase_sd"] == 180).all()
     covers_nothing(display)
-
-
-def test_one_replication_has_no_spread():
-    display = StudyResponseDisplay.from_table(responses((0.0,), n=1))
-    assert display.responses["magnitude_sd"].isna().all()
-    assert display.responses["total_phase_sd"].isna().all()
-    assert len(display.bars_["spread", "magnitude", "batch", 0.0].get_segments()) == 0
-    display.figure_.canvas.draw()
 
 
 def test_refusals(table):

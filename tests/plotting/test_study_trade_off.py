@@ -112,29 +112,6 @@ def test_collapse_does_not_squeeze_the_rest(kind):
     covers_nothing(display)
 
 
-def test_horizons_that_not_all_cells_have_are_not_best_of_all():
-    table = forgetting(("C3", "C4"))
-    table = table[(table["condition"] == "C3") | (table["memory_horizon"] != 512)]
-    table.loc[table["memory_horizon"] == 512, "vaf_validation"] = 99.0
-    display = MemoryHorizonDisplay.from_table(table)
-    assert display.best_overall["lambda"] != 512
-
-
-def test_one_condition_one_form_and_own_words():
-    table = forgetting(("subject 3",), [64, 256, INF], ["only b"])
-    display = MemoryHorizonDisplay.from_table(table, kind="vaf_estimation")
-    assert display.ax_.get_title() == "subject 3, only b"
-    assert display.ax_.get_ylabel() == "VAF of estimation, %"
-    covers_nothing(display)
-
-
-@pytest.mark.slow
-def test_five_conditions_leave_no_empty_panel():
-    display = MemoryHorizonDisplay.from_table(forgetting(CONDITIONS[:5], [64, 256, INF]))
-    assert len(display.figure_.axes) == 10
-    covers_nothing(display)
-
-
 def test_without_an_infinite_horizon():
     table = forgetting(("C4",), [64, 256, 1024])
     display = MemoryHorizonDisplay.from_table(table, kind="vaf_validation")

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from support.plot_checks import covers_nothing
 
 from skhoid import make_tracking_runs
 from skhoid.plotting import TrackingDisplay
@@ -41,11 +40,6 @@ def test_panels_hold_the_first_run(runs):
     np.testing.assert_allclose(marks, [40.96], atol=0.02)
 
 
-def test_the_legend_covers_no_line(runs):
-    X, y, truth = runs
-    covers_nothing(TrackingDisplay.from_runs(X, y, truth=truth))
-
-
 def test_other_runs_are_drawn_behind(runs):
     X, y, _ = runs
     display = TrackingDisplay.from_runs(X, y)
@@ -61,11 +55,6 @@ def test_window(runs):
     assert (time[0], time[-1]) == (30.72, 51.19)
     with pytest.raises(ValueError, match="holds no sample"):
         TrackingDisplay.from_runs(X, y, window=(100, 110))
-
-
-def test_no_mark_where_nothing_changes():
-    X, y, truth = make_tracking_runs("C1", n_runs=1, duration=8.0, run_in=4.0, return_truth=True)
-    assert TrackingDisplay.from_runs(X, y, truth=truth).transition is None
 
 
 def test_runs_of_different_times_are_refused(runs):

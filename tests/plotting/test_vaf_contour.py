@@ -1,4 +1,3 @@
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -67,27 +66,6 @@ def test_marks(search):
     assert display.chosen_.axes is display.axes_[display.nk.index(search.best_nk_)]
 
 
-def test_other_factor_has_no_chosen_model(search):
-    other = 3 - search.best_factor_
-    assert VAFContourDisplay.from_estimator(search, factor=other).chosen_ is None
-
-
-def test_panels_share_levels_and_scale(search):
-    display = VAFContourDisplay.from_estimator(search)
-    first, second = display.contours_
-    np.testing.assert_array_equal(first.levels, second.levels)
-    assert first.get_cmap().name == "viridis"
-    assert display.colorbar_.ax.get_ylabel() == "VAF, %"
-    assert first.levels[-1] >= display.vaf.max()
-    assert display.ax_.get_ylabel() == "$n_b$"
-    assert display.axes_[0].get_xlabel() == "$n_a$"
-
-
-def test_levels_can_be_given(search):
-    display = VAFContourDisplay.from_estimator(search, levels=[40, 60, 80])
-    np.testing.assert_array_equal(display.contours_[0].levels, [40, 60, 80])
-
-
 def test_areas_without_positive_vaf_are_empty():
     vaf = np.array([[[-5.0, 50.0, 60.0], [np.nan, 70.0, 80.0], [0.0, 75.0, 70.0]]])
     display = VAFContourDisplay(
@@ -120,14 +98,6 @@ def test_panel_without_any_model_stays_empty():
     display.figure_.canvas.draw()
 
 
-def test_no_model_at_all():
-    display = VAFContourDisplay(
-        na=[1, 2], nb=[1, 2], nk=[1], vaf=np.full((1, 2, 2), -1.0), delay=np.array([0.1])
-    ).plot()
-    assert display.colorbar_ is None
-    display.figure_.canvas.draw()
-
-
 def test_one_row_of_candidates_becomes_lines(data):
     X, y = data
     search = OrderSearchCV(na=[1, 2, 3], nb=[1], nk=[2, 3]).fit(X[["a"]], y)
@@ -141,23 +111,6 @@ def test_one_row_of_candidates_becomes_lines(data):
     assert display.ax_.get_ylabel() == "VAF, %"
     assert display.ax_.get_xlabel() == "$n_a$ ($n_b$ = 1)"
     assert xy(display.chosen_)[0] == search.best_na_
-    display.figure_.canvas.draw()
-
-
-def test_one_column_of_candidates_becomes_lines(data):
-    X, y = data
-    search = OrderSearchCV(na=[2], nb=[1, 2], nk=[3]).fit(X[["a"]], y)
-    display = VAFContourDisplay.from_estimator(search)
-    np.testing.assert_array_equal(display.lines_[0].get_xdata(), [1, 2])
-    assert display.ax_.get_xlabel() == "$n_b$ ($n_a$ = 2)"
-
-
-def test_single_candidate(data):
-    X, y = data
-    display = VAFContourDisplay.from_estimator(
-        OrderSearchCV(na=[2], nb=[1], nk=[3]).fit(X[["a"]], y)
-    )
-    assert xy(display.highest_[0]) == xy(display.chosen_)
     display.figure_.canvas.draw()
 
 
@@ -196,17 +149,6 @@ def test_many_delays_show_the_best_and_say_so():
     display = VAFContourDisplay.from_estimator(search, nk=[0, 14])
     assert display.nk == [0, 14]
     assert display.chosen_ is not None
-
-
-def test_given_axes(search):
-    _, grid = plt.subplots(1, 2)
-    display = VAFContourDisplay.from_estimator(search, ax=grid)
-    assert display.axes_.tolist() == grid.tolist()
-    assert not display.figure_.legends
-    _, ax = plt.subplots()
-    assert VAFContourDisplay.from_estimator(search, nk=[3], ax=ax).ax_ is ax
-    with pytest.raises(ValueError, match="ax holds 1 Axes; this plot needs 2: one per delay"):
-        VAFContourDisplay.from_estimator(search, ax=ax)
 
 
 def test_errors_are_clear(search):
