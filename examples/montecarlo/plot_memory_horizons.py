@@ -39,7 +39,7 @@ print(found.table.iloc[8].dropna().to_string())
 from skhoid.plotting import MemoryHorizonDisplay
 
 display = MemoryHorizonDisplay.from_table(found.table)
-print(display.best_overall_)
+print(display.best_overall)
 
 # %%
 # Without remnant a memory of a few samples is best: there is nothing to average. With remnant the
