@@ -148,6 +148,8 @@ class Record:
         Range of the outputs from which a run may begin where its inputs are held.
     domain : {"human", "machine"}
         What was recorded, for words and for which effects a search tries.
+    remembered : dict
+        What was computed of it, by key; a record with other numbers begins with none.
     """
 
     dt: float
@@ -167,10 +169,10 @@ class Record:
     initial: str = "rest"
     levels: tuple[float, float] = (0.0, 0.0)
     domain: str = "human"
-    _derived: dict = field(default_factory=dict, repr=False)
+    remembered: dict = field(default_factory=dict, repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_derived": {}}
+        return {**self.__dict__, "remembered": {}}
 
     def part(self, runs: np.ndarray, thin: int) -> Record:
         """Some of the runs, keeping every ``thin``-th sample."""
@@ -189,7 +191,7 @@ class Record:
             known=thinned(self.known[:, runs]),
             y=None if self.y is None else thinned(self.y[:, runs]),
             prediction=None,
-            _derived={},
+            remembered={},
         )
 
     def _channels_of(self, runs: slice | np.ndarray) -> Mapping[str, np.ndarray]:
@@ -204,7 +206,7 @@ class Record:
         """The record with other values of some channels."""
         many = self.channels if isinstance(self.channels, RowChannels) else None
         new = {**self.channels, **channels} if many is None else many.changed(channels)
-        return replace(self, channels=new, _derived={})
+        return replace(self, channels=new, remembered={})
 
     def few_runs(self) -> list[slice]:
         """Columns of a few runs at a time, of a large record; none of one that is small."""
@@ -219,7 +221,7 @@ class Record:
             known=self.known[:, columns],
             y=None if self.y is None else self.y[:, columns],
             prediction=None,
-            _derived=self.once(("columns", columns.start), dict),
+            remembered=self.once(("columns", columns.start), dict),
         )
 
     def forget(self) -> None:
@@ -240,7 +242,7 @@ class Record:
             known=self.known[:n],
             y=None if self.y is None else self.y[:n],
             prediction=None,
-            _derived={},
+            remembered={},
         )
 
     @property
@@ -320,9 +322,9 @@ class Record:
 
     def once(self, key: Any, compute: Callable[[], Any]) -> Any:
         """What ``compute`` returns, computed once for a key."""
-        if key not in self._derived:
-            self._derived[key] = compute()
-        return self._derived[key]
+        if key not in self.remembered:
+            self.remembered[key] = compute()
+        return self.remembered[key]
 
 
 def few_runs(n_samples: int, n_runs: int) -> list[slice]:

@@ -143,8 +143,8 @@ class Bench:
         )
         # Effects that refer to standard deviations mean those of the data of the fit.
         spread = self.model.simulation_.spread
-        made._derived.update({("sd", name): value for name, value in spread.items()})
-        made._derived["sd", "e"] = spread[self.error]
+        made.remembered.update({("sd", name): value for name, value in spread.items()})
+        made.remembered["sd", "e"] = spread[self.error]
         return made
 
     def draws(self, n: int, seed: Any) -> list[tuple[dict[str, float], np.ndarray]]:

@@ -104,7 +104,7 @@ class Simulation:
         free = self.run(record)
         if initial == REST:
             return free
-        record = replace(record, y=y, known=known, _derived={})
+        record = replace(record, y=y, known=known, remembered={})
         fitted = self.run(record, ESTIMATE)
         return begin_where_it_pays(record, free, fitted) if initial is None else fitted
 
@@ -241,7 +241,7 @@ class GreyBox(RunRegressor):
 
         By default from rest, unless the fitted rows show otherwise.
         """
-        record = replace(model.simulator.record, known=prepared.measured, _derived={})
+        record = replace(model.simulator.record, known=prepared.measured, remembered={})
         assert record.y is not None
         initial = getattr(self, "initial", None)
         if not getattr(model.simulator.core, "has_states", False):

@@ -135,7 +135,7 @@ class Scan:
         self, output: np.ndarray, against: np.ndarray | None = None
     ) -> list[tuple[dict[str, float], np.ndarray]]:
         core = self.parent.simulator.core
-        record = replace(self.coarse.record, y=output, _derived={})
+        record = replace(self.coarse.record, y=output, remembered={})
         x = record.input
         if against is not None:
             dead = round(record.ahead / record.dt) if np.isfinite(record.ahead) else 0

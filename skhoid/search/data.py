@@ -198,7 +198,7 @@ def without_rows(prepared: Prepared, rows: np.ndarray, settling: float) -> Prepa
         return prepared
     grid, record = prepared.grid, prepared.record
     lost = prepared.columns.beside(rows if grid.rows is None else rows[grid.rows], fill=False)
-    record = replace(record, known=record.known & ~lost, _derived={})
+    record = replace(record, known=record.known & ~lost, remembered={})
     try:
         check_rows(record, len(prepared.core.parameters), grid, settling)
     except ShortRunError as error:

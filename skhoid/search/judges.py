@@ -481,4 +481,4 @@ def without_noise(record: Record, output: np.ndarray, tried: Sequence[Effect]) -
     shown = [part for part in parts if part is not None]
     if not shown:
         return None
-    return replace(record, y=record.y - np.sum(shown, axis=0), _derived={})
+    return replace(record, y=record.y - np.sum(shown, axis=0), remembered={})

@@ -443,7 +443,7 @@ def bare(record: Record, t: np.ndarray, **channels: np.ndarray) -> Record:
         time_unit=record.time_unit,
         least_delay=record.least_delay,
         domain=record.domain,
-        _derived=sizes,
+        remembered=sizes,
     )
 
 

@@ -347,7 +347,7 @@ class GivenDelay:
         assert type(core) is OperatorCore
         free = OperatorCore(None, core.least)
         record, searched = (
-            free.on(replace(one, _derived={})) for one in (prepared.record, search.record)
+            free.on(replace(one, remembered={})) for one in (prepared.record, search.record)
         )
         spec = replace(prepared.spec, core=free, given={})
         prepared = replace(prepared, spec=spec, record=record)

@@ -111,5 +111,5 @@ def started_later(record: Record, shift: int) -> Record:
         known=padded(record.known),
         y=None if record.y is None else padded(record.y),
         prediction=None,
-        _derived={},
+        remembered={},
     )

@@ -320,7 +320,7 @@ def records(request):
         channels={OWN[name]: values for name, values in record.channels.items()},
         roles={OWN[name]: role for name, role in record.roles.items()},
         inputs=("err",),
-        _derived={},
+        remembered={},
     )
     return record, renamed
 

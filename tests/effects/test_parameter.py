@@ -144,7 +144,7 @@ def in_other_units(record):
         prediction=FACTORS["u"] * record.prediction,
         channels={name: FACTORS[name] * values for name, values in record.channels.items()},
         controlled_element=LinearElement((K_c,), element.denominator),
-        _derived={},
+        remembered={},
     )
 
 

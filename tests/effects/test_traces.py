@@ -12,7 +12,7 @@ from skhoid.testing import synthetic_record
 
 def record_of(y):
     known = np.ones((y.size, 1), dtype=bool)
-    return replace(synthetic_record(), y=y[:, None], known=known, _derived={})
+    return replace(synthetic_record(), y=y[:, None], known=known, remembered={})
 
 
 def smooth(seed, n=4000):

@@ -14,7 +14,7 @@ from skhoid.model.element import adopt_element, search_element
 
 def without(record, *names):
     channels = {k: v for k, v in record.channels.items() if k not in names}
-    return replace(record, channels=channels, roles={k: k for k in channels}, _derived={})
+    return replace(record, channels=channels, roles={k: k for k in channels}, remembered={})
 
 
 @pytest.mark.parametrize(

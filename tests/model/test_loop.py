@@ -214,7 +214,7 @@ def test_draws_are_the_same_of_the_same_spectrum_and_of_both_signs():
 
 
 def without(record, **changes):
-    return replace(record, _derived={}, **changes)
+    return replace(record, remembered={}, **changes)
 
 
 def test_loop_is_known_where_all_of_it_is():

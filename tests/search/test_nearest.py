@@ -86,7 +86,7 @@ def test_a_named_effect_is_nearest_to_its_own_curve(form, effect, numbers, opera
 
 def test_friction_of_a_machine(operator):
     y = 0.1 * operator.channels["x"]
-    machine = replace(operator, core=CoreKind.ARX, domain="machine", y=y, _derived={})
+    machine = replace(operator, core=CoreKind.ARX, domain="machine", y=y, remembered={})
     truth = Friction(form="smooth", of="rate", coulomb=0.4, width=0.04)
     found = nearest_effects(*shape(FreeMap(at="rate"), truth, machine, n_knots=201), machine, UNITS)
     assert found[0].name == "friction"
