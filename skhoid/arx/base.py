@@ -16,6 +16,7 @@ from ..metrics import vaf_of_rows
 from ..parameters import NORMAL_95
 from ..preprocessing.grid import BLOCK, HeldInputs, ModelGrid
 from ..regression import RunRegressor, segments
+from ..text import quantity
 from .orders import Orders, regressors
 
 FARTHEST = 2**62  # rows; more cannot be counted
@@ -34,6 +35,7 @@ class BaseARX(RunRegressor):
     dt: float | None
     run: Any
     n_rows_missing_: int
+    noise_variance_: Any
 
     coef_: Any = CoefficientsOfLags()
 
@@ -77,6 +79,14 @@ class BaseARX(RunRegressor):
                 MissingDataWarning,
                 stacklevel=5,
             )
+
+    def _title(self) -> str:
+        """First line of a summary."""
+        return f"{type(self).__name__}: {self._output_name} from {', '.join(self.inputs_)}"
+
+    def _residual_sd(self) -> str:
+        sd = float(np.sqrt(self.noise_variance_))
+        return quantity(sd, self._units.get(self._output_name))
 
     def _coefficient_units(self) -> list[str]:
         """Units of the entries of theta."""

@@ -14,7 +14,7 @@ from ..exceptions import MissingDataWarning
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import HeldInputs, ModelGrid
 from ..regression import DataToFit
-from ..text import ModelSummary
+from ..text import ModelSummary, estimates_table, grid_facts, signal_facts
 from .base import (
     ESTIMATE,
     REST,
@@ -27,7 +27,15 @@ from .base import (
 )
 from .instruments import estimate, instrument_columns
 from .least_squares import Triangle, newey_west, rank_error
-from .model_summary import batch_summary
+from .model_summary import (
+    CLOSED_LOOP,
+    JUDGE,
+    WHITE,
+    condition,
+    delay_text,
+    largest_pole,
+    orders_text,
+)
 from .orders import regressor_blocks, regressors
 
 FIRST = 2000  # rows of each stretch that tell how it begins
@@ -392,4 +400,47 @@ class ARXRegressor(BaseARX):
         return SimulatedARX.like(self).with_effect(effect)
 
     def _summary(self) -> ModelSummary:
-        return batch_summary(self, hac=as_fitted(self).covariance == "hac")
+        hac = as_fitted(self).covariance == "hac"
+        n, p = self.n_rows_used_, len(self.coef_)
+        facts = {"Model": orders_text(self.orders_), **signal_facts(self)}
+        instrumental = bool(self.instruments_)
+        if instrumental:
+            facts["Method"] = "instrumental variables"
+            facts["Instruments"] = ", ".join(self.instruments_)
+        else:
+            facts["Method"] = "ordinary least squares"
+        facts["Rows"] = f"{n}" + (
+            f" ({self.n_rows_missing_} missing)" if self.n_rows_missing_ else ""
+        )
+        facts["Runs"] = f"{self._n_runs}"
+        facts |= grid_facts(self)
+        facts["Delay, nk"] = delay_text(self.orders_.nk, self.dt_)
+        facts["Residual sd"] = self._residual_sd()
+        sse = self.noise_variance_ * max(n - p, 1)
+        criteria = not instrumental and sse > 0
+        if criteria:
+            fit = n * np.log(sse / n)
+            facts["AIC"], facts["BIC"] = f"{fit + 2 * p:.1f}", f"{fit + p * np.log(n):.1f}"
+        facts["Largest |pole|"] = largest_pole(self.a_)
+        if not (instrumental or hac) and p > 0 and sse > 0:
+            facts["Condition"] = f"{condition(self.covariance_):.3g} (scaled regressors)"
+        notes = [
+            "Standard errors allow for a coloured equation error (Newey and West)."
+            if hac
+            else WHITE.format(
+                " after filtering by the remnant model"
+                if instrumental
+                else '; covariance="hac" allows for a coloured one'
+            )
+        ]
+        if not instrumental:
+            notes.append(CLOSED_LOOP.format('. method="iv" removes it'))
+        notes.append(JUDGE.format(", AIC and BIC are" if criteria else " is"))
+        if criteria:
+            notes.append("AIC and BIC omit constants; compare them only on the same rows.")
+        return ModelSummary(
+            self._title(),
+            facts,
+            estimates_table(self.parameters_),
+            notes,
+        )

@@ -15,10 +15,19 @@ from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..exceptions import RunTimeWarning, ShortRunError
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
-from ..text import ModelSummary
+from ..text import ModelSummary, estimates_table, grid_facts, signal_facts
 from .base import BaseARX, arx_parameter_table, check_row_count
 from .forgetting import Forgetting, read_forgetting
-from .model_summary import recursive_summary
+from .model_summary import (
+    CLOSED_LOOP,
+    JUDGE,
+    WHITE,
+    delay_text,
+    largest_pole,
+    memory_text,
+    orders_text,
+    path_table,
+)
 from .orders import Orders, regressors
 from .rls import (
     Instants,
@@ -445,7 +454,41 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
         return int(sum(state.count("held").sum() for state in self._states))
 
     def _summary(self) -> ModelSummary:
-        return recursive_summary(self)
+        has_path = "coef_path_" in vars(self)
+        smoothed = has_path and getattr(as_fitted(self), "smooth", False)
+        facts = {"Model": orders_text(self.orders_), **signal_facts(self)}
+        facts["Method"] = "recursive least squares" + (", path smoothed" if smoothed else "")
+        facts["Memory"] = memory_text(self._forgetting, self.forgetting_, self.dt_)
+        facts["Rows"] = f"{self.n_updates_} updates"
+        if has_path:
+            how = "averaged" if "coef_paths_" in vars(self) else "pooled"
+            runs = len(self.run_labels_)
+            facts["Runs"] = f"{runs}" + (f", {how}" if runs > 1 else "")
+            if self.n_rows_missing_:
+                facts["Missing"] = f"{self.n_rows_missing_} rows"
+        facts |= grid_facts(self)
+        facts["Delay, nk"] = delay_text(self.orders_.nk, self.dt_)
+        facts["Residual sd"] = self._residual_sd()
+        facts["Protection"] = f"forgetting held back at {self.n_held_} instants"
+        facts["Largest |pole|"] = f"{largest_pole(self.a_)} at the end"
+        notes = [
+            WHITE.format(", and do not include the lag behind changing parameters"),
+            CLOSED_LOOP.format(""),
+            JUDGE.format(" is"),
+        ]
+        if not has_path:
+            notes.append("partial_fit keeps no path: predictions use the last parameters.")
+        elif smoothed:
+            notes.append("The last parameters are not smoothed; the path is.")
+        return ModelSummary(
+            self._title(),
+            facts,
+            estimates_table(self.parameters_, "Parameters at the end"),
+            notes,
+            [path_table(self.parameter_names_, self.coef_path_, self.time_path_)]
+            if has_path
+            else [],
+        )
 
 
 class RecursiveARX(RecursiveLeastSquares):

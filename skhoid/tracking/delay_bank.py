@@ -14,7 +14,6 @@ from .. import _kernels
 from .._sklearn import Interval, StrOptions, fit_context
 from ..arx.base import check_lengths, check_row_count
 from ..arx.forgetting import Forgetting, read_forgetting
-from ..arx.model_summary import recursive_summary
 from ..arx.orders import Orders, whole_number
 from ..arx.recursive import (
     MOST_ROWS_BACK,
@@ -578,7 +577,7 @@ class DelayBankARX(RecursiveLeastSquares):
         return float(np.sqrt(self.last_probabilities_ @ spread))
 
     def _summary(self) -> ModelSummary:
-        found = recursive_summary(self)
+        found = super()._summary()
         facts = {**found.facts, "Method": "bank of recursive least squares over delays"}
         first, last = self.candidates_[0], self.candidates_[-1]
         facts["Candidates"] = f"{self.candidates_.size} delays, nk = {first} to {last}"

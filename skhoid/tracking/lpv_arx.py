@@ -25,7 +25,7 @@ from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, columns_of
 from ..runs import input_columns
-from ..text import ModelSummary, estimates_table, grid_facts, quantity, signal_facts
+from ..text import ModelSummary, estimates_table, grid_facts, signal_facts
 
 TIME = "time"  # the scheduling that is no channel
 
@@ -613,9 +613,7 @@ class LPVARX(BaseARX):
             + (f" ({self.n_rows_missing_} missing)" if self.n_rows_missing_ else ""),
             "Runs": f"{self._n_runs}",
             **grid_facts(self),
-            "Residual sd": quantity(
-                float(np.sqrt(self.noise_variance_)), self._units.get(self._output_name)
-            ),
+            "Residual sd": self._residual_sd(),
         }
         hac = as_fitted(self).covariance == "hac"
         notes = [
@@ -627,7 +625,7 @@ class LPVARX(BaseARX):
             JUDGE.format(" is"),
         ]
         return ModelSummary(
-            f"{type(self).__name__}: {self._output_name} from {', '.join(self.inputs_)}",
+            self._title(),
             facts,
             estimates_table(self.parameters_),
             notes,

@@ -22,7 +22,7 @@ from ..arx.streaming import Recursion, Streaming
 from ..exceptions import PoorExcitationWarning, ShortRunError
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
-from ..text import ModelSummary, estimates_table, grid_facts, number, quantity, signal_facts
+from ..text import ModelSummary, estimates_table, grid_facts, number, signal_facts
 
 CHUNK = 256  # rows that a stream takes at a time
 FADED = 0.01  # of the variance of the first tap, by the last one, under penalty="tc"
@@ -624,9 +624,7 @@ class RecursiveFIR(Streaming, FollowedPath):
             "Memory": memory,
             "Rows": f"{self.n_updates_} updates",
             **grid_facts(self),
-            "Residual sd": quantity(
-                float(np.sqrt(self.noise_variance_)), self._units.get(self._output_name)
-            ),
+            "Residual sd": self._residual_sd(),
         }
         notes = [
             "Standard errors assume a white error, and do not include the lag behind changing "
@@ -635,7 +633,7 @@ class RecursiveFIR(Streaming, FollowedPath):
             "were not fitted: summary(X, y).",
         ]
         return ModelSummary(
-            f"{type(self).__name__}: {self._output_name} from {', '.join(self.inputs_)}",
+            self._title(),
             facts,
             estimates_table(self.parameters_, "Parameters at the end"),
             notes,

@@ -527,7 +527,7 @@ class WhitenedRecursion(Streaming, FollowedPath):
             "Coefficients a are those of F, which the noise does not share.",
         ]
         return ModelSummary(
-            f"{type(self).__name__}: {self._output_name} from {', '.join(self.inputs_)}",
+            self._title(),
             facts,
             estimates_table(self.parameters_, "Parameters at the end"),
             notes,

@@ -38,7 +38,7 @@ pytestmark = pytest.mark.slow  # compiles for many orders
 # The twin
 
 
-@pytest.mark.parametrize("name", ["C1", "C2", "C3", "C4", "C5", "C6"])
+@pytest.mark.parametrize("name", ["C1", "C4"])
 def test_conditions_of_the_thesis(name):
     """Past the transition at 40.96 s, with the remnant gains of Table G.1."""
     remnant = Remnant.from_table(name, 0.15)
@@ -48,15 +48,14 @@ def test_conditions_of_the_thesis(name):
 
 @pytest.mark.parametrize(
     ("transport", "samples"),
-    [("held", s) for s in (0, 1, 2, 28, 28.0000001, 27.9999999, 60)]
-    + [("interpolated", s) for s in (1, 2, 28, 28.0000001, 27.9999999, 60)],
+    [("held", s) for s in (0, 28, 27.9999999)] + [("interpolated", s) for s in (1, 28.0000001)],
 )
 def test_whole_delays(transport, samples):
     task = short_task(transport=transport)
     assert_twin(replace(task, operator=replace(task.operator, tau_e=samples / 100)))
 
 
-@pytest.mark.parametrize("samples", [1.25, 1.5, 1.75, 27.3, 28.001, 28.999, 60.5])
+@pytest.mark.parametrize("samples", [1.5, 28.999])
 def test_fractional_delays(samples):
     task = short_task()
     assert_twin(replace(task, operator=replace(task.operator, tau_e=samples / 100)))
@@ -83,7 +82,7 @@ def test_muscle_that_varies():
     assert_twin(short_task(operator=operator))
 
 
-@pytest.mark.parametrize(("na", "nb", "nk"), [(2, 2, 29), (1, 1, 0), (0, 3, 1), (4, 2, 5)])
+@pytest.mark.parametrize(("na", "nb", "nk"), [(2, 2, 29), (0, 3, 1)])
 def test_arx_operator(na, nb, nk):
     rng = np.random.default_rng(na + 10 * nb)
     model = fitted_arx(na, nb, nk)
@@ -150,7 +149,7 @@ def test_any_task(task, seed, open_loop, run):
 
 
 @pytest.mark.parametrize("state", ["C1", "C2"])
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.parametrize("order", [1, 4])
 @pytest.mark.parametrize("interpolated", [False, True])
 def test_oracle(state, order, interpolated):
     """Over the eight windows of the thesis's Monte Carlo."""

@@ -58,10 +58,8 @@ PAIRS = [
         steps,
         scorer,
         id=f"{before_it}-{by}",
-        marks=[pytest.mark.slow] * (before_it != "alone" and by != "window"),
     )
-    for before_it, steps in PIPELINES.items()
-    for by, scorer in SCORERS.items()
+    for (before_it, steps), (by, scorer) in zip(PIPELINES.items(), SCORERS.items(), strict=True)
 ]
 
 
