@@ -87,6 +87,7 @@ def test_releasing_is_a_step_and_refitting_keeps_what_was_moved(exploration, run
     assert state["effects"][1]["parameters"][0]["value"] != 0.4
 
 
+@pytest.mark.slow  # several fits
 def test_undo_to_the_start_gives_the_start(exploration):
     start = exploration.state()
     steps = [
@@ -117,6 +118,7 @@ def text(value):
     return json.dumps(value, default=lambda array: array.tolist())
 
 
+@pytest.mark.slow  # several fits
 def test_held_out_runs_are_not_fitted(exploration, runs):
     state = exploration.act("use", {"runs": [0, 2], "use": "hold", "run": 0})["state"]
     assert state["uses"] == ["hold", "train", "hold"]
@@ -202,6 +204,7 @@ def test_a_parameter_at_its_bound_says_so(runs):
     assert tau["meaning"] == "effective time delay; at its lower bound"
 
 
+@pytest.mark.slow  # several fits
 def test_memory_brings_everything_back(exploration, runs):
     exploration.act("add", {"effect": "bias", "run": 0})
     exploration.act("use", {"runs": [1], "use": "hold", "run": 0})
@@ -214,6 +217,7 @@ def test_memory_brings_everything_back(exploration, runs):
     assert same(again.state(), exploration.state())
 
 
+@pytest.mark.slow  # several fits
 def test_a_search_from_here_has_the_model_and_the_runs(exploration, runs):
     exploration.act("add", {"effect": "bias", "run": 0})
     exploration.act("use", {"runs": [1], "use": "hold", "run": 0})

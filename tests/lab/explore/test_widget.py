@@ -12,6 +12,8 @@ import pytest
 from skhoid import EffectSearchCV, OperatorRegressor, compare
 from skhoid.lab.explore import payloads as wire
 
+pytestmark = pytest.mark.slow  # a search first
+
 
 @pytest.fixture
 def widget(search, runs):
