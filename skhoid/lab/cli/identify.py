@@ -270,6 +270,7 @@ def _own(
     options: argparse.Namespace, roles: dict[str, str]
 ) -> tuple[Any, Any, list[str], dict[str, str], str]:
     from ...runs import role_of
+    from ..guessing import UnclearColumnsError
 
     asked = options.named_input = list(options.input or [])
     others = (options.instruments or ["f_t"]) if options.method == "iv" else []
@@ -290,8 +291,8 @@ def _own(
     given = {name: roles.get(name, str(role_of(name))) for name in dict.fromkeys(wanted)}
     try:
         found = read_files(options, given | roles, signals=not asked)
-    except ValueError as error:
-        if others and options.instruments is None and "'f_t'" in str(error):
+    except UnclearColumnsError as error:
+        if others and options.instruments is None and "f_t" not in error.columns:
             raise ValueError(
                 f"{error} --method iv takes 'f_t' as its instrument, unless --instruments "
                 "names others."
