@@ -31,9 +31,9 @@ from ..model.simulated_arx import simulated_model
 from ..preprocessing.base import keep_parameters
 from ..preprocessing.gate import as_output, as_table
 from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, notes_of_lost
-from ..regression import RunRegressor, units_of
+from ..regression import units_of
 from ..runs.fingerprint import fingerprint_of
-from ..text import ModelSummary, Note, Summary, estimates_table
+from ..text import Note, Summary
 from .data import SearchData, held_columns, on_rows_of, prepare_data, split_data
 from .leftover import AllRuns, SearchNumbers, numbers_of
 from .path import GivenDelay, Path, forward, pair_of, with_given_delay
@@ -54,7 +54,7 @@ from .telling import (
     note_changes,
     note_untried,
     short_ranking,
-    tell_headline,
+    tell_briefly,
     tell_search,
 )
 
@@ -608,13 +608,7 @@ class EffectSearchCV(
             )
 
     def _found_html(self) -> str:
-        found = f"EffectSearchCV. {tell_headline(self.result_)}"
-        best = self.best_estimator_
-        if isinstance(best, RunRegressor):
-            return best._summary().html(found)
-        return ModelSummary(type(best).__name__, {}, estimates_table(best.parameters_), []).html(
-            found
-        )
+        return tell_briefly(self.result_).html()
 
 
 def search_effects(

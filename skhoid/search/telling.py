@@ -27,6 +27,7 @@ from ..text import (
     Paragraph,
     TextTable,
     counted,
+    estimates_table,
     gap_text,
     p_text,
 )
@@ -77,6 +78,11 @@ def tell_notes(found: SearchResult) -> list[Block]:
     """What to record next, and further remarks, if there are any."""
     notes = [*(Note("experiment", text) for text in found.experiments), *found.notes]
     return [Notes(notes)] if notes else []
+
+
+def tell_briefly(found: SearchResult) -> Document:
+    """The verdict in one sentence, and the parameters of the best model."""
+    return Document(tell_headline(found), [estimates_table(found.parameters)])
 
 
 def tell_headline(found: SearchResult) -> str:
