@@ -468,9 +468,9 @@ def operator_parameters(
 def _read_path(model: Any) -> pd.DataFrame | None:
     """The table of a model that has the operator's own parameters over time, if it is one."""
     steps, found = taken_apart(model)
-    if not hasattr(found, "_operator_frame"):
+    if not hasattr(found, "operator_frame"):
         return None
-    frame = found._operator_frame().copy()
+    frame = found.operator_frame().copy()
     frame["tau_e"] += find_delay_before(steps, found, 0, "operator_parameters")
     units = UNITS | {f"sd_{name}": unit for name, unit in UNITS.items()}
     n_nan = int(frame["K_e"].isna().sum())

@@ -109,7 +109,7 @@ class Bench:
 
     def unit(self, signal: str) -> str | None:
         """Unit of a channel, or of the output for "u"."""
-        units: dict[str, str | None] = self.model._units
+        units: dict[str, str | None] = self.model.simulation_.units
         return units.get(self.model.simulation_.output if signal == "u" else signal)
 
     @property

@@ -72,8 +72,9 @@ class Simulation:
     """Estimates of a core with effects, and what free runs and texts also need.
 
     ``effects`` have their choices made, with None for what was estimated, as ``theta`` has it;
-    ``output`` is the name of the output; ``spread`` are standard deviations of the channels and of
-    the output "u" in the fit, ``duration`` is that of its longest run in seconds.
+    ``output`` is the name of the output, ``units`` are those of the channels; ``spread`` are
+    standard deviations of the channels and of the output "u" in the fit, ``duration`` is that of
+    its longest run in seconds.
     """
 
     spec: SimulatedCore
@@ -81,6 +82,7 @@ class Simulation:
     theta: np.ndarray
     covariance: pd.DataFrame
     output: str
+    units: dict[str, str]
     channels: list[int]
     roles: dict[str, str]
     settling: float
@@ -226,6 +228,7 @@ class GreyBox(RunRegressor):
             theta=model.theta,
             covariance=self.covariance_,
             output=prepared.output,
+            units=self._units,
             channels=prepared.channels,
             roles=prepared.roles,
             settling=self.settling,

@@ -96,7 +96,7 @@ class OperatorPath(RunRegressor):
     @property
     def parameters_(self) -> pd.DataFrame:
         self._check_fitted()
-        last = self._operator_frame().iloc[-1]
+        last = self.operator_frame().iloc[-1]
         value = last[list(SHOWN)].to_numpy(float)
         sd = last[[f"sd_{name}" for name in SHOWN]].to_numpy(float)
         return pd.DataFrame(
@@ -124,8 +124,14 @@ class OperatorPath(RunRegressor):
             "zeta_nm": "-",
         }
 
-    def _operator_frame(self) -> pd.DataFrame:
-        """The table of ``operator_parameters``: the path, or one row of the latest parameters."""
+    def operator_frame(self) -> pd.DataFrame:
+        """The table of ``operator_parameters``: the path, or one row of the latest parameters.
+
+        Returns
+        -------
+        frame : DataFrame
+            K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm and their standard errors.
+        """
         self._check_fitted()
         return self._path_frame if "_path_frame" in vars(self) else self._last_frame
 

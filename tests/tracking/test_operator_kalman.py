@@ -63,7 +63,7 @@ def operator_parameters_or_frame(model):
     try:
         return operator_parameters(model)
     except (TypeError, AttributeError):  # until operator_parameters knows such models
-        return model._operator_frame()
+        return model.operator_frame()
 
 
 @pytest.mark.parametrize("method", METHODS)
