@@ -55,6 +55,11 @@ OF_RUNS = (  # attributes that describe recorded runs
     "run_labels_",
 )
 NO_TIMES = np.empty(0)
+MEMORY: dict = {  # constraints of what says how long is remembered
+    "forgetting": "no_validation",
+    "memory_horizon": "no_validation",
+    "memory_time": "no_validation",
+}
 
 
 class FollowedPath(BaseARX):
@@ -260,6 +265,23 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
     p0: Any
     store_covariance: bool
     _states: list[RecursionState]
+
+    _parameter_constraints: dict = {
+        "na": [Interval(Integral, 0, None, closed="left")],
+        "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
+        "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
+        "inputs": "no_validation",
+        "fit_intercept": ["boolean"],
+        "forgetting_form": [StrOptions({"joint", "diagonal"})],
+        "init": [StrOptions({"ols", "zeros"}), "array-like"],
+        "init_window": [Interval(Real, 0, None, closed="neither")],
+        "p0": [Interval(Real, 0, None, closed="neither"), "array-like", None],
+        "parameters": [StrOptions({"path", "last"})],
+        "store_covariance": ["boolean"],
+        "roles": [dict, None],
+        "dt": DT,
+        "run": "no_validation",
+    }
 
     def _read_forgetting(self, time: np.ndarray) -> Forgetting:
         raise NotImplementedError
@@ -642,26 +664,11 @@ class RecursiveARX(RecursiveLeastSquares):
     """
 
     _parameter_constraints: dict = {
-        "na": [Interval(Integral, 0, None, closed="left")],
-        "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
-        "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
-        "inputs": "no_validation",
-        "fit_intercept": ["boolean"],
-        "forgetting": "no_validation",
-        "memory_horizon": "no_validation",
-        "memory_time": "no_validation",
-        "forgetting_form": [StrOptions({"joint", "diagonal"})],
-        "init": [StrOptions({"ols", "zeros"}), "array-like"],
-        "init_window": [Interval(Real, 0, None, closed="neither")],
-        "p0": [Interval(Real, 0, None, closed="neither"), "array-like", None],
+        **RecursiveLeastSquares._parameter_constraints,
+        **MEMORY,
         "reset_times": [Real, "array-like", None],
         "combine": [StrOptions({"pooled", "average_estimates"})],
-        "parameters": [StrOptions({"path", "last"})],
         "smooth": ["boolean"],
-        "store_covariance": ["boolean"],
-        "roles": [dict, None],
-        "dt": DT,
-        "run": "no_validation",
     }
 
     def __init__(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from numbers import Integral
 from typing import Any
@@ -19,7 +20,7 @@ from ..text import ModelSummary, TextTable, number, vaf_name
 from .base import BOUND
 from .folds import SplitsRuns, folds_of
 from .forgetting import Forgetting, kernel_arrays, read_forgetting
-from .recursive import RecursiveARX, RecursiveLeastSquares
+from .recursive import RecursiveLeastSquares
 from .rls import RecursionData, RecursionState, kernel_regressors, recurse
 from .searches import highest, standard_error_over_folds
 
@@ -109,11 +110,7 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
     """
 
     _parameter_constraints: dict = {
-        name: constraint
-        for name, constraint in RecursiveARX._parameter_constraints.items()
-        if name
-        not in ("forgetting", "memory_horizon", "memory_time", "reset_times", "combine", "smooth")
-    } | {
+        **RecursiveLeastSquares._parameter_constraints,
         "memory_horizons": "no_validation",
         "cv": ["cv_object"],
         "scoring": [VAFScorer, None],
@@ -184,7 +181,14 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
         data = self._read_recursion(X, y)
         settings = self._settings(data)
         routed = self._routed(X, data.grid.layout, groups, params)
-        validation = _HorizonScores(self, data, self._read_y(X, y))
+        validation = _HorizonScores(
+            data,
+            self._hold(data.grid, data.inputs)[:],
+            self._read_y(X, y),
+            self.scoring or VAFScorer(),
+            self._start,
+            self.parameters == "last",
+        )
         folds = self._folds(validation, routed)
         context = self._init_callback_context(max_subtasks=len(folds) + 1)
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
@@ -322,9 +326,17 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
 class _HorizonScores:
     """Scores all settings on training and validation runs."""
 
-    def __init__(self, search: RecursiveARXCV, data: RecursionData, y: np.ndarray) -> None:
-        self.search, self.data, self.y = search, data, y
-        self.scorer = search.scoring if search.scoring is not None else VAFScorer()
+    def __init__(
+        self,
+        data: RecursionData,
+        inputs: np.ndarray,
+        y: np.ndarray,
+        scorer: VAFScorer,
+        start: Callable[[RecursionData, np.ndarray], tuple[np.ndarray, np.ndarray]],
+        last: bool,
+    ) -> None:
+        """``inputs`` are those to simulate from; ``start`` gives theta0 and P0 of some runs."""
+        self.data, self.y, self.scorer, self.start, self.last = data, y, scorer, start, last
         if self.scorer.rate == "model":
             raise ValueError(
                 "A search scores at the full rate; VAFScorer(rate='model') cannot choose between "
@@ -340,7 +352,6 @@ class _HorizonScores:
         n_rows = data.inputs.shape[0]
         self.signals = np.ones((data.signals.shape[0], n_rows))
         self.signals[0] = np.where(self.keep, y, np.nan) if self.sums_suffice else np.nan
-        inputs = search._hold(data.grid, data.inputs)[:]
         self.signals[1 : 1 + inputs.shape[1]] = inputs.T
         power = np.where(self.keep, y, 0.0) ** 2
         n_runs = data.instants.n_runs
@@ -351,12 +362,12 @@ class _HorizonScores:
         """VAF on validation and on training runs, of shape (2, n_settings)."""
         train, test = runs
         data = self.data
-        start = self.search._start(data, train)
+        start = self.start(data, train)
         signals = np.ascontiguousarray(data.signals[:, :, train])
         target = np.ascontiguousarray(data.target[:, train])
         known = data.instants.of_row[np.isin(data.instants.run, train)]
         at = np.maximum(data.instants.of_row, known.min())
-        last = self.search.parameters == "last"
+        last = self.last
         if last:
             at = np.zeros_like(at)
         scores = np.empty((2, len(settings)))

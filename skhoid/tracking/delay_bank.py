@@ -16,9 +16,9 @@ from ..arx.base import check_lengths, check_row_count
 from ..arx.forgetting import Forgetting, read_forgetting
 from ..arx.orders import Orders, whole_number
 from ..arx.recursive import (
+    MEMORY,
     MOST_ROWS_BACK,
     OF_RUNS,
-    RecursiveARX,
     RecursiveLeastSquares,
     check_streamable,
 )
@@ -61,10 +61,11 @@ class Bank:
     def __init__(
         self,
         model: DelayBankARX,
+        each: list[Orders],
         forgetting: Forgetting,
         starts: list[tuple[np.ndarray, np.ndarray]],
     ) -> None:
-        dt, each = model.dt_, model._each_orders
+        dt = model.dt_
         self.forgetting, self.orders = forgetting, each[0]
         self.first_row = each[-1].first_row  # of the longest delay
         self.horizon = max(round(whole_samples(model.ahead, dt)), 1)
@@ -362,10 +363,8 @@ class DelayBankARX(RecursiveLeastSquares):
     """
 
     _parameter_constraints: dict = {
-        name: constraint
-        for name, constraint in RecursiveARX._parameter_constraints.items()
-        if name not in ("reset_times", "combine", "smooth")
-    } | {
+        **RecursiveLeastSquares._parameter_constraints,
+        **MEMORY,
         "nk": "no_validation",
         "stay_time": [Interval(Real, 0, None, closed="neither")],
         "ahead": [Interval(Real, 0, 10, closed="both")],
@@ -453,7 +452,7 @@ class DelayBankARX(RecursiveLeastSquares):
         check_row_count(int((~np.isnan(data.target)).sum()), 1, data.grid)
         self._end_stream(*OF_RUNS, *PATHS)
         starts = [self._start(replace(data, orders=orders), None) for orders in self._each_orders]
-        bank = Bank(self, forgetting, starts)
+        bank = Bank(self, self._each_orders, forgetting, starts)
         self._set_forgetting(forgetting, None)
         self._numbers, self.time_path_ = data.instants.number, data.instants.time
         self.run_labels_ = list(data.grid.layout.labels)
@@ -651,7 +650,7 @@ class DelayBankARX(RecursiveLeastSquares):
         tables = [self._first_table(X, y, fresh, orders) for orders in self._each_orders]
         starts = [self._start_from(table, y.size) for table in tables]
         self._starts = starts
-        return BankRows(Bank(self, self._read_forgetting(np.zeros(1)), starts))
+        return BankRows(Bank(self, self._each_orders, self._read_forgetting(np.zeros(1)), starts))
 
     def _refresh_estimates(self, recursion: Any) -> None:
         self._refresh(recursion)

@@ -580,7 +580,7 @@ class KalmanRows(Recursion):
         if start.covariance is not None:
             self.covariance[:] = start.covariance
         self._signs = np.sign(start.parameters)
-        self._fresh = True
+        self.fresh = True
 
     def __deepcopy__(self, memo: Any) -> KalmanRows:
         other = object.__new__(KalmanRows)
@@ -604,12 +604,12 @@ class KalmanRows(Recursion):
         return self.state[0, self.at[name] : self.at[name] + size]
 
     def rest(self) -> None:
-        self._fresh = True
+        self.fresh = True
 
     def take(self, X: np.ndarray, y: np.ndarray, time: np.ndarray | None = None) -> None:
         fresh = np.zeros(y.size, dtype=np.int8)
-        fresh[0] = self._fresh
-        self._fresh = False
+        fresh[0] = self.fresh
+        self.fresh = False
         self.run(X.reshape(-1), y, fresh)
 
     def run(
@@ -658,7 +658,7 @@ def run_lanes(filters: list[KalmanRows], lanes: Lanes, *, smooth: bool) -> Found
         )  # fmt: skip
         for lane, one in enumerate(filters):
             one.state[0] = states[lane]
-            one._fresh = False
+            one.fresh = False
         return Found(path, errors[..., 0], present)
     for lane, one in enumerate(filters):  # one after the other, for their covariances' sake
         own = slice(lane, lane + 1)
@@ -668,7 +668,7 @@ def run_lanes(filters: list[KalmanRows], lanes: Lanes, *, smooth: bool) -> Found
             one.state, one.settings, lanes.e[own], y[own], lanes.fresh[own], 0, shape[1],
             path[own], errors[own], filtered, priors, crosses,
         )  # fmt: skip
-        one._fresh = False
+        one.fresh = False
         kernel.smooth_kalman(filtered, priors, crosses, lanes.fresh[own])
         covariance = filtered[0, :, n:].reshape(-1, n, n)
         path[lane, :, :5] = filtered[0, :, :5]

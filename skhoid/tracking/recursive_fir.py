@@ -58,7 +58,7 @@ class FIRFilter(Recursion):
         self._no_errors = np.empty((0, 0))
 
     @classmethod
-    def of(cls, model: RecursiveFIR) -> FIRFilter:
+    def of(cls, model: RecursiveFIR, factor: float) -> FIRFilter:
         orders = model.orders_
         pseudoinverse = model.form == "pseudoinverse"
         if pseudoinverse and model.penalty != "identity":
@@ -75,9 +75,7 @@ class FIRFilter(Recursion):
                 prior[block, block], penalty[block, block] = tc_kernel(taps)
                 at += taps
         every = whole_number("every", model.every, 1)
-        return cls(
-            orders, model._factor(), float(model.ridge), every, pseudoinverse, penalty, prior
-        )
+        return cls(orders, factor, float(model.ridge), every, pseudoinverse, penalty, prior)
 
     def part(self, name: str) -> np.ndarray:
         """A quantity of the kernel's layout: a matrix, flat, a vector, or one number."""
@@ -494,7 +492,7 @@ class RecursiveFIR(Streaming, FollowedPath):
                 "smaller one."
             )
         self._end_stream(*OF_RUNS)
-        found = FIRFilter.of(self)
+        found = FIRFilter.of(self, self._factor())
         signals = _kernels.gate(data.signals[..., 0])
         errors = np.full(data.target.shape[:2], np.nan)
         path, spread = found.advance(
@@ -560,7 +558,7 @@ class RecursiveFIR(Streaming, FollowedPath):
 
     def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> FIRFilter:
         self._read_orders()
-        return FIRFilter.of(self)
+        return FIRFilter.of(self, self._factor())
 
     def _rows_to_begin(self) -> int:
         return 0
