@@ -139,10 +139,9 @@ def test_a_form_whose_numbers_are_all_given_is_simulated():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("domain", ["human", "machine"])
-def test_a_search_takes_every_id(domain):
+def test_a_search_takes_every_id():
     X, y = arx_runs(1, 200)
-    search = EffectSearchCV(SimulatedARX(1, 1, 3, inputs=["e"]), effects=IDS, domain=domain)
+    search = EffectSearchCV(SimulatedARX(1, 1, 3, inputs=["e"]), effects=IDS, domain="machine")
     ranking = search.set_params(max_effects=1).fit(X, y).ranking_
     assert set(ranking["effect"]) >= set(IDS) - {"tremor"}
 
@@ -301,7 +300,7 @@ def test_other_places_have_plain_forms():
 def test_is_named_wherever_it_acts():
     true = DeadZone(width=0.08, form="gap", at="output")
     X, y = make_tracking_runs("C1", 3, remnant_intensity=0.1, random_state=5, effects=true)
-    names = ["dead_zone", "quantised", "cubic_gain"]
+    names = ["dead_zone", "cubic_gain"]
     search = EffectSearchCV(OperatorRegressor(), effects=names).fit(X, y)
     assert search.best_effects_[:1] == ["dead_zone"]
     assert dict(search.best_estimator_.effects_.steps)["dead_zone"].at == "output"
