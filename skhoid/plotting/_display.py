@@ -79,6 +79,36 @@ SHARED = {
         centered : bool, default=False
             Take VAF about the mean of each run.
         """,
+    "boxes": """
+        group : str, default="remnant_order"
+            Column that is shown by colour.
+        x : str, default="remnant_intensity"
+            Column along the axis, a place for each of its values.
+        by : str or sequence of str, default=()
+            One or two columns that make panels: side by side, or for one result and two columns,
+            one row for each value of the first.
+        difference : tuple (column, first, second) or None, default=None
+            Results where the column is ``first`` less those of the same replication where it is
+            ``second``, as ``("delay", "fixed", "estimated")`` for Eq. 29.
+        reference : float, dict or None, default=None
+            Where to draw a dotted line. A dict has one for each row, or each column, of panels:
+            ``{50: 15, 100: 29}``. None means zero for biases and differences.
+        scale : {"auto", "linear", "symlog"}, default="auto"
+            Of the vertical axes.
+        """,
+    "sizes": """
+        axes_ : ndarray of Axes, shape (n_rows, n_columns)
+            The panels.
+        ax_ : Axes
+            The first of them.
+        figure_ : Figure
+            The figure that holds them.
+        """,
+    "references": """
+        references : DataFrame or None, default=None
+            Result of :func:`skhoid.reference_fits`: batch models of constant parts of the runs,
+            drawn as orange levels over its windows.
+        """,
     "search": """
         search : fitted EffectSearchCV
             The search.

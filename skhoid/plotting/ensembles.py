@@ -98,12 +98,7 @@ class EnsembleDisplay(Display):
 
     Attributes
     ----------
-    axes_ : ndarray of Axes, shape (n_parameters, n_columns)
-        The panels.
-    ax_ : Axes
-        The first of them.
-    figure_ : Figure
-        The figure that holds them.
+    %(sizes)
     names_, columns_ : list
         The parameter in each row, and the person or remnant intensity in each column.
     lines_, bands_, truth_ : dict of Artist

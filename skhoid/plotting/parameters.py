@@ -58,8 +58,7 @@ class ParametersDisplay(Display):
         ``attrs["deviation"]`` may say of what the latter are.
     truth : DataFrame or None, default=None
         True values in the same columns, over ``time`` or in one row.
-    references : DataFrame or None, default=None
-        Result of :func:`skhoid.reference_fits`, drawn as orange levels over its windows.
+    %(references)
     %(transition_time)
     runs : dict of ndarray of shape (n_runs, n_instants, n_params), or None, default=None
         Estimates of single runs by label, for the parameters and instants of the frame.
@@ -138,8 +137,7 @@ class ParametersDisplay(Display):
             with columns named as the parameters; constants, named or in the order of the
             parameters (an array has one row per instant, or is one row); or an operator, for its
             parameters.
-        references : DataFrame or None, default=None
-            Result of :func:`skhoid.reference_fits`: batch models of constant parts of the runs.
+        %(references)
         kind : {"arx", "operator"}, default="arx"
             The parameters of the models, or those of the operator that
             :func:`skhoid.operator_parameters` finds in them; with options of that, see
@@ -207,8 +205,7 @@ class ParametersDisplay(Display):
             True values: an operator, whose functions of time are evaluated, or a frame with
             columns of the same names, such as the ``truth.parameters`` of make_tracking_runs, or a
             row of one.
-        references : DataFrame or None, default=None
-            Result of :func:`skhoid.reference_fits`: batch models of constant parts of the runs.
+        %(references)
         %(transition_time)
         parameters : sequence of str or None, default=None
             Names of the parameters to draw. None draws all.

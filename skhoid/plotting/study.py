@@ -105,27 +105,11 @@ class StudyBoxDisplay(Display):
         One row per box: ``value`` (name of the result), the columns of ``by``, ``x`` and
         ``group``, the number of replications ``n``, ``low``, ``q1``, ``median``, ``q3`` and
         ``high`` of box and whiskers, and all results in ``values``, an array.
-    group : str, default="remnant_order"
-        Column that is shown by colour.
-    x : str, default="remnant_intensity"
-        Column along the axis, a place for each of its values.
-    by : sequence of str, default=()
-        At most two columns that make panels.
-    difference : tuple (column, first, second) or None, default=None
-        Of what the results are differences.
-    reference : float, dict or None, default=None
-        Where to draw a dotted line, see :meth:`from_table`.
-    scale : {"auto", "linear", "symlog"}, default="auto"
-        Of the vertical axes.
+    %(boxes)
 
     Attributes
     ----------
-    axes_ : ndarray of Axes, shape (n_rows, n_columns)
-        The panels.
-    ax_ : Axes
-        The first of them.
-    figure_ : Figure
-        The figure that holds them.
+    %(sizes)
     panels_ : list of dict
         What each panel of ``axes_.flat`` shows: ``value`` and the values of ``by``.
     artists_ : list of dict
@@ -188,21 +172,7 @@ class StudyBoxDisplay(Display):
             the cell. What is not drawn apart must not vary: choose it before.
         value : str or list of str
             Column of results. Several are panels below each other.
-        group : str, default="remnant_order"
-            Column that is shown by colour.
-        x : str, default="remnant_intensity"
-            Column along the axis.
-        by : str or list of str, default=()
-            One or two columns that make panels: side by side, or for one ``value`` and two
-            columns, one row for each value of the first.
-        difference : tuple (column, first, second) or None, default=None
-            Draw results where the column is ``first`` less those of the same replication where it
-            is ``second``, as ``("delay", "fixed", "estimated")`` for Eq. 29.
-        reference : float, dict or None, default=None
-            Where to draw a dotted line. A dict has one for each row, or each column, of panels:
-            ``{50: 15, 100: 29}``. None means zero for biases and differences.
-        scale : {"auto", "linear", "symlog"}, default="auto"
-            Of the vertical axes.
+        %(boxes)
         %(keywords)
 
         %(display)
