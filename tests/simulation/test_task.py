@@ -7,7 +7,6 @@ from skhoid import (
     CompensatoryTask,
     ControlledElement,
     HumanOperator,
-    Multisine,
     Ramp,
     Remnant,
     Step,
@@ -152,11 +151,6 @@ def test_phases_of_a_function_cannot_be_drawn():
         task.simulate(random_phases=True)
 
 
-def test_remnant_of_unknown_gain_cannot_be_simulated():
-    with pytest.raises(ValueError, match="is not known yet: tune_remnant"):
-        CompensatoryTask(remnant=Remnant(intensity=0.1)).simulate()
-
-
 @pytest.mark.parametrize(
     "operator",
     [
@@ -169,11 +163,6 @@ def test_remnant_of_unknown_gain_cannot_be_simulated():
 def test_fast_muscles_need_a_faster_clock(operator):
     with pytest.raises(ValueError, match="100 Hz is too slow for the neuromuscular mode"):
         CompensatoryTask(operator=operator, duration=1.0, run_in=0.0).simulate()
-
-
-def test_lines_above_nyquist_are_refused():
-    with pytest.raises(ValueError, match="not below Nyquist"):
-        Multisine(multiples=[6000], amplitudes=[1], phases=[0]).sample(0, 100, 100.0)
 
 
 def test_functions_of_time_must_take_arrays():
