@@ -175,8 +175,8 @@ class Workbench:
     def begin(self, kept: Mapping[str, Any] | None) -> None:
         """Start reading: the files of the command line, or what a session kept."""
         if kept is not None:
-            self.given = Choices.from_dict(kept.get("asked", {}))
-            self.choices = Choices.from_dict(kept.get("choices", {}))
+            self.given = Choices(**kept["asked"])
+            self.choices = Choices(**kept["choices"])
             self.files, self.chosen = {}, []
             for file in kept.get("files", []):
                 path = self.folder.uploads / file["upload"] if "upload" in file else file["path"]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import pprint
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -95,12 +95,6 @@ class Choices:
     def as_dict(self) -> dict[str, Any]:
         """The same for JSON."""
         return asdict(self)
-
-    @classmethod
-    def from_dict(cls, found: Mapping[str, Any]) -> Choices:
-        """Choices of a session; what this version does not know is left out."""
-        known = {one.name for one in fields(cls)}
-        return cls(**{name: value for name, value in found.items() if name in known})
 
     def corrected(self, asked: Mapping[str, Any], columns: list[str]) -> Choices:
         """These choices with what the page sends, which is checked.
