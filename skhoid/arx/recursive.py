@@ -337,11 +337,10 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
         self._set_forgetting(forgetting, np.mean(used, axis=0) if forgetting.nominal else None)
         self._set_paths(data, recursions, each)
         if not each and data.grid.rows is None:
-            self._leave_for_streams(
-                self._stream_from(self._states[0], starts[0][1], forgetting), data.grid.layout
-            )
+            stream = self._stream_from(self._states[0], starts[0][1], forgetting)
             if data.instants.n_runs == 1:
-                self._recursion.go_on_after(data)
+                stream.go_on_after(data)
+            self._leave_for_streams(stream, data.grid.layout)
         self._report_missing(data.grid, data.inputs, data.output, self.n_updates_, self.inputs_)
 
     def _start(self, data: RecursionData, runs: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from itertools import product
 from numbers import Integral, Real
 from typing import Any, Self
@@ -359,11 +360,12 @@ class DelaySearchCV(ModelSearch):
             tuple(k * self.dt_ for k in nk) if isinstance(nk, tuple) else nk * self.dt_
             for nk in candidates
         ]
-        results = {"params": found.candidates, "nk": candidates, "delay": seconds}
+        results: dict[str, Any] = {"params": found.candidates, "nk": candidates, "delay": seconds}
         by_vaf = self.criterion == "vaf"
         if by_vaf:
             results |= _scored(found.scores)
-        self.loss_ = 100.0 - results["mean_test_score"] if by_vaf else found.losses
+        loss = 100.0 - results["mean_test_score"] if by_vaf else found.losses
+        self.loss_: np.ndarray = loss
         self.cv_results_ = results | {"loss": self.loss_}
         if np.all(np.isnan(self.loss_)):
             with_orders(estimator, nk=candidates[0]).fit(*found.data)  # the error has its cause
@@ -587,7 +589,7 @@ class OrderSearchCV(ModelSearch):
         parts = {
             factor: evaluate_candidates(
                 variant,
-                lambda _, variant=variant, factor=factor: self._candidates(variant, factor),
+                partial(self._candidates, variant, factor),
                 f"factor {factor}",
             )
             for factor, variant in variants.items()
@@ -670,7 +672,7 @@ class OrderSearchCV(ModelSearch):
             for d in (whole_number("factor", d, 1) for d in self.factor)
         }
 
-    def _candidates(self, variant: Any, factor: int) -> list[dict[str, Any]]:
+    def _candidates(self, variant: Any, factor: int, _: CandidateTable) -> list[dict[str, Any]]:
         if isinstance(self.nk, Mapping) and factor not in self.nk:
             raise ValueError(
                 f"nk has no candidates for factor {factor}; it names the factors {list(self.nk)}."

@@ -210,7 +210,7 @@ class Streaming(RunRegressor):
         """Take what :meth:`partial_fit` does not take by its fast path."""
         recursion, pending = vars(self).get("_recursion"), vars(self).get("_pending")
         self._check_streaming()
-        fitted = self.__sklearn_is_fitted__()  # type: ignore[attr-defined]
+        fitted = self.__sklearn_is_fitted__()
         if not fitted and pending is None:
             grid, _, output, values, *_ = self._read_data(X, y, "nothing")
         else:
