@@ -303,6 +303,12 @@ def _print_verdict(text: str, options: argparse.Namespace) -> None:
         print_bold(text)
 
 
+def _people_of(group: Any) -> Any:
+    """Everybody's row, with the verdict in words; nothing where there was no search."""
+    verdicts = ["" if verdict is None else str(verdict) for verdict in group.people_["verdict"]]
+    return group.people_.assign(verdict=verdicts)
+
+
 def _tables(
     options: argparse.Namespace,
     check: Any,
@@ -327,7 +333,7 @@ def _tables(
         tables |= {
             "prevalence": group.prevalence_,
             "members": group.members_,
-            "people": group.people_,
+            "people": _people_of(group),
             "effects_by_condition": group.contrasts_,
             "parameters_of_effects": group.parameters_,
         }
@@ -369,7 +375,7 @@ def _as_dict(
             "group_effects": group.group_effects_,
             "prevalence": group.prevalence_.to_dict("records"),
             "members": group.members_.to_dict("records"),
-            "people": group.people_.to_dict("records"),
+            "people": _people_of(group).to_dict("records"),
             "effects_by_condition": group.contrasts_.to_dict("records"),
         }
     return found
