@@ -60,7 +60,7 @@ def test_every_effect_of_the_catalogue_can_be_chosen(capsys, monkeypatch, name):
     monkeypatch.setattr("skhoid.lab.cli.diagnose.show_search", show_search)
     code = main(["demo", "--effect", name])
     if code == 2:
-        assert f"demo cannot hide {name}: " in capsys.readouterr().err
+        assert f"person cannot have {name}: " in capsys.readouterr().err
         kind = effect(name)
         assert "human" not in kind.domains or kind.noise or not kind.hidden
         return
