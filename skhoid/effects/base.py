@@ -163,9 +163,8 @@ class Effect(Composable, BaseEstimator):
         super().__init_subclass__(**keywords)
         complete(cls)
 
-    def __init__(self, **given: Any) -> None:
-        if given:
-            raise TypeError(f"{type(self).__name__} takes no arguments; got {', '.join(given)}.")
+    def __init__(self) -> None:
+        """Take no arguments; those of a subclass are made of its entry."""
 
     __init__.of_entry = True  # type: ignore[attr-defined]
 

@@ -7,7 +7,8 @@ from .evidence import COLUMNS as EVIDENCE_COLUMNS  # noqa: F401
 from .evidence import evidence_of as evidence_of
 from .judging import LEAST_DELTA_BIC as LEAST_DELTA_BIC
 from .judging import LEAST_GAIN as LEAST_GAIN
-from .results import SearchResult, with_effects
+from .results import SearchResult
+from .results import with_effects as with_effects
 from .shape import BY_HAND as BY_HAND
 from .shape import Shape
 from .sketch import checked_name as checked_name
@@ -26,4 +27,4 @@ from .telling import tell_step as tell_step
 from .telling import tell_verdict as tell_verdict
 from .telling import unexplained_by as unexplained_by
 
-__all__ = ["EffectSearchCV", "Reason", "SearchResult", "Shape", "Status", "Verdict", "with_effects"]
+__all__ = ["EffectSearchCV", "Reason", "SearchResult", "Shape", "Status", "Verdict"]

@@ -62,6 +62,14 @@ class SearchResult:
         Labels of the runs in which effects were looked for.
     max_effects : int
         How many effects could be added.
+
+    Examples
+    --------
+    >>> from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+    >>> X, y = make_tracking_runs(n_runs=2, remnant_intensity=0.1, sampling_rate=50, random_state=0)
+    >>> search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(X, y)
+    >>> search.result_.best_effects
+    []
     """
 
     verdict: Verdict

@@ -56,7 +56,14 @@ class Verdict(Enum):
 
 
 class Status(StrEnum):
-    """What became of a candidate of a search."""
+    """What became of a candidate of a search.
+
+    Examples
+    --------
+    >>> from skhoid.search import Status
+    >>> Status("added") is Status.ADDED
+    True
+    """
 
     ADDED = "added"
     NOT_BETTER = "not better"
@@ -64,7 +71,14 @@ class Status(StrEnum):
 
 
 class Reason(StrEnum):
-    """Why a candidate was not added."""
+    """Why a candidate was not added.
+
+    Examples
+    --------
+    >>> from skhoid.search import Reason
+    >>> Reason("rival_added").counts, Reason.AT_BOUND.counts
+    (True, False)
+    """
 
     NONE = ""
     REFUSED = "does_not_apply"  # the effect says what it needs
