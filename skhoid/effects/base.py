@@ -163,14 +163,18 @@ class Effect(Composable, BaseEstimator):
         super().__init_subclass__(**keywords)
         complete(cls)
 
-    def __init__(self) -> None:
-        """Take no arguments; those of a subclass are made of its entry."""
-
-    __init__.of_entry = True  # type: ignore[attr-defined]
-
     if TYPE_CHECKING:  # arguments, which __init__ makes of the entry
 
+        def __init__(self, **given: Any) -> None: ...
+
         def __getattr__(self, name: str) -> Any: ...
+
+    else:
+
+        def __init__(self) -> None:
+            """Take no arguments; those of a subclass are made of its entry."""
+
+        __init__.of_entry = True
 
     @classmethod
     def chosen_by_default(cls, argument: str) -> str:
