@@ -5,7 +5,6 @@ import re
 from enum import Enum
 from importlib import import_module
 
-import pytest
 from numpydoc.docscrape import FunctionDoc
 from support.places import ROOT
 
@@ -74,10 +73,6 @@ CALLABLES = {
 }
 
 
-def each(objects):
-    return pytest.mark.parametrize("obj", objects.values(), ids=objects.keys())
-
-
 def real_parameters(obj):
     names = list(inspect.signature(obj).parameters)
     is_unbound_method = inspect.isfunction(obj) and names[:1] == ["self"]
@@ -92,23 +87,32 @@ def documented_parameters(obj):
     ]
 
 
-@each(OBJECTS | METHODS)
-def test_summary_is_one_line(obj):
-    summary = FunctionDoc(obj)["Summary"]
-    assert len(summary) == 1, f"the summary must be one line, got {summary}"
-    assert summary[0].strip().endswith("."), f"the summary must end in a full stop: {summary[0]!r}"
+def test_summaries_are_one_line():
+    wrong = {}
+    for name, obj in (OBJECTS | METHODS).items():
+        summary = FunctionDoc(obj)["Summary"]
+        if len(summary) != 1 or not summary[0].strip().endswith("."):
+            wrong[name] = summary
+    assert wrong == {}, "a summary is one line that ends in a full stop"
 
 
-@each(CALLABLES | METHODS_CALLED)
-def test_documented_parameters_are_the_real_ones(obj):
-    assert documented_parameters(obj) == real_parameters(obj)
+def test_documented_parameters_are_the_real_ones():
+    wrong = {
+        name: (documented_parameters(obj), real_parameters(obj))
+        for name, obj in (CALLABLES | METHODS_CALLED).items()
+        if documented_parameters(obj) != real_parameters(obj)
+    }
+    assert wrong == {}
 
 
-@each(OBJECTS)
-def test_has_a_running_example(obj):
-    # That the example runs and is right, `--doctest-modules` tests.
-    examples = "\n".join(FunctionDoc(obj)["Examples"])
-    assert ">>> " in examples, "the Examples section has no >>> line"
+def test_everything_public_has_a_running_example():
+    # That the examples run and are right, `--doctest-modules` tests.
+    without = [
+        name
+        for name, obj in OBJECTS.items()
+        if ">>> " not in "\n".join(FunctionDoc(obj)["Examples"])
+    ]
+    assert without == []
 
 
 def test_the_package_tells_what_it_is_for():

@@ -1,17 +1,15 @@
 """The catalogue's pages say what there is: the grid, the cards, and what tells effects apart."""
 
 import importlib
-import inspect
 import re
 import sys
 
 import numpy as np
 import pytest
-from numpydoc.docscrape import FunctionDoc
 from support.places import ROOT
 
 import skhoid.effects
-from skhoid.effects import CoreKind, catalogue, effect
+from skhoid.effects import catalogue, effect
 
 DOCS = ROOT / "docs"
 
@@ -64,16 +62,3 @@ def test_card_says_what_the_entry_says_and_shows_what_the_effect_does(cards, nam
         size = np.ptp(np.r_[found.without.y, lines[0].y])
         off = [np.abs(c.y - np.interp(c.x, found.without.x, found.without.y)).max() for c in lines]
         assert max(off) > 0.05 * size
-
-
-@pytest.mark.parametrize("name", skhoid.effects.__all__)
-def test_docstrings_of_effects(name):
-    obj = getattr(skhoid.effects, name)
-    doc = FunctionDoc(obj)
-    documented = {
-        part.strip().lstrip("*") for entry in doc["Parameters"] for part in entry.name.split(",")
-    }
-    if obj is not CoreKind and not getattr(obj, "_is_protocol", False):  # which nobody calls
-        assert documented == set(inspect.signature(obj).parameters) - {"given"}
-    assert len(doc["Summary"]) == 1
-    assert ">>> " in "\n".join(doc["Examples"])

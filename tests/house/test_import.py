@@ -52,11 +52,10 @@ def test_the_command_line_answers_before_numpy(words):
     assert not found & HEAVY
 
 
-@pytest.mark.parametrize("name", dir(skhoid))
-def test_names_are_found(name):
+def test_names_are_found():
     """That each line of the stub, which type checkers believe, is true."""
-    found = getattr(skhoid, name)
-    assert found.__name__ in {name, f"skhoid.{name}"}
+    for name in dir(skhoid):
+        assert getattr(skhoid, name).__name__ in {name, f"skhoid.{name}"}
 
 
 def test_a_wrong_name_is_an_attribute_error():

@@ -67,7 +67,6 @@ def test_representation_makes_the_value_again(value):
 SENSELESS = [-0.1, np.nan, np.inf, -np.inf, True, "0.1", None, [0.1], np.array([0.1])]
 
 
-@pytest.mark.parametrize("number", SENSELESS, ids=repr)
 @pytest.mark.parametrize(
     ("kind", "name", "options"),
     [
@@ -81,14 +80,14 @@ SENSELESS = [-0.1, np.nan, np.inf, -np.inf, True, "0.1", None, [0.1], np.array([
         *[(CompensatoryTask, name, {}) for name in ("duration", "sampling_rate", "run_in")],
     ],
 )
-def test_senseless_numbers(kind, name, options, number):
-    if number is None and (kind is Remnant or name == "run_in"):
-        number = "none"
-    with pytest.raises(ValueError, match=f"{kind.__name__}: {name} must be "):
-        kind(**options, **{name: number})
+def test_senseless_numbers(kind, name, options):
+    for number in SENSELESS:
+        if number is None and (kind is Remnant or name == "run_in"):
+            number = "none"
+        with pytest.raises(ValueError, match=f"{kind.__name__}: {name} must be "):
+            kind(**(options | {name: number}))
 
 
-@pytest.mark.parametrize("number", [np.nan, np.inf, True, "1", None], ids=repr)
 @pytest.mark.parametrize(
     ("kind", "name", "options"),
     [
@@ -101,9 +100,10 @@ def test_senseless_numbers(kind, name, options, number):
         (Ramp, "end", {"initial": 0, "final": 1, "start": 0}),
     ],
 )
-def test_numbers_that_may_be_negative(kind, name, options, number):
-    with pytest.raises(ValueError, match=f"{kind.__name__}: {name} must be a finite number"):
-        kind(**(options | {name: number}))
+def test_numbers_that_may_be_negative(kind, name, options):
+    for number in [np.nan, np.inf, True, "1", None]:
+        with pytest.raises(ValueError, match=f"{kind.__name__}: {name} must be a finite number"):
+            kind(**(options | {name: number}))
 
 
 def test_lead_is_given_once():
