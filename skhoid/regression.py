@@ -15,7 +15,7 @@ from sklearn.utils.validation import check_consistent_length, check_is_fitted
 from ._sklearn import FittedDisplay, SharedDocs, fill_docs
 from .exceptions import MissingDataWarning, RunIndexError, SamplingJitterWarning
 from .metrics import scored_rows, vaf_of_rows, warn_of_unscored
-from .preprocessing.base import read_table
+from .preprocessing.base import RemembersParameters, read_table
 from .preprocessing.gate import (
     AS_GIVEN,
     DOUBLE,
@@ -54,7 +54,7 @@ class DataToFit(NamedTuple):
     known: np.ndarray
 
 
-class RunRegressor(SharedDocs, FittedDisplay, RegressorMixin, BaseEstimator):
+class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixin, BaseEstimator):
     """A regressor that predicts the output of runs by simulation, on the grid that marks leave."""
 
     inputs: Any
@@ -72,8 +72,12 @@ class RunRegressor(SharedDocs, FittedDisplay, RegressorMixin, BaseEstimator):
 
     def _read_X(self, X: Any, *, reset: bool) -> tuple[ModelGrid, np.ndarray]:
         """Read the layout and all columns of X, checked, in single precision if they are so."""
-        layout, values = read_table(self, X, reset=reset, dtypes=AS_GIVEN)
         if reset:
+            self.keep_parameters()
+        known = None if reset else self._reading
+        layout, values, reading = read_table(self, X, known, AS_GIVEN)
+        if reset:
+            self._reading = reading
             self._mark = layout.mark
         elif layout.mark != self._mark:
             raise RunIndexError(
@@ -96,7 +100,8 @@ class RunRegressor(SharedDocs, FittedDisplay, RegressorMixin, BaseEstimator):
         return output
 
     def _channel_names(self, positions: list[int]) -> list[str]:
-        return [f"x{p}" if self._names is None else str(self._names[p]) for p in positions]
+        names = self._reading.names
+        return [f"x{p}" if names is None else str(names[p]) for p in positions]
 
     def _read_data(
         self, X: Any, y: Any, needs: str = "inputs", *, in_parts: bool = False
@@ -111,15 +116,15 @@ class RunRegressor(SharedDocs, FittedDisplay, RegressorMixin, BaseEstimator):
         warn_of_pooled(X)
         output = self._read_y(X, y, dtypes)
         if needs != "nothing":
-            check_not_too_small(values, "X", self._names)
+            check_not_too_small(values, "X", self._reading.names)
             check_not_too_small(output, "y")
         self._output_name = output_name(y)
         self._columns = self._linear_columns(values.shape[1])
         self.inputs_ = self._channel_names(self._columns)
         self._needed = self._columns
         if needs == "all":
-            names = self._names or [*range(values.shape[1])]
-            run = None if self._run is None else run_column(names, self._run)
+            names = self._reading.names or [*range(values.shape[1])]
+            run = None if self._reading.run is None else run_column(names, self._reading.run)
             self._needed = [i for i in range(values.shape[1]) if i != run]
         if needs != "nothing":
             output = self._without_empty_runs(grid.layout, values, output)
@@ -146,7 +151,8 @@ class RunRegressor(SharedDocs, FittedDisplay, RegressorMixin, BaseEstimator):
 
     def _linear_columns(self, n_columns: int) -> list[int]:
         """Columns of the linear inputs."""
-        return input_columns(self._names, n_columns, self.inputs, self._run, self.roles)
+        read = self._reading
+        return input_columns(read.names, n_columns, self.inputs, read.run, self.roles)
 
     def _without_empty_runs(
         self, layout: RunLayout, values: np.ndarray, output: np.ndarray

@@ -273,11 +273,11 @@ class ARXRegressor(BaseARX):
     def _fit_by_instruments(self, data: DataToFit) -> None:
         grid, inputs, output = data.grid, data.inputs, data.output
         positions = instrument_columns(
-            self._names or list(range(data.columns.shape[1])),
+            self._reading.names or list(range(data.columns.shape[1])),
             self.instruments,
             self._columns,
             self.roles,
-            self._run,
+            self._reading.run,
             "method='iv'",
         )
         self.instruments_ = self._channel_names(positions)

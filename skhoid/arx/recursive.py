@@ -354,7 +354,7 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
     ) -> tuple[np.ndarray, np.ndarray]:
         """theta0 and P0, from the regressors of the first window where they come from data."""
         if table is not None and len(table) < len(self.parameter_names_):
-            clocked = self._indexed or self.dt is not None
+            clocked = self._reading.indexed or self.dt is not None
             clock = "" if clocked else " X has no time index, so each row counts as 1 s."
             raise ShortRunError(
                 f"The first {self.init_window:g} s hold {len(table)} usable rows for "

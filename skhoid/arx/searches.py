@@ -20,7 +20,7 @@ from .._sklearn import FittedDisplay, HasMethods, Interval, StrOptions, fit_cont
 from ..metrics import VAFScorer
 from ..pipelines import final_step, raw_layout, reach_model, taken_apart
 from ..preprocessing import Decimator, RunInTrimmer
-from ..preprocessing.base import as_fitted, keep_parameters
+from ..preprocessing.base import RemembersParameters, as_fitted
 from ..text import Summary, TextTable, number, vaf_name, wrapped
 from .batch import ARXRegressor
 from .candidates import (
@@ -45,6 +45,7 @@ Evaluate = Callable[[Any, Callable[[CandidateTable], list[dict[str, Any]]], str]
 
 
 class ModelSearch(
+    RemembersParameters,
     SplitsRuns,
     FittedDisplay,
     CallbackSupportMixin,
@@ -128,7 +129,7 @@ class ModelSearch(
         refit.call_on_fit_task_begin(estimator=self, X=X, y=y)
         self.best_estimator_ = best.fit(X, y)
         refit.call_on_fit_task_end(estimator=self, X=X, y=y)
-        keep_parameters(self)
+        self.keep_parameters()
         for name in ("n_features_in_", "feature_names_in_"):
             if hasattr(self.best_estimator_, name):
                 setattr(self, name, getattr(self.best_estimator_, name))

@@ -187,9 +187,9 @@ class Streaming(RunRegressor):
             recursion is not None
             and recursion.plain
             and all(map(is_, self._asked, self._read_anew()))
-            and self._run is None
-            and not self._indexed
-            and self._names is None
+            and self._reading.run is None
+            and not self._reading.indexed
+            and self._reading.names is None
             and not new_run
             and type(X) is np.ndarray
             and type(y) is np.ndarray
@@ -241,7 +241,7 @@ class Streaming(RunRegressor):
                 recursion.rest()
             for begin in range(0, piece.y.size, BLOCK):
                 rows = slice(begin, begin + BLOCK)
-                time = piece.time[rows] if self._indexed else None
+                time = piece.time[rows] if self._reading.indexed else None
                 recursion.take(_kernels.gate(piece.X[rows]), _kernels.gate(piece.y[rows]), time)
         self._recursion, self._clock = recursion, clock
         self.__dict__.pop("_pending", None)

@@ -11,7 +11,6 @@ from sklearn.utils.validation import check_is_fitted
 from ..pipelines import taken_apart
 from ..preprocessing import Decimator, DelayShift, RunInTrimmer
 from ..preprocessing.base import as_fitted
-from ..preprocessing.transformers import shifted_columns
 from ..runs.roles import columns_of_role
 
 
@@ -124,7 +123,7 @@ def find_delay_before(steps: list[Any], model: Any, chosen: int, purpose: str) -
                 f"{model.inputs_[chosen]!r}. Use the last step of the pipeline alone, "
                 "pipeline[-1], with its transformed input."
             )
-        total += step.delay_ * (model._columns[chosen] in shifted_columns(step))
+        total += step.delay_ * (model._columns[chosen] in step.shifted_columns)
     return total
 
 

@@ -26,7 +26,6 @@ from ..exceptions import UsageError, did_you_mean
 from ..human import ELEMENT, ControlledElement, LinearElement
 from ..human.controlled_element import simplify
 from ..parameters import Kind, ParameterTable
-from ..preprocessing.base import keep_parameters
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, RunRegressor
 from ..runs import run_column
@@ -398,8 +397,8 @@ class GreyBox(RunRegressor):
                 hint='Name it by inputs=["..."].',
                 options=["input"],
             )
-        columns = self._names or list(range(values.shape[1]))
-        skipped = None if self._run is None else run_column(columns, self._run)
+        columns = self._reading.names or list(range(values.shape[1]))
+        skipped = None if self._reading.run is None else run_column(columns, self._reading.run)
         channels = [i for i in range(values.shape[1]) if i != skipped]
         names = self._channel_names(channels)
         found = roles_of([columns[i] for i in channels], self.roles)
@@ -487,7 +486,7 @@ class GreyBox(RunRegressor):
             Remembers the columns of X as this one does, and shares no parameter with it.
         """
         taken = copy.copy(self).set_params(**clone(self).get_params(deep=False))
-        keep_parameters(taken)
+        taken.keep_parameters()
         taken._take_over(prepared, fitted, noise)
         return taken
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -33,12 +34,22 @@ from .gate import (
 )
 
 
-def keep_parameters(estimator: Any) -> None:
-    """Note the parameters that a fit begins with; see :func:`as_fitted`."""
-    given = estimator.get_params(deep=False)
-    # Estimators and effects have parameters of their own, which can be set in place.
-    own = {k: clone(v) for k, v in given.items() if isinstance(v, BaseEstimator)}
-    estimator._fitted_with = SimpleNamespace(**{**given, **own})
+class RemembersParameters:
+    """Mixin of estimators that tell the parameters that they were fitted with."""
+
+    _fitted_with: Any = None
+
+    def keep_parameters(self) -> None:
+        """Note the parameters that a fit begins with, for :attr:`fitted_parameters`."""
+        given = self.get_params(deep=False)  # type: ignore[attr-defined]
+        # Estimators and effects have parameters of their own, which can be set in place.
+        own = {k: clone(v) for k, v in given.items() if isinstance(v, BaseEstimator)}
+        self._fitted_with = SimpleNamespace(**{**given, **own})
+
+    @property
+    def fitted_parameters(self) -> Any:
+        """The parameters as they were when the fit began; before a fit, the estimator itself."""
+        return self if self._fitted_with is None else self._fitted_with
 
 
 def as_fitted(estimator: Any) -> Any:
@@ -46,23 +57,37 @@ def as_fitted(estimator: Any) -> Any:
 
     Fitted estimators read their parameters here: parameters set later take effect at the next fit.
     """
-    return getattr(estimator, "_fitted_with", estimator)
+    return getattr(estimator, "fitted_parameters", estimator)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a table was read when an estimator was fitted, as later tables are.
+
+    ``dt`` is the sampling time of the rows, ``indexed`` whether run and time were in the index,
+    ``names`` those of the columns, if they had any, and ``run`` the run column.
+    """
+
+    dt: float
+    indexed: bool
+    names: list[Any] | None
+    run: Any
 
 
 def read_table(
-    estimator: Any, X: Any, *, reset: bool, dtypes: tuple[type, ...] = DOUBLE
-) -> tuple[RunLayout, np.ndarray]:
+    estimator: Any, X: Any, known: Reading | None, dtypes: tuple[type, ...] = DOUBLE
+) -> tuple[RunLayout, np.ndarray, Reading]:
     """Read the layout and the checked values of X, with the ``dt`` and ``run`` of an estimator.
 
-    Labels in a run column that are not numbers count up from 0 in the values.
+    ``known`` is the reading of the fit, and None when X is fitted. Labels in a run column that are
+    not numbers count up from 0 in the values.
     """
-    if reset:
-        keep_parameters(estimator)
-    known_dt = None if reset else estimator._full_dt
+    reset = known is None
+    known_dt = None if known is None else known.dt
     told = as_fitted(estimator)
     X = as_table(X)
     frame = isinstance(X, pd.DataFrame)
-    if not reset and estimator._indexed and not (frame and TIME in X.index.names):
+    if known is not None and known.indexed and not (frame and TIME in X.index.names):
         raise RunIndexError(
             f"{type(estimator).__name__} was fitted on X with run and time in its index, but now "
             "gets X without them. " + SET_OUTPUT_HINT
@@ -99,11 +124,10 @@ def read_table(
         columns = names or list(range(values.shape[1]))
         run = None if told.run is None else run_column(columns, told.run)
         layout = read_layout(values, dt=told.dt, run=run, fallback_dt=known_dt)
-    if reset:
-        estimator._full_dt, estimator._indexed = layout.dt, layout.indexed
-        estimator._names = names
-        estimator._run = layout.run_column if told.run is None else told.run
-    return layout, values
+    if known is None:
+        run = layout.run_column if told.run is None else told.run
+        known = Reading(layout.dt, layout.indexed, names, run)
+    return layout, values, known
 
 
 def _as_numbers(X: Any) -> np.ndarray:
@@ -112,7 +136,9 @@ def _as_numbers(X: Any) -> np.ndarray:
     return np.asarray(X, dtype=np.float64)
 
 
-class RowPreservingTransformer(SharedDocs, OneToOneFeatureMixin, TransformerMixin, BaseEstimator):
+class RowPreservingTransformer(
+    RemembersParameters, SharedDocs, OneToOneFeatureMixin, TransformerMixin, BaseEstimator
+):
     """A transformer that returns as many rows as it gets and keeps runs and time."""
 
     dt: float | None
@@ -141,15 +167,20 @@ class RowPreservingTransformer(SharedDocs, OneToOneFeatureMixin, TransformerMixi
         """Check parameters against the runs."""
 
     def _read(self, X: Any, *, reset: bool) -> tuple[RunLayout, np.ndarray]:
-        if not reset:
+        if reset:
+            self.keep_parameters()
+        else:
             check_is_fitted(self)
-        return read_table(self, X, reset=reset)
+        layout, values, reading = read_table(self, X, None if reset else self._reading)
+        if reset:
+            self._reading = reading
+        return layout, values
 
     def _channels(self, n_columns: int) -> list[int]:
         """Positions of all columns but the run column."""
-        if self._run is None:
+        if self._reading.run is None:
             return list(range(n_columns))
-        run = run_column(self._names or list(range(n_columns)), self._run)
+        run = run_column(self._reading.names or list(range(n_columns)), self._reading.run)
         return [column for column in range(n_columns) if column != run]
 
     def _frame(self, X: Any, values: np.ndarray, layout: RunLayout) -> pd.DataFrame:
@@ -167,9 +198,9 @@ class RowPreservingTransformer(SharedDocs, OneToOneFeatureMixin, TransformerMixi
             index = run_time_index(layout)
         columns = list(self.get_feature_names_out())
         frame = self._restore(X, pd.DataFrame(values, index=index, columns=columns))
-        if self._run is not None and layout.run_column is None:
+        if self._reading.run is not None and layout.run_column is None:
             # The next step goes by the index, and has no run= of its own.
-            frame = mark_run_column(frame, columns[run_column(columns, self._run)])
+            frame = mark_run_column(frame, columns[run_column(columns, self._reading.run)])
         return frame
 
     def _like_input(self, X: Any, values: np.ndarray) -> Any:

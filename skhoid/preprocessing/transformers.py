@@ -225,7 +225,7 @@ class DelayShift(RowPreservingTransformer):
         X_shifted : same container as X, shape (n_rows, n_columns)
         """
         layout, values = self._read(X, reset=False)
-        columns = shifted_columns(self)
+        columns = self.shifted_columns
         shift = self.n_samples_
         shifted = values.copy()
         for a, b in zip(layout.starts[:-1], layout.starts[1:], strict=True):
@@ -234,11 +234,11 @@ class DelayShift(RowPreservingTransformer):
             shifted[cut:b, columns] = values[a : a + b - cut, columns]
         return self._like_input(X, shifted)
 
-
-def shifted_columns(step: DelayShift) -> list[int]:
-    """Positions of the columns that a fitted step shifts."""
-    told = as_fitted(step)
-    return input_columns(step._names, step.n_features_in_, told.inputs, step._run, told.roles)
+    @property
+    def shifted_columns(self) -> list[int]:
+        """Positions of the columns that the fitted step shifts."""
+        told, read = as_fitted(self), self._reading
+        return input_columns(read.names, self.n_features_in_, told.inputs, read.run, told.roles)
 
 
 class RunInTrimmer(RowPreservingTransformer):

@@ -28,7 +28,7 @@ from ..model.model import Model
 from ..model.parameters import difference_notes
 from ..model.prepared import Prepared, SimulatedModel
 from ..model.simulated_arx import simulated_model
-from ..preprocessing.base import keep_parameters
+from ..preprocessing.base import RemembersParameters
 from ..preprocessing.gate import as_output, as_table
 from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, notes_of_lost
 from ..regression import units_of
@@ -66,6 +66,7 @@ _DATA: weakref.WeakKeyDictionary[Any, tuple[Any, Any]] = weakref.WeakKeyDictiona
 # candidates of a step share one fit of their parent, folds are one step from it, and several judges
 # decide; of ``evaluate_candidates`` nothing would be left.
 class EffectSearchCV(
+    RemembersParameters,
     SketchesEffects,
     SplitsRuns,
     FittedDisplay,
@@ -298,7 +299,7 @@ class EffectSearchCV(
             If the estimator is not a model that simulates effects; the message says what it lacks.
         """
         model = clone(simulated_model(self.estimator, "EffectSearchCV"))
-        keep_parameters(self)
+        self.keep_parameters()
         context = self._init_callback_context(max_subtasks=None)  # steps until none helps
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
         _remember(self, X, y)

@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_limits
 
 from ..effects.composition import Effects
 from ..model.simulated_arx import simulated_model
-from ..preprocessing.base import keep_parameters
 from .effect_search import EffectSearchCV
 from .judging import Candidate, evidence_for
 from .steps import Search, SearchStep
@@ -75,7 +74,7 @@ def _weighed(search: EffectSearchCV, kept: Effects, tried: list[Any], X: Any, y:
         model = clone(simulated_model(search.estimator, "EffectSearchCV"))
         given = Effects.of(getattr(model, "effects", None))
         asked.set_params(estimator=model.set_params(effects=given + kept))
-    keep_parameters(asked)
+    asked.keep_parameters()
     with threadpool_limits(1):
         model = clone(simulated_model(asked.estimator, "EffectSearchCV"))
         data = asked.split(model, X, y)

@@ -384,13 +384,14 @@ class LPVARX(BaseARX):
 
     def _linear_columns(self, n_columns: int) -> list[int]:
         """Those of the inputs that do not schedule."""
-        names: list[Any] = list(self._names or range(n_columns))
+        read = self._reading
+        names: list[Any] = list(read.names or range(n_columns))
         self._channels: list[int] = []
         if not (isinstance(self.scheduling, str) and self.scheduling == TIME):
             self._channels = input_columns(
-                self._names, n_columns, self.scheduling, self._run, self.roles, "scheduling"
+                read.names, n_columns, self.scheduling, read.run, self.roles, "scheduling"
             )
-        columns = input_columns(self._names, n_columns, self.inputs, self._run, self.roles)
+        columns = input_columns(read.names, n_columns, self.inputs, read.run, self.roles)
         if self.inputs is None:
             columns = [i for i in columns if i not in self._channels]
         both = [names[i] for i in columns if i in self._channels]

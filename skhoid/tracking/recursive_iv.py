@@ -237,8 +237,8 @@ class RecursiveIV(WhitenedRecursion):
         return self._fit_recursion(X, y)
 
     def _signal_columns(self, n_columns: int) -> list[int]:
-        names = self._names or list(range(n_columns))
-        told = self.instruments, self._columns, self.roles, self._run
+        names = self._reading.names or list(range(n_columns))
+        told = self.instruments, self._columns, self.roles, self._reading.run
         return [*self._columns, *instrument_columns(names, *told, "RecursiveIV")]
 
     def _start(self, window: Window) -> Start:

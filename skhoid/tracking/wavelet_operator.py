@@ -329,7 +329,8 @@ class WaveletOperator(OperatorPath):
     def _signals(self, data: DataToFit) -> np.ndarray:
         """Output, error and instrument on the grid, in columns; output may be NaN."""
         grid = data.grid
-        names = list(range(data.values.shape[1])) if self._names is None else list(self._names)
+        known = self._reading.names
+        names = list(range(data.values.shape[1])) if known is None else list(known)
         positions, wanted = columns_by_role(names, self.roles), [self._columns[0]]
         if self.instrument is not None and ("f_t" in positions or "x" in positions):
             wanted.append(positions["f_t" if "f_t" in positions else "x"])
