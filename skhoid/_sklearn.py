@@ -158,8 +158,8 @@ class CoefficientsOfLags:
     """The attribute ``coef_`` of a model, refused to selection by importance.
 
     It expects one number per column of X, and scikit-learn has no tag by which a model could say
-    otherwise, so the caller has to be inspected. ``_one_per_column`` says that it has one per
-    column.
+    otherwise, so the caller has to be inspected. ``one_coefficient_per_column`` says
+    that it has one per column.
     """
 
     def __get__(self, model: Any, owner: Any = None) -> Any:
@@ -169,7 +169,7 @@ class CoefficientsOfLags:
         if found is None:
             raise AttributeError(f"{type(model).__name__!r} object has no attribute 'coef_'")
         asking = sys._getframe(1).f_globals.get("__name__", "")
-        if asking.startswith("sklearn.feature_selection") and not model._one_per_column:
+        if asking.startswith("sklearn.feature_selection") and not model.one_coefficient_per_column:
             first = ", ".join(model.parameter_names_[:4])
             raise TypeError(
                 f"coef_ of {type(model).__name__} has one number per lag ({first}, ...), and "

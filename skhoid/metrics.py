@@ -320,7 +320,7 @@ class VAFScorer:
         keep = scored_rows(layout, self.run_in, self.window) & ~trimmed_rows(estimator, X)
         if self.rate == "model":
             model, X = reach_model(estimator, X)
-            return model._score_at_model_rate(X, y, keep, self.average, self.centered)
+            return model.score_at_model_rate(X, y, keep, self.average, self.centered)
         measured = as_output(y)
         prediction, fed = prediction_from(estimator, X, y)
         if fed.size == keep.size:

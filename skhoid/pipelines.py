@@ -81,7 +81,7 @@ def prediction_from(estimator: Any, X: Any, y: Any) -> tuple[np.ndarray, np.ndar
     With it the rows to compare: not those of runs in which an input was never recorded.
     """
     model, passed = reach_model(estimator, X)
-    if not hasattr(model, "_prediction_from"):
+    if not hasattr(model, "prediction_from"):
         prediction = np.asarray(estimator.predict(X), dtype=float).ravel()
         return prediction, np.ones(prediction.size, dtype=bool)
-    return model._prediction_from(passed, y)
+    return model.prediction_from(passed, y)

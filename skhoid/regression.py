@@ -15,7 +15,7 @@ from sklearn.utils.validation import check_consistent_length, check_is_fitted
 from ._sklearn import FittedDisplay, SharedDocs, fill_docs
 from .exceptions import MissingDataWarning, RunIndexError, SamplingJitterWarning
 from .metrics import scored_rows, vaf_of_rows, warn_of_unscored
-from .preprocessing.base import RemembersParameters, read_table
+from .preprocessing.base import Reading, RemembersParameters, read_table
 from .preprocessing.gate import (
     AS_GIVEN,
     DOUBLE,
@@ -61,6 +61,7 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
     roles: dict | None
     dt: float | None
     run: Any
+    _reading: Reading
 
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         """Simulated output on the grid, from all columns of X at full rate."""
@@ -149,6 +150,26 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         thin = grid.thin_output(output)
         return DataToFit(grid, inputs, thin, thinned, values, ~np.isnan(output))
 
+    @property
+    def column_names(self) -> list[Any] | None:
+        """Names of the columns of X that was fitted; None if they had none."""
+        return self._reading.names
+
+    @property
+    def output_name(self) -> str:
+        """Name of the output that was fitted."""
+        return self._output_name
+
+    @property
+    def input_positions(self) -> list[int]:
+        """Positions in X of the columns that are the linear inputs."""
+        return self._columns
+
+    @property
+    def recorded_dt(self) -> float:
+        """Sampling time of the data before a Decimator, in seconds."""
+        return self.dt_ if self._mark is None else self.dt_ / self._mark.factor
+
     def _linear_columns(self, n_columns: int) -> list[int]:
         """Columns of the linear inputs."""
         read = self._reading
@@ -161,7 +182,7 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         names = self._channel_names(self._needed)
         empty = empty_runs(layout, values, self._needed)
         unfed = {run: names[self._needed.index(column)] for run, column in empty.items()}
-        silent = dict.fromkeys(empty_runs(layout, output[:, None], [0]), self._output_name)
+        silent = dict.fromkeys(empty_runs(layout, output[:, None], [0]), self.output_name)
         left_out = dict(sorted((unfed | silent).items()))
         if not left_out:
             return output
@@ -254,17 +275,26 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         vaf : float
             Unclipped, at least -1000; rows of a marked run-in are left out.
         """
-        prediction, fed = self._prediction_from(X, y)
+        prediction, fed = self.prediction_from(X, y)
         layout = self._read_X(X, reset=False)[0].layout
         keep = scored_rows(layout, None, None) & fed
         measured = self._read_y(X, y)
         warn_of_unscored(layout, measured, keep)
         return vaf_of_rows(measured, prediction, keep, layout, "pooled", False)
 
-    def _prediction_from(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
+    def prediction_from(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
         """Free run from initial states that fit y where the model has such; else ``predict``.
 
-        With it the rows of runs in which the channels it needs were recorded.
+        Parameters
+        ----------
+        {X, y}
+
+        Returns
+        -------
+        y_pred : ndarray of shape (n_rows,)
+            Simulated output, in the unit of ``y``.
+        fed : ndarray of bool of shape (n_rows,)
+            Rows of runs in which the channels that the model needs were recorded.
         """
         self._check_fitted()
         grid, values, output = self._read_to_compare(X, y)
@@ -296,16 +326,37 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
             A string with lines of at most 88 columns, which notebooks show line by line.
         """
         self._check_fitted()
-        found = self._summary()
+        found = self.summary_table()
         if X is not None:
             found = replace(found, facts=found.facts | self._validation(X, y))
         return found.text()
 
-    def _summary(self) -> ModelSummary:
+    def summary_table(self) -> ModelSummary:
+        """What :meth:`summary` tells, as a structure that renders itself as text or as HTML."""
         raise NotImplementedError
 
+    def _signal_facts(self) -> dict[str, str]:
+        """Output and inputs with their units."""
+
+        def named(channel: str) -> str:
+            unit = self._units.get(channel)
+            return f"{channel} ({unit})" if unit else channel
+
+        several = "Inputs" if len(self.inputs_) > 1 else "Input"
+        return {
+            "Output": named(self.output_name),
+            several: ", ".join(map(named, self.inputs_)),
+        }
+
+    def _grid_facts(self) -> dict[str, str]:
+        """Sampling time of the data, and that of the grid the model is fitted on."""
+        facts = {"Sampling time": f"{self.recorded_dt:.6g} s"}
+        if self._mark is not None:
+            facts["Fitted grid"] = f"{self.dt_:.6g} s (1 in {self._mark.factor} rows)"
+        return facts
+
     def _found_html(self) -> str:
-        return self._summary().html()
+        return self.summary_table().html()
 
     def _validation(self, X: Any, y: Any) -> dict[str, str]:
         """VAF on the data of a summary."""

@@ -389,31 +389,6 @@ def rendered(module: str, template: str, **content: Any) -> str:
     return environment.get_template(template).render(**content)
 
 
-def signal_facts(model: Any) -> dict[str, str]:
-    """Output and inputs of a fitted model, with their units."""
-
-    def named(channel: str) -> str:
-        unit = model._units.get(channel)
-        return f"{channel} ({unit})" if unit else channel
-
-    several = "Inputs" if len(model.inputs_) > 1 else "Input"
-    return {
-        "Output": named(model._output_name),
-        several: ", ".join(map(named, model.inputs_)),
-    }
-
-
-def grid_facts(model: Any) -> dict[str, str]:
-    """Sampling time of the data, and that of the grid a model is fitted on."""
-    if model._mark is None:
-        return {"Sampling time": f"{model.dt_:.6g} s"}
-    factor = model._mark.factor
-    return {
-        "Sampling time": f"{model.dt_ / factor:.6g} s",
-        "Fitted grid": f"{model.dt_:.6g} s (1 in {factor} rows)",
-    }
-
-
 class Estimate(NamedTuple):
     """A parameter as text: value, standard error, ends of its interval, and unit.
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from ..exceptions import MissingDataWarning, ShortRunError
 from ..metrics import vaf_of_rows
 from ..parameters import NORMAL_95
 from ..preprocessing.grid import BLOCK, HeldInputs, ModelGrid
-from ..regression import RunRegressor, segments
+from ..regression import DataToFit, RunRegressor, segments
 from ..text import quantity
 from .orders import Orders, regressors
 
@@ -66,7 +67,7 @@ class BaseARX(RunRegressor):
                 missing[begin : begin + known[0]] = False
         n_missing = int(missing.sum())
         if n_missing:
-            channels = [self._output_name, *names]
+            channels = [self.output_name, *names]
             columns = np.column_stack([output, inputs])[missing]
             named = [
                 c for c, gap in zip(channels, np.isnan(columns).any(axis=0), strict=True) if gap
@@ -82,15 +83,15 @@ class BaseARX(RunRegressor):
 
     def _title(self) -> str:
         """First line of a summary."""
-        return f"{type(self).__name__}: {self._output_name} from {', '.join(self.inputs_)}"
+        return f"{type(self).__name__}: {self.output_name} from {', '.join(self.inputs_)}"
 
     def _residual_sd(self) -> str:
         sd = float(np.sqrt(self.noise_variance_))
-        return quantity(sd, self._units.get(self._output_name))
+        return quantity(sd, self._units.get(self.output_name))
 
     def _coefficient_units(self) -> list[str]:
         """Units of the entries of theta."""
-        output = self._units.get(self._output_name) or f"[{self._output_name}]"
+        output = self._units.get(self.output_name) or f"[{self.output_name}]"
         units = ["-"] * self.orders_.na
         for channel, nb in zip(self.inputs_, self.orders_.nb, strict=True):
             units += [f"{output}/{self._units.get(channel) or f'[{channel}]'}"] * nb
@@ -117,14 +118,31 @@ class BaseARX(RunRegressor):
         if backend not in ("scipy", "control"):
             raise ValueError(f"backend must be 'scipy' or 'control'; got {backend!r}.")
         return transfer_function(
-            self.orders_, self.coef_, self.dt_, self.inputs_, self._output_name, backend
+            self.orders_, self.coef_, self.dt_, self.inputs_, self.output_name, backend
         )
 
     @property
-    def _one_per_column(self) -> bool:
+    def one_coefficient_per_column(self) -> bool:
         """Whether ``coef_`` has one entry for each column of X."""
         plain = self.orders_.na == 0 and not self.orders_.intercept and set(self.orders_.nb) == {1}
         return plain and self._columns == list(range(self.n_features_in_))
+
+    def read_candidates(self, X: Any, y: Any) -> tuple[DataToFit, Callable[[], HeldInputs]]:
+        """Read data for a search, which fits many sets of orders to them.
+
+        Parameters
+        ----------
+        {X, y}
+
+        Returns
+        -------
+        data : DataToFit
+            What a fit would read.
+        hold : callable
+            Gives the inputs to simulate from, in which NaN hold the last value.
+        """
+        data = self._read_data(X, y, in_parts=True)
+        return data, partial(self._hold, data.grid, data.inputs)
 
     def _held_inputs(self, grid: ModelGrid, values: np.ndarray) -> HeldInputs:
         return self._hold(grid, grid.thin_inputs(values), self._columns)
@@ -297,10 +315,28 @@ class BaseARX(RunRegressor):
         """Output that the regressors of grid rows give."""
         return regressors @ self.coef_
 
-    def _score_at_model_rate(
+    def score_at_model_rate(
         self, X: Any, y: Any, keep: np.ndarray, average: str, centered: bool
     ) -> float:
-        """VAF on the filtered and thinned signals; see ``VAFScorer(rate="model")``."""
+        """Score the free run by its VAF on the filtered and thinned signals.
+
+        :class:`VAFScorer` with ``rate="model"`` asks for it.
+
+        Parameters
+        ----------
+        {X, y}
+        keep : ndarray of bool of shape (n_rows,)
+            Rows that count.
+        average : str
+            How runs are averaged, as in :class:`VAFScorer`.
+        centered : bool
+            Whether means are removed, as in :class:`VAFScorer`.
+
+        Returns
+        -------
+        vaf : float
+            In percent, unclipped, at least -1000.
+        """
         self._check_fitted()
         grid, values = self._read_X(X, reset=False)
         output = self._read_y(X, y)

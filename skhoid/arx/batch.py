@@ -14,7 +14,7 @@ from ..exceptions import MissingDataWarning
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import HeldInputs, ModelGrid
 from ..regression import DataToFit
-from ..text import ModelSummary, estimates_table, grid_facts, signal_facts
+from ..text import ModelSummary, estimates_table
 from .base import (
     ESTIMATE,
     REST,
@@ -266,7 +266,7 @@ class ARXRegressor(BaseARX):
                 self.inputs_,
                 inputs[finite].astype(np.float64),
                 output[finite].astype(np.float64),
-                self._output_name,
+                self.output_name,
                 self.orders_,
             )
 
@@ -399,10 +399,10 @@ class ARXRegressor(BaseARX):
 
         return SimulatedARX.like(self).with_effect(effect)
 
-    def _summary(self) -> ModelSummary:
+    def summary_table(self) -> ModelSummary:
         hac = as_fitted(self).covariance == "hac"
         n, p = self.n_rows_used_, len(self.coef_)
-        facts = {"Model": orders_text(self.orders_), **signal_facts(self)}
+        facts = {"Model": orders_text(self.orders_), **self._signal_facts()}
         instrumental = bool(self.instruments_)
         if instrumental:
             facts["Method"] = "instrumental variables"
@@ -413,7 +413,7 @@ class ARXRegressor(BaseARX):
             f" ({self.n_rows_missing_} missing)" if self.n_rows_missing_ else ""
         )
         facts["Runs"] = f"{self._n_runs}"
-        facts |= grid_facts(self)
+        facts |= self._grid_facts()
         facts["Delay, nk"] = delay_text(self.orders_.nk, self.dt_)
         facts["Residual sd"] = self._residual_sd()
         sse = self.noise_variance_ * max(n - p, 1)

@@ -127,7 +127,7 @@ class CandidateTable:
                 "The search needs an ARX model, or a pipeline that ends in one; got "
                 f"{type(self._model).__name__}."
             )
-        data = self._model._read_data(X, y, in_parts=True)
+        data, self._hold = self._model.read_candidates(X, y)
         self.grid, self._raw_inputs, self.output = data.grid, data.inputs, data.output
         self.known = data.known
         self.dt = self.grid.dt
@@ -136,7 +136,7 @@ class CandidateTable:
     @cached_property
     def inputs(self) -> HeldInputs:
         """Inputs to simulate from."""
-        return self._model._hold(self.grid, self._raw_inputs)
+        return self._hold()
 
     @property
     def shortest_run(self) -> int:

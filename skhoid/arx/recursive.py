@@ -15,7 +15,7 @@ from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..exceptions import RunTimeWarning, ShortRunError
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
-from ..text import ModelSummary, estimates_table, grid_facts, signal_facts
+from ..text import ModelSummary, estimates_table
 from .base import BaseARX, arx_parameter_table, check_row_count
 from .forgetting import Forgetting, read_forgetting
 from .model_summary import (
@@ -474,10 +474,10 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
             return 0
         return int(sum(state.count("held").sum() for state in self._states))
 
-    def _summary(self) -> ModelSummary:
+    def summary_table(self) -> ModelSummary:
         has_path = "coef_path_" in vars(self)
         smoothed = has_path and getattr(as_fitted(self), "smooth", False)
-        facts = {"Model": orders_text(self.orders_), **signal_facts(self)}
+        facts = {"Model": orders_text(self.orders_), **self._signal_facts()}
         facts["Method"] = "recursive least squares" + (", path smoothed" if smoothed else "")
         facts["Memory"] = memory_text(self._forgetting, self.forgetting_, self.dt_)
         facts["Rows"] = f"{self.n_updates_} updates"
@@ -487,7 +487,7 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
             facts["Runs"] = f"{runs}" + (f", {how}" if runs > 1 else "")
             if self.n_rows_missing_:
                 facts["Missing"] = f"{self.n_rows_missing_} rows"
-        facts |= grid_facts(self)
+        facts |= self._grid_facts()
         facts["Delay, nk"] = delay_text(self.orders_.nk, self.dt_)
         facts["Residual sd"] = self._residual_sd()
         facts["Protection"] = f"forgetting held back at {self.n_held_} instants"

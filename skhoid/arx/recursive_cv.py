@@ -295,7 +295,7 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
         self.best_memory_horizon_ = self._entries[self.best_index_]
         self.best_score_ = float(test[self.best_index_])
 
-    def _summary(self) -> ModelSummary:
+    def summary_table(self) -> ModelSummary:
         results, vaf = self.cv_results_, self.cv_results_["mean_test_score"]
         shown, caption = highest(vaf, standard_error_over_folds(results, self.best_index_))
         header = ["N0 (samples)", "VAF (%)", "VAF, train (%)", "gain"]
@@ -307,7 +307,7 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
             ]
             for i in shown
         ]
-        found = super()._summary()
+        found = super().summary_table()
         score = f"{self._vaf_name} {self.best_score_:.1f} %"
         searched = f"{len(vaf)} memory horizons, by cross-validated {score}"
         facts = {**found.facts, "Searched": searched}

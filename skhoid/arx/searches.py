@@ -226,7 +226,7 @@ class ModelSearch(
 
     def _found_html(self) -> str:
         _, model = taken_apart(self.best_estimator_)
-        return model._summary().html(self._found()[0])
+        return model.summary_table().html(self._found()[0])
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

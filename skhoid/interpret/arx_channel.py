@@ -76,11 +76,11 @@ class ARXChannel:
             na=orders.na,
             nk=orders.nk[chosen],
             dt=model.dt_,
-            dt_recording=model.dt_ / (1 if model._mark is None else model._mark.factor),
+            dt_recording=model.recorded_dt,
             shift=find_delay_before(steps, model, chosen, purpose),
             time=time,
             input=model.inputs_[chosen],
-            output=model._output_name,
+            output=model.output_name,
             delay_path=getattr(model, "delay_path_", getattr(model, "delay_", None)),
             delay_sd=getattr(model, "delay_sd_path_", getattr(model, "delay_sd_", np.nan)),
         )
@@ -123,7 +123,7 @@ def find_delay_before(steps: list[Any], model: Any, chosen: int, purpose: str) -
                 f"{model.inputs_[chosen]!r}. Use the last step of the pipeline alone, "
                 "pipeline[-1], with its transformed input."
             )
-        total += step.delay_ * (model._columns[chosen] in step.shifted_columns)
+        total += step.delay_ * (model.input_positions[chosen] in step.shifted_columns)
     return total
 
 

@@ -34,9 +34,7 @@ from ..text import (
     VAF_RULE,
     ModelSummary,
     estimates_table,
-    grid_facts,
     quantity,
-    signal_facts,
 )
 from .cores import Core
 from .element import adopt_element, estimate_element
@@ -403,7 +401,7 @@ class GreyBox(RunRegressor):
         names = self._channel_names(channels)
         found = roles_of([columns[i] for i in channels], self.roles)
         roles = dict(zip(names, found.values(), strict=True))
-        error, output_name = self.inputs_[0], self._output_name
+        error, output_name = self.inputs_[0], self.output_name
         roles[error] = "e"
         held = self._hold(grid, thinned, channels, names)
         given = self.controlled_element
@@ -547,16 +545,16 @@ class GreyBox(RunRegressor):
         known, y = mark_measured(grid, columns, output), columns.beside(np.nan_to_num(output))
         return columns.rows(self.simulation_.run_from(record, known, y, initial))
 
-    def _summary(self) -> ModelSummary:
+    def summary_table(self) -> ModelSummary:
         simulation, element = self.simulation_, self.controlled_element_
         facts = {
             "Model": simulation.spec.description,
             "Effects": ", ".join(self.effects_.names) or "none",
-            **signal_facts(self),
+            **self._signal_facts(),
             "Method": "maximum likelihood",
             "Rows": f"{self.n_rows_used_}",
             "Runs": f"{self._n_runs}",
-            **grid_facts(self),
+            **self._grid_facts(),
             "Residuals": f"{simulation.n_residuals} in the likelihood",
             "Settling": f"{simulation.settling:g} s left out",
             **self._fit_facts(),
@@ -599,7 +597,7 @@ class GreyBox(RunRegressor):
             return {"Fit": "none: parameters were moved by hand"}
         return {
             "VAF, fit": f"{self.vaf_:.1f} % (free run)",
-            "RMSE, fit": quantity(self.simulation_.rmse, self._units.get(self._output_name))
+            "RMSE, fit": quantity(self.simulation_.rmse, self._units.get(self.output_name))
             + " (free run)",
             "Log-likelihood": f"{self.loglik_:.1f}",
             "BIC": f"{self.bic_:.1f}",

@@ -125,8 +125,8 @@ def read_table(
         run = None if told.run is None else run_column(columns, told.run)
         layout = read_layout(values, dt=told.dt, run=run, fallback_dt=known_dt)
     if known is None:
-        run = layout.run_column if told.run is None else told.run
-        known = Reading(layout.dt, layout.indexed, names, run)
+        label = layout.run_column if told.run is None else told.run
+        known = Reading(layout.dt, layout.indexed, names, label)
     return layout, values, known
 
 
@@ -143,6 +143,7 @@ class RowPreservingTransformer(
 
     dt: float | None
     run: Any
+    _reading: Reading
 
     @fit_context(prefer_skip_nested_validation=True)
     def fit(self, X: Any, y: Any = None) -> Any:

@@ -101,7 +101,7 @@ class ARXResponse:
     def of(cls, task: CompensatoryTask) -> ARXResponse:
         _, model = taken_apart(task.operator)
         inputs, intercept = getattr(model, "inputs_", ["e"]), getattr(model, "intercept_", 0.0)
-        named = getattr(model, "_names", None) is not None
+        named = getattr(model, "column_names", None) is not None
         role = role_of(inputs[0], getattr(as_fitted(model), "roles", None))
         if len(inputs) != 1 or intercept or (named and role != "e"):
             raise ValueError(

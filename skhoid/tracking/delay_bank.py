@@ -575,8 +575,8 @@ class DelayBankARX(RecursiveLeastSquares):
         spread = (self.candidates_ * self.dt_ - self.delay_) ** 2
         return float(np.sqrt(self.last_probabilities_ @ spread))
 
-    def _summary(self) -> ModelSummary:
-        found = super()._summary()
+    def summary_table(self) -> ModelSummary:
+        found = super().summary_table()
         facts = {**found.facts, "Method": "bank of recursive least squares over delays"}
         first, last = self.candidates_[0], self.candidates_[-1]
         facts["Candidates"] = f"{self.candidates_.size} delays, nk = {first} to {last}"

@@ -25,7 +25,7 @@ from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, columns_of
 from ..runs import input_columns
-from ..text import ModelSummary, estimates_table, grid_facts, signal_facts
+from ..text import ModelSummary, estimates_table
 
 TIME = "time"  # the scheduling that is no channel
 
@@ -449,7 +449,7 @@ class LPVARX(BaseARX):
                 self.inputs_,
                 data.inputs[finite],
                 data.output[finite],
-                self._output_name,
+                self.output_name,
                 self.orders_,
             )
         weight = np.abs(null_space).max(axis=0)
@@ -585,35 +585,35 @@ class LPVARX(BaseARX):
         return self._theta_of_rows, np.arange(len(self._theta_of_rows))
 
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
-        return BaseARX._free_run(self._following(grid, values), grid, values)
+        return super(LPVARX, self._following(grid, values))._free_run(grid, values)
 
     def _simulated(
         self, grid: ModelGrid, values: np.ndarray, output: np.ndarray | None
     ) -> np.ndarray:
-        return BaseARX._simulated(self._following(grid, values), grid, values, output)
+        return super(LPVARX, self._following(grid, values))._simulated(grid, values, output)
 
     def _ahead(
         self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, horizon: int
     ) -> np.ndarray:
-        return BaseARX._ahead(self._following(grid, values), grid, values, output, horizon)
+        return super(LPVARX, self._following(grid, values))._ahead(grid, values, output, horizon)
 
     def _errors_on(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
-        return BaseARX._errors_on(self._following(grid, values), grid, values, output)
+        return super(LPVARX, self._following(grid, values))._errors_on(grid, values, output)
 
     def _fitted(self, regressors: np.ndarray, rows: np.ndarray, grid: ModelGrid) -> np.ndarray:
         theta, at = self._parameters(grid)
         return np.einsum("tp,tp->t", regressors, theta[at[rows]])
 
-    def _summary(self) -> ModelSummary:
+    def summary_table(self) -> ModelSummary:
         facts = {
             "Model": orders_text(self.orders_),
-            **signal_facts(self),
+            **self._signal_facts(),
             "Method": f"least squares, {len(self._schedule.descriptions)} functions of "
             f"{', '.join(self.scheduling_)}",
             "Rows": f"{self.n_rows_used_}"
             + (f" ({self.n_rows_missing_} missing)" if self.n_rows_missing_ else ""),
             "Runs": f"{self._n_runs}",
-            **grid_facts(self),
+            **self._grid_facts(),
             "Residual sd": self._residual_sd(),
         }
         hac = as_fitted(self).covariance == "hac"

@@ -20,7 +20,7 @@ from ..exceptions import UsageError
 from ..human.operator import held_filter
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, RunRegressor, segments
-from ..text import VAF_RULE, ModelSummary, estimates_table, grid_facts, signal_facts
+from ..text import VAF_RULE, ModelSummary, estimates_table
 
 ESTIMATED = ("K_e", "K_edot", "tau_e", "omega_nm", "zeta_nm")
 SHOWN = ("K_e", "T_L", "K_edot", "tau_e", "omega_nm", "zeta_nm")
@@ -112,7 +112,7 @@ class OperatorPath(RunRegressor):
         )
 
     def _operator_units(self) -> dict[str, str]:
-        output = self._units.get(self._output_name) or f"[{self._output_name}]"
+        output = self._units.get(self.output_name) or f"[{self.output_name}]"
         channel = self.inputs_[0]
         ratio = f"{output}/{self._units.get(channel) or f'[{channel}]'}"
         return {
@@ -154,16 +154,16 @@ class OperatorPath(RunRegressor):
         output = operator_output(held.column(0, slice(None)).astype(float), at, grid)
         return output + self._constant_part()
 
-    def _summary(self) -> ModelSummary:
+    def summary_table(self) -> ModelSummary:
         facts = {
             "Model": "human operator over time, Eqs. 3-5",
-            **signal_facts(self),
+            **self._signal_facts(),
             "Method": self._method_name(),
             "Runs": f"{self._n_runs}",
-            **grid_facts(self),
+            **self._grid_facts(),
         }
         return ModelSummary(
-            f"{type(self).__name__}: {self._output_name} from {self.inputs_[0]}",
+            f"{type(self).__name__}: {self.output_name} from {self.inputs_[0]}",
             facts,
             estimates_table(self.parameters_),
             ["The table has the last parameters; parameters_path_ has all.", VAF_RULE],

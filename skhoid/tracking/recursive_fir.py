@@ -22,7 +22,7 @@ from ..arx.streaming import Recursion, Streaming
 from ..exceptions import PoorExcitationWarning, ShortRunError
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
-from ..text import ModelSummary, estimates_table, grid_facts, number, signal_facts
+from ..text import ModelSummary, estimates_table, number
 
 CHUNK = 256  # rows that a stream takes at a time
 FADED = 0.01  # of the variance of the first tap, by the last one, under penalty="tc"
@@ -606,7 +606,7 @@ class RecursiveFIR(Streaming, FollowedPath):
         self._check_fitted()
         return int(self._state.part("held")[0])
 
-    def _summary(self) -> ModelSummary:
+    def summary_table(self) -> ModelSummary:
         told = as_fitted(self)
         inverse = "pseudoinverse" if told.form == "pseudoinverse" else f"penalty {told.penalty}"
         memory = (
@@ -617,11 +617,11 @@ class RecursiveFIR(Streaming, FollowedPath):
         )
         facts = {
             "Model": orders_text(self.orders_),
-            **signal_facts(self),
+            **self._signal_facts(),
             "Method": f"recursive least squares, ridge = {told.ridge:g}, {inverse}",
             "Memory": memory,
             "Rows": f"{self.n_updates_} updates",
-            **grid_facts(self),
+            **self._grid_facts(),
             "Residual sd": self._residual_sd(),
         }
         notes = [

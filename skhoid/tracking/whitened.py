@@ -24,7 +24,7 @@ from ..arx.streaming import Recursion, Streaming, first_telling_row
 from ..exceptions import ShortRunError
 from ..preprocessing.grid import ModelGrid
 from ..regression import columns_of, segments
-from ..text import ModelSummary, estimates_table, grid_facts, signal_facts
+from ..text import ModelSummary, estimates_table
 
 SETTLE = 2.0  # s after a beginning in which simulations forget that they began at rest
 LARGEST_POLE = 0.9995
@@ -511,15 +511,15 @@ class WhitenedRecursion(Streaming, FollowedPath):
             errors[begin : begin + self.orders_.first_row] = np.nan
         return errors
 
-    def _summary(self) -> ModelSummary:
+    def summary_table(self) -> ModelSummary:
         current, seconds = self._current, np.asarray(self.memory_horizon_) * self.dt_
         facts = {
             "Model": orders_text(self.orders_).replace("ARX", "Box-Jenkins"),
-            **signal_facts(self),
+            **self._signal_facts(),
             "Method": self.method_name,
             "Memory": f"T0 = {', '.join(f'{t:.4g}' for t in np.atleast_1d(seconds))} s",
             "Rows": f"{self.n_updates_} updates",
-            **grid_facts(self),
+            **self._grid_facts(),
             "Noise model": f"AR({int(current.kernel_orders[1])})",
         }
         notes = [

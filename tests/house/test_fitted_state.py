@@ -189,7 +189,7 @@ def answers(model, X, y):
         if hasattr(model, "simulate"):
             found["simulate"] = model.simulate(X)
             found["from states"] = model.simulate(X, y, initial_state="estimate")
-        if hasattr(model, "_score_at_model_rate"):
+        if hasattr(model, "score_at_model_rate"):
             found["own rate"] = VAFScorer(rate="model")(model, X, y)
         if hasattr(model, "to_transfer_function"):
             found["transfer"] = model.to_transfer_function().num

@@ -67,8 +67,18 @@ class Report(Page):
         self.comparison = comparison
         self.final_comparison = final_comparison
 
-    def _embed(self, payload: dict[str, Any]) -> Report:
-        """Put another payload into the page: what is there to touch; returns the report."""
+    def embed(self, payload: dict[str, Any]) -> Report:
+        """Put another payload into the page: what is there to touch.
+
+        Parameters
+        ----------
+        payload : dict
+            What the page's own script draws.
+
+        Returns
+        -------
+        self : Report
+        """
         self._content |= embedded(payload)
         vars(self).pop("html", None)
         return self
