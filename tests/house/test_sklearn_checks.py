@@ -38,7 +38,7 @@ ESTIMATORS = [
 COSTLY = [
     DelaySearchCV(SMALL, nk=[0, 1]),
     OrderSearchCV(ARXRegressor(inputs=[0]), na=[1], nb=[1]),
-    EffectSearchCV(OperatorRegressor(), effects=["bias"]),
+    EffectSearchCV(OperatorRegressor(), effects=["bias"], max_effects=0),
     RecursiveBoxJenkins(na=1, nb=1, inputs=[0], noise_order=0, init_window=1000),
     RecursiveARX(inputs=[0], **RECURSIONS[1]),
     *(RecursiveARX(na=1, nb=1, **options) for options in RECURSIONS),
