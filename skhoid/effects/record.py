@@ -143,7 +143,7 @@ class Record:
     least_delay : float
         Earliest response, in seconds, to what the output moves.
     initial : {"rest", "held", "estimate"}
-        How free runs begin; see ``greybox.initial``.
+        How free runs begin; see ``skhoid.model.initial``.
     levels : (float, float)
         Range of the outputs from which a run may begin where its inputs are held.
     domain : {"human", "machine"}

@@ -246,8 +246,9 @@ class SimulatedModel(Protocol):
 
     ``OperatorRegressor`` and ``SimulatedARX`` are such models. The easiest way to a model of your
     own is a subclass of :class:`skhoid.model.GreyBox`, which has all of these but ``__init__``;
-    any other class that has them will do. A search calls ``prepare`` and ``first_fit`` once, on a
-    clone, tries effects on the record that it gets, and calls ``with_fit`` with what it found.
+    any other class that has them will do. A search calls, on a clone, ``prepare`` once and
+    ``first_fit`` where a path begins, tries effects on the record that it gets, and calls
+    ``with_fit`` with what it found.
 
     Attributes
     ----------

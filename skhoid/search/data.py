@@ -35,7 +35,7 @@ class SearchData:
 
     ``lost`` are rows without control, ``known`` rows to be explained, at full rate; ``some`` are
     the columns of the record in which effects are looked for (None: all), ``record`` their data.
-    Of all columns, ``held`` are what the folds hold out, where the search looks at some.
+    Where the search looks at some columns only, ``held`` says what each fold holds out of all.
     """
 
     prepared: Prepared

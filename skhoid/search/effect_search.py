@@ -622,8 +622,9 @@ def search_effects(
 ) -> tuple[SearchNumbers, Ending, Any, Shape | None]:
     """What a search finds, how it ends, the best model, and the shape of what has no name.
 
-    With a delay that was given, names and what is left are those of a free one, unless that
-    alone is found and one effect beside the given delay explains clearly more.
+    If the delay was given, the search is made with a free delay, and its names and what it leaves
+    are taken over; unless the freed delay is all that it finds, and one effect beside the given
+    delay explains clearly more.
     """
     model, prepared, held = estimators.model, data.prepared, data.held
     known = np.where(prepared.known & ~data.lost, measured, np.nan)

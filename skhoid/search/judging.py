@@ -13,7 +13,7 @@ from .statuses import Against, Ending, Reason, Verdict
 if TYPE_CHECKING:
     from .leftover import SearchNumbers
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,13 +43,26 @@ LOOP_DELTA_BIC, LOOP_GAIN = 20.0, 0.1
 LOOP_DELTA_BIC_IF_BETTER, MUCH_BETTER = 5.0, 0.3
 # ΔBIC asked with a noise model that is estimated along: usually; of the first; beside what bends.
 LIKELY, LIKELY_IF_FIRST, LIKELY_BESIDE_BENT = 25.0, 12.0, 50.0
-# Structure left counts as unknown if it exceeds so many points (about the mean) and the first share
-# of what could be explained. Above the second share the effects found do not name it: several
-# effects that leave something may together imitate what is missing. That share grows with what
-# they gain, up to the third, since hardly anything else imitates much. The first of several may
-# stay named.
-BESIDE_ONE = (0.6, 0.1, 0.12, 0.5)
-BESIDE_SEVERAL = (0.4, 0.04, 0.04, 0.25)
+
+
+class LeftBeside(NamedTuple):
+    """How much structure may be left beside effects that are named.
+
+    What is left counts as unknown if it exceeds ``points`` (of VAF about the mean) and the share
+    ``counts`` of what could be explained. Above the share ``unnames`` the effects found are not
+    named: several effects that leave something may together imitate what is missing. That share
+    grows with what they gain, up to ``unnames_much``, since hardly anything else imitates much. The
+    first of several may stay named.
+    """
+
+    points: float
+    counts: float
+    unnames: float
+    unnames_much: float
+
+
+BESIDE_ONE = LeftBeside(points=0.6, counts=0.1, unnames=0.12, unnames_much=0.5)
+BESIDE_SEVERAL = LeftBeside(points=0.4, counts=0.04, unnames=0.04, unnames_much=0.25)
 MUCH_GAINED = 10.0  # points about the mean, for which the last share holds
 AS_GOOD_FORM = 0.1  # points
 BEHIND, LINEAR = "behind the muscles' delay", "linear"
@@ -77,8 +90,9 @@ def refutes(judged: InLoop) -> bool:
 def likely_asked(judged: InLoop) -> float:
     """ΔBIC asked of a model by a noise model that is estimated along.
 
-    Less where it is the first, and not linear: of nothing, such effects have hardly any. Where
-    the loop is not asked, what stands beside one that bends takes up what its form leaves.
+    Less is asked of the first effect if it is not linear: where nothing is hidden, such effects
+    reach hardly any ΔBIC. More is asked where the loop cannot judge and the model has a nonlinear
+    effect already: a further one may only take up what the form of that one does not fit.
     """
     if judged.beside == "nothing" and judged.bends:
         return LIKELY_IF_FIRST
@@ -198,7 +212,8 @@ class Candidate:
 def may_lead(candidates: list[Candidate], share: float) -> list[Candidate]:
     """Candidates without an unbiased ΔBIC that may have a ``share`` of the weight of the best.
 
-    Of alternatives of an effect, also those that may be likelier than one of which it is known.
+    Also those that may be likelier than another alternative of the same effect whose unbiased ΔBIC
+    is known.
     """
     most = [c.at_most for c in candidates if c.passes and not c.unweighed]
     left = [c for c in candidates if c.unweighed]
@@ -400,9 +415,8 @@ def decided(found: SearchNumbers, *, tries_all: bool) -> Ending:
     ids, stand_ins, worst = found.ids, [], found.worst
     share = worst / max(worst + found.gained, 1e-300)
     limits = BESIDE_SEVERAL if len(found.added) > 1 else BESIDE_ONE
-    least, small = limits[:2]
     large = largest_left(limits, found.gained, found)
-    left = worst >= least * found.share and share > small
+    left = worst >= limits.points * found.share and share > limits.counts
     if not (left or found.one_cause):
         return Ending(Verdict.FOUND if ids else Verdict.NOTHING, ids, [])
     if found.one_cause:
@@ -427,18 +441,16 @@ def first_explains(found: SearchNumbers) -> bool:
     return left <= largest_left(BESIDE_ONE, gained, found) * (left + gained)
 
 
-def largest_left(
-    limits: tuple[float, float, float, float], gained: float, found: SearchNumbers
-) -> float:
+def largest_left(limits: LeftBeside, gained: float, found: SearchNumbers) -> float:
     """Share of what could be explained that may be left when a named effect gains so much."""
-    return max(limits[2], limits[3] * min(gained / (MUCH_GAINED * found.share), 1.0))
+    return max(limits.unnames, limits.unnames_much * min(gained / (MUCH_GAINED * found.share), 1.0))
 
 
 def first_stands(rival: Candidate, found: SearchNumbers) -> bool:
     """Whether the first effect acts where a form does, and leaves little of what that explains."""
     first = dict(found.path.model.effects.steps)[found.added[0]]
     left = rival.gain - (found.steps[1].vaf - found.steps[0].vaf)
-    return bool(group_of(rival.effect) & group_of(first)) and left <= BESIDE_ONE[1] * rival.gain
+    return bool(group_of(rival.effect) & group_of(first)) and left <= BESIDE_ONE.counts * rival.gain
 
 
 def excess_asked(one: Candidate, found: SearchNumbers) -> float:
@@ -449,7 +461,7 @@ def excess_asked(one: Candidate, found: SearchNumbers) -> float:
     if len(found.added) > 1:
         return -AS_GOOD_FORM
     if not elsewhere(one.effect, found):
-        return found.share * BESIDE_ONE[0]
+        return found.share * BESIDE_ONE.points
     named, form = found.path.model, one.model
     plainer = form is not None and form.n_parameters < named.n_parameters
     return -AS_GOOD_FORM if plainer else found.share * LEAST_GAIN

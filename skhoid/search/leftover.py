@@ -40,7 +40,7 @@ LAGGED = 0.2  # s, by which an output of limited rate stays behind
 IN_LOOP = ("channel", "frequency")  # families that may follow the remnant round the loop
 REPEATS = "part of the residual repeats from run to run, or follows the target"
 NOTED = 0.2  # points
-SURE = 4.0  # standard errors
+LEFT_SURELY = 4.0  # standard errors by which what is left exceeds nothing
 
 
 @dataclass(frozen=True)
@@ -127,8 +127,9 @@ def numbers_of(
 ) -> SearchNumbers:
     """Walk the path again, and look for what is left; ``measured`` has every row of y.
 
-    ``recorded`` is the output of the search's runs with the noise that the search took out. Where
-    it did, or looked at some of the runs, steps are judged on ``all_runs`` of ``prepared``.
+    ``recorded`` is the output of the search's runs as it was recorded; the search itself may have
+    looked at it without a recognised noise (a tremor), and at some of the runs only. Steps are then
+    judged on ``all_runs`` of ``prepared``.
     """
     record = replace(search.record, y=recorded)
     steps = walked(search, path, all_runs)
@@ -138,7 +139,7 @@ def numbers_of(
     rest, rest_sd, vaf, unknown = gap_of(best, prepared, measured)
     noted = NOTED * search.share
     left = [item for item in left if item.points >= noted]
-    if rest > SURE * rest_sd and rest >= noted:  # not where it is NaN
+    if rest > LEFT_SURELY * rest_sd and rest >= noted:  # not where it is NaN
         left.insert(0, Leftover("repeats", "output", REPEATS, rest, np.nan))
     ceiling, why = consistent_ceiling(vaf + rest, max(step.vaf for step in steps), rest_sd)
     return SearchNumbers(

@@ -30,7 +30,7 @@ from .judging import (
 from .statuses import Ending, Verdict
 from .steps import Search, SearchStep, output_error_fit, unique_name
 
-N_RIVALS = 2  # effects that may be the first instead
+N_FIRST = 2  # effects that may be the first instead
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
 ADDED = ("path", "sum")  # places where the order of effects changes nothing
 N_FEW = 3  # candidates beside which others are tried
@@ -64,7 +64,7 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     first = search.step(baseline)
     greedy = follow(search, first, first.best if most else None, most)
     if len(greedy.steps) > 1 and len(greedy.ids) > 1:
-        for rival in first.rivals()[:N_RIVALS]:
+        for rival in first.rivals()[:N_FIRST]:
             if rival.id in greedy.ids[:1] or not first.judge(rival):
                 continue
             other = follow(search, first, rival, 2)
@@ -312,8 +312,8 @@ def pair_of(search: Search, path: Path, most: int) -> Path | None:
 class GivenDelay:
     """A search whose model has a given delay, and the effect that frees it, with its name.
 
-    ``first`` is the first step of the search; for an operator, for which a search with a free delay
-    tries the same, it waits for that.
+    ``first`` is the first step of the search. For an operator it is made only when it is asked for,
+    since the search with a free delay tries the same candidates.
     """
 
     search: Search
@@ -403,7 +403,7 @@ class GivenDelay:
         return min(fewer, output_error_fit(again), key=lambda one: one.sse)
 
     def _told(self, model: Model) -> Model:
-        """A model with a free delay as one with a given delay and the effect that frees it."""
+        """Rewrite a model with a free delay: as the given delay and the effect that frees it."""
         name, before = self.name, self.baseline.effects.names
         if name in model.effects.names:
             return model

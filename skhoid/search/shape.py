@@ -621,7 +621,7 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
         hints = hints_of(search, baseline)[:FOLLOWED]
         forms = candidates_of(search, baseline, hints)
         shape = best_of(search, forms_judged(search, baseline, forms))
-        if shape is None or shape.gain < BESIDE_ONE[0] * found.share:
+        if shape is None or shape.gain < BESIDE_ONE.points * found.share:
             return Shaped(search, found, ending)
         return Shaped(search, found, Ending(unnamed(tries_all), [], []), shape)
     if not ending.verdict.leaves_unknown:
@@ -642,17 +642,18 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
 def beside_one_form(
     search: Search, found: SearchNumbers, hints: Sequence[Hint]
 ) -> tuple[SearchNumbers, Candidate | None]:
-    """The numbers, with what one free form in place of all effects explains beyond them; the form.
+    """The numbers, beside what one free form in place of all effects found explains; and that form.
 
-    Where it explains as much as several and is likelier, none of these explains its part, unless
-    the first acts where the form does and leaves little of what that explains. The same where it
-    acts elsewhere than a single one, and what it explains beyond that would count as an effect:
-    then the place is wrong. Of its own place it explains more than a name because any curve does,
-    so that this is structure only where it shows at first sight, or is most of all. ``hints`` are
-    those of the baseline.
+    If the form explains as much as several effects and is likelier, those effects together imitate
+    it: none of them is taken to explain its part, unless the first acts at the form's place and
+    leaves little of what the form explains. If the form acts elsewhere than the single effect that
+    was found, and would count as an effect beside it, that effect has the wrong place. At the
+    effect's own place any curve explains a little more than a named form: that is structure only
+    if the baseline's residual shows it (``hints``), or if it is most of what is left.
     """
     several = len(found.added) > 1
-    least, share = (BESIDE_SEVERAL if several else BESIDE_ONE)[:2]
+    limits = BESIDE_SEVERAL if several else BESIDE_ONE
+    least, share = limits.points, limits.counts
     baseline = found.steps[0].plain
     most = max([hint.points for hint in hints], default=0.0)
     hopeful = [h for h in hints[:TRIED] if h.points > HOPEFUL * found.gained]

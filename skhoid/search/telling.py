@@ -1,4 +1,4 @@
-"""What a search found, told: the one place that makes words of a ``SearchResult`` or a ``Shape``.
+"""What a search found, told: the one place that makes words of a ``SearchResult``.
 
 Summaries, notebooks, the command line and reports render what is told here.
 """
