@@ -19,6 +19,8 @@ settings.register_profile("skhoid", deadline=None, derandomize=True)
 settings.register_profile("search", deadline=None)
 settings.load_profile("skhoid")
 
+collect_ignore_glob = ["docs/*.py"]  # scripts of the documentation are no tests
+
 pytest_collect_file = Sybil(
     parsers=[
         PythonCodeBlockParser(doctest_optionflags=ELLIPSIS | NORMALIZE_WHITESPACE | NUMBER),

@@ -77,6 +77,12 @@ def test_they_give_the_bits_of_the_same_values_in_double(name, data):
 def assert_equal(found, expected):
     if isinstance(found, pd.DataFrame):
         pd.testing.assert_frame_equal(found, expected, check_exact=True)
+    elif isinstance(found, dict):
+        assert found.keys() == expected.keys()
+        for name, value in found.items():
+            assert_equal(value, expected[name])
+    elif hasattr(found, "__dataclass_fields__"):
+        assert_equal(vars(found), vars(expected))
     elif isinstance(found, list):
         assert [str(one) for one in found] == [str(one) for one in expected]
     else:

@@ -494,7 +494,7 @@ def read_experiment(
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from skhoid.io import read_experiment
+    >>> from skhoid import read_experiment
     >>> rows = "t,e,u\\n0,1.5,0\\n0.01,1.25,-0.5\\n"
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     for name in ("S1_lead_1", "S1_gain_1", "S2_lead_1"):

@@ -114,7 +114,7 @@ def read_runs(
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from skhoid.io import read_runs
+    >>> from skhoid import read_runs
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     for name in ("run1", "run2"):
     ...         rows = "t [ms];error [deg];u\\n0;1,5;0\\n10;1,25;-0,5\\n"

@@ -123,7 +123,7 @@ def paper_study(
     ...     memory_horizons=[64, 256, float("inf")],
     ... )
     >>> found.summary["gain"].round(1).tolist()  # Lambda, lambda
-    [15.5, 15.5, 0.0, 14.4, 15.4, 0.0]
+    [13.6, 14.6, 0.0, 12.7, 14.4, 0.0]
     """
     if name not in PAPER_STUDIES:
         raise ValueError(

@@ -36,7 +36,7 @@ class Points:
 
     Examples
     --------
-    >>> from skhoid.lab.studies import Points
+    >>> from skhoid.lab.studies.tournament_conditions import Points
     >>> Points((10.0, 20.0), (0.0, 1.0))([5.0, 15.0, 25.0])
     array([0. , 0.5, 1. ])
     """
