@@ -5,4 +5,6 @@ Modules here use the public names of what is below them.
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submodules=["experiment", "explore", "report", "studies"])
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__, submodules=["experiment", "explore", "report", "studies"]
+)
