@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 __all__ = [
+    "ColumnError",
     "Hinted",
     "IrregularSamplingError",
     "MissingDataWarning",
@@ -54,6 +55,29 @@ class Hinted(Exception):
         self.message = message
         self.hint = hint
         self.options = tuple(options)
+
+
+class ColumnError(Hinted, ValueError):
+    """A file does not have the column or variable that was asked for.
+
+    Parameters
+    ----------
+    message : str
+        What the file has instead.
+    alone : str, default=""
+        The same where the file is named already, without what else it has.
+
+    Examples
+    --------
+    >>> from skhoid.exceptions import ColumnError
+    >>> error = ColumnError("run1.csv has no column 'e'. It has: 't', 'u'.", "There is no 'e'.")
+    >>> error.alone
+    "There is no 'e'."
+    """
+
+    def __init__(self, message: str = "", alone: str = "") -> None:
+        super().__init__(message)
+        self.alone = alone or message
 
 
 class UsageError(Hinted, ValueError):

@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..exceptions import ColumnError
+
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 
@@ -112,14 +114,6 @@ def read_as(path: Path, kind: str) -> Iterator[None]:
         ) from error
     except Exception as error:
         raise ValueError(f"{path} cannot be read as {kind}: {error}") from error
-
-
-class ColumnError(ValueError):
-    """A file does not have what was asked for; ``alone`` says so where the file is known."""
-
-    def __init__(self, message: str, alone: str = "") -> None:
-        super().__init__(message)
-        self.alone = alone or message
 
 
 @dataclass

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...exceptions import IrregularSamplingError
+from ...exceptions import ColumnError, IrregularSamplingError
 from ...io.assembling import per_second_of, restarts_of
-from ...io.files import ColumnError, FileTable, as_numbers, numbers_of, shown
+from ...io.files import FileTable, as_numbers, numbers_of, shown
 from ...runs import RUN, read_layout
 from ...runs.clock import JITTER_TOLERANCE
 from ...runs.roles import role_of
