@@ -90,10 +90,12 @@ def _table_of_runs(c: Comparison) -> TextTable:
         [
             str(row.run),
             row.data,
-            f"{row.vaf:.1f}",
-            f"{row.one_step_vaf:.1f}",
-            number(row.rmse),
-            f"{row.ratio:.2f}",
+            *(
+                f"{value:.{digits}f}" if np.isfinite(value) else "not known"
+                for value, digits in ((row.vaf, 1), (row.one_step_vaf, 1))
+            ),
+            number(row.rmse) if np.isfinite(row.rmse) else "not known",
+            f"{row.ratio:.2f}" if np.isfinite(row.ratio) else "not known",
             "yes" if row.exceeds else "",
         ]
         for row in table.itertuples()
