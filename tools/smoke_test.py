@@ -15,8 +15,8 @@ from pathlib import Path
 import skhoid
 
 MODULES = (
-    "arx diagnosis effects exceptions experiment greybox human interpret io montecarlo plotting "
-    "preprocessing recordings reporting runs search simulation testing thesis"
+    "arx diagnosis effects exceptions human interpret io lab lab.experiment lab.report lab.studies "
+    "model plotting preprocessing recordings runs search simulation testing tracking"
 )
 
 
