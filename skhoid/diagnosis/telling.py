@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..text import (
+    DASH,
     VAF_RULE,
     Document,
     Facts,
@@ -81,6 +82,10 @@ def tell_figures(c: Comparison) -> dict[str, str]:
     return told
 
 
+def _rounded(value: float, decimals: int) -> str:
+    return f"{value:.{decimals}f}" if np.isfinite(value) else DASH
+
+
 def _table_of_runs(c: Comparison) -> TextTable:
     table, title = c.by_run[OF_RUNS], "Runs"
     if len(table) > MOST_RUNS:
@@ -90,12 +95,10 @@ def _table_of_runs(c: Comparison) -> TextTable:
         [
             str(row.run),
             row.data,
-            *(
-                f"{value:.{digits}f}" if np.isfinite(value) else "not known"
-                for value, digits in ((row.vaf, 1), (row.one_step_vaf, 1))
-            ),
-            number(row.rmse) if np.isfinite(row.rmse) else "not known",
-            f"{row.ratio:.2f}" if np.isfinite(row.ratio) else "not known",
+            _rounded(row.vaf, 1),
+            _rounded(row.one_step_vaf, 1),
+            number(row.rmse),
+            _rounded(row.ratio, 2),
             "yes" if row.exceeds else "",
         ]
         for row in table.itertuples()
