@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from sklearn.base import _fit_context as fit_context
 from sklearn.exceptions import NotFittedError
+from sklearn.model_selection._search import BaseSearchCV
 from sklearn.utils import _safe_indexing as safe_indexing
 from sklearn.utils import estimator_html_repr
 from sklearn.utils._param_validation import HasMethods, Interval, StrOptions, validate_params
@@ -25,6 +26,7 @@ __all__ = [
     "RUN_IN",
     "WINDOW",
     "BaseComposition",
+    "BaseSearchCV",
     "CoefficientsOfLags",
     "FittedDisplay",
     "HasMethods",

@@ -91,32 +91,6 @@ def consistent_ceiling(
     """Ceiling to show with the VAF of a model, or NaN and the reason why it is not known.
 
     A ceiling is never above 100, and a model that did not see the rows exceeds it only by chance.
-
-    Parameters
-    ----------
-    ceiling : float
-        Estimated ceiling in percent; NaN where there is none.
-    vaf : float
-        VAF of the model on the same rows, unclipped, in percent.
-    sd : float, default=0.0
-        Standard error of the ceiling, in points.
-    held_out : bool, default=True
-        Whether the model was judged on rows that it was not fitted to.
-
-    Returns
-    -------
-    ceiling : float
-        At least ``vaf`` and at most 100; NaN where the two contradict each other.
-    reason : Note or None
-        Why it is not known; None where it is, or where ``ceiling`` is NaN.
-
-    Examples
-    --------
-    >>> from skhoid.diagnosis.ceiling import consistent_ceiling
-    >>> consistent_ceiling(101.6, 97.0)
-    (100.0, None)
-    >>> consistent_ceiling(59.1, 71.2, sd=1.0)[0]
-    nan
     """
     if not np.isfinite(ceiling):
         return np.nan, None

@@ -171,31 +171,7 @@ OF_OUTPUT = (0, 1, 2, 4)  # taps of the output
 
 @dataclass(frozen=True)
 class LeakTest:
-    """Whether a prediction contains a disturbance that the controller could not see.
-
-    Parameters
-    ----------
-    leaks : bool or None
-        Whether it does; None where the data cannot tell, for the ``reason``.
-    correlation_with_inverse : float
-        Correlation of the prediction with the input G^-1 x = u + d of the element, in the band of
-        the output.
-    reference : float
-        The same of the measured output: a prediction that knows no more than the output does not
-        exceed it by much.
-    residual_with_disturbance : float
-        Correlation of the residual u - û with the unseen disturbance d = G^-1 x - u. The element's
-        inverse predicts u + d, whose residual is -d: -1. Of a model that does not know d: near 0.
-    slope : float
-        Part of d that the prediction holds at once: regression on d at lags from -0.05 s to 0.1 s,
-        with the output and the target held fixed. The inverse has 1, a delayed response 0 or less.
-    sd : float
-        Standard error of the slope, with the long-run variance of the remainder.
-    least_delay : float
-        Shortest time (s) in which a response to the disturbance is possible.
-    unknown : str, default=""
-        Why the data cannot tell, where they cannot.
-    """
+    """Whether a prediction contains a disturbance that the controller could not see."""
 
     leaks: bool | None
     correlation_with_inverse: float
@@ -226,20 +202,7 @@ class LeakTest:
         return {**found, "reason": self.reason}
 
     def judged(self, slope: float, residual: float) -> LeakTest:
-        """The same test with other limits, of which both must be exceeded.
-
-        Parameters
-        ----------
-        slope : float
-            Part of the unseen disturbance above which the prediction leaks. :func:`leak_test` takes
-            0.3.
-        residual : float
-            Correlation below which the residual opposes the disturbance that the prediction holds.
-
-        Returns
-        -------
-        found : LeakTest
-        """
+        """The same test with other limits, of which both must be exceeded."""
         if self.leaks is None:
             return self
         leaks = _exceeds(self.slope, self.sd, slope) and self.residual_with_disturbance < residual
@@ -259,53 +222,7 @@ def leak_test(
     told: bool = True,
     least_delay: float = LEAST_DELAY,
 ) -> LeakTest:
-    """Test whether a prediction knows the disturbance that only the element's response shows.
-
-    Parameters
-    ----------
-    u, u_hat, x : ndarray of shape (n_rows,) or (n_rows, n_runs)
-        Measured output, its prediction, and the output of the controlled element.
-    dt : float
-        Sampling time in s.
-    runs : sequence of slices or row numbers, or None, default=None
-        Rows of each run; None takes each column as a run.
-    element : (b, a) or None, default=None
-        Numerator and denominator of the element in powers of q^-1 at ``dt``, x = b/a (u + d). None
-        estimates a low-order one from u and x, with the target as the instrument.
-    target : ndarray or None, default=None
-        Target; zeros if there is none to follow. Required without an ``element``.
-    disturbance : ndarray or None, default=None
-        Recorded disturbance of the element's input.
-    told : bool, default=True
-        Whether the model has the recorded disturbance as an input: what follows it linearly is then
-        not unseen. For a model without that input it is as unseen as one that is not recorded.
-    least_delay : float, default=0.1
-        Shortest time (s) in which a response to the disturbance is possible.
-
-    Returns
-    -------
-    found : LeakTest
-
-    Notes
-    -----
-    With w = a(q) x, which is FIR, and v = u + d, v = w / b(q) is divided at frequencies below twice
-    the edge of the band that holds 99 % of the output's power, where the zeros of a sampled
-    element do not lie. û is then regressed on d(t - l) with u, its past, and the target around t
-    held fixed; the largest slope of the immediate lags l counts. A response to x with a delay of
-    at least ``least_delay`` has an immediate slope near 0 or, as it opposes the disturbance, below.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from scipy.signal import lfilter
-    >>> from skhoid.diagnosis.leaks import leak_test
-    >>> rng = np.random.default_rng(0)
-    >>> u, d = lfilter([0.1], [1, -0.9], rng.standard_normal((2, 6000)))
-    >>> b, a = [0, 0.02], [1, -0.99]
-    >>> x = lfilter(b, a, u + d)
-    >>> leak_test(u, u + d, x, 0.02, [slice(0, 6000)], (b, a)).leaks
-    True
-    """
+    """Test whether a prediction knows the disturbance that only the element's response shows."""
     pieces = _pieces(runs, u, u_hat, x, target, disturbance)
     edge = band_edge([piece["u"] for piece in pieces], dt, POWER) if pieces else 0.0
     seconds = dt * sum(piece["u"].size for piece in pieces)
@@ -364,27 +281,7 @@ def leak_of_channels(
     told: Callable[[str], bool],
     least_delay: float,
 ) -> LeakTest | None:
-    """The leak test of a prediction, where two of e, x and f_t are known; else None.
-
-    Parameters
-    ----------
-    u, u_hat : ndarray of shape (n_rows,) or (n_rows, n_runs)
-        Measured output, NaN in rows that do not count, and its prediction.
-    channels : dict of str to ndarray
-        Signals by role, of the same shape.
-    dt : float
-        Sampling time in s.
-    runs : sequence of slices or row numbers, or None, default=None
-        Rows of each run; None takes each column as a run.
-    told : callable
-        Whether the model has the recorded disturbance of this role as an input.
-    least_delay : float
-        Shortest time (s) in which a response to the disturbance is possible.
-
-    Returns
-    -------
-    found : LeakTest or None
-    """
+    """The leak test of a prediction, where two of e, x and f_t are known; else None."""
     known = with_target_and_x(with_target(dict(channels)))
     if known is None:
         return None

@@ -17,9 +17,15 @@ from ..model.extend import on_all_runs
 from ..model.fitting import some_runs
 from ..model.model import Model
 from ..model.prepared import Prepared, check_rows
-from ..preprocessing.gate import as_output, as_table
-from ..recordings.loss_of_control import KEEP, KEEP_ROWS, ControlCheck, control_in
-from ..runs.roles import OTHER, input_columns, role_of
+from ..preprocessing.gate import as_output
+from ..recordings.loss_of_control import (
+    KEEP,
+    KEEP_ROWS,
+    ControlCheck,
+    control_check,
+    control_in,
+)
+from ..runs.roles import OTHER, columns_by_role, input_columns, role_of
 from ..text import counted
 from .judges import HeldOutRows
 
@@ -33,15 +39,12 @@ Held = tuple[np.ndarray, np.ndarray]  # columns, and rows of these (n_samples, n
 class SearchData:
     """The data of a search before any effect is tried.
 
-    ``lost`` are rows without control, ``known`` rows to be explained, at full rate; ``some`` are
-    the columns of the record in which effects are looked for (None: all), ``record`` their data.
-    Where the search looks at some columns only, ``held`` says what each fold holds out of all.
+    ``some`` are the columns of the record in which effects are looked for (None: all), ``record``
+    their data; ``held`` is then what each fold holds out of all columns.
     """
 
     prepared: Prepared
     control: ControlCheck
-    lost: np.ndarray
-    known: np.ndarray
     some: np.ndarray | None
     record: Record
     folds: list[HeldOutRows]
@@ -64,10 +67,22 @@ def prepare_data(
     model: Any, X: Any, y: Any, *, domain: str | None, lost_control: str
 ) -> tuple[Prepared, ControlCheck]:
     """The data of a model without stretches in which control was lost, and where these are."""
-    prepared = in_domain(model.prepare(X, y), domain, getattr(model, "roles", None))
-    control = control_of(model, X, lost_control, domain)
+    prepared = model.prepare(X, y)
+    roles = getattr(model, "roles", None)
+    control = ControlCheck()
+    if lost_control != KEEP and domain != "machine":
+        names = [prepared.names[i] for i in prepared.channels]
+        first = names[list(prepared.roles).index(prepared.record.inputs[0])]
+        own = roles_with_error(model, first, roles)
+        channels = {
+            role: prepared.table[:, prepared.channels[i]]
+            for role, i in columns_by_role(names, own).items()
+        }
+        layout = prepared.grid.layout
+        judged = None if layout.trimmed is None else ~layout.trimmed
+        control = control_check(layout, channels, judged)
     lost = control.rows(prepared.grid.layout.n_rows)
-    return without_rows(prepared, lost, model.settling), control
+    return without_rows(in_domain(prepared, domain, roles), lost, model.settling), control
 
 
 def split_data(
@@ -79,20 +94,14 @@ def split_data(
     max_rows: int | None,
 ) -> SearchData:
     """The data with the runs to look at, and the rows that each fold holds out of them."""
-    lost = control.rows(prepared.grid.layout.n_rows)
-    known = prepared.known & ~lost
     some = None if max_rows is None else some_runs(prepared.record, max_rows)
     record = prepared.record if some is None else prepared.record.part(some, 1)
-    folds, held = split_rows(prepared, known, cv, routed, some)
-    return SearchData(prepared, control, lost, known, some, record, folds, held)
+    folds, held = split_rows(prepared, cv, routed, some)
+    return SearchData(prepared, control, some, record, folds, held)
 
 
 def split_rows(
-    prepared: Prepared,
-    rows_known: np.ndarray,
-    cv: Any,
-    routed: dict[str, Any],
-    some: np.ndarray | None,
+    prepared: Prepared, cv: Any, routed: dict[str, Any], some: np.ndarray | None
 ) -> tuple[list[HeldOutRows], list[Held]]:
     """Rows to hold out and to fit on, in ``some`` columns; and what is held out in all."""
     record, columns, known = prepared.record, prepared.columns, prepared.record.known
@@ -109,7 +118,7 @@ def split_rows(
     if cv is None and groups is None:
         return split_in_blocks(known, round(GUARD / record.dt)), []
     folds, held = [], []
-    for fold in folds_of(prepared.grid.layout, cv, routed, rows_known):
+    for fold in folds_of(prepared.grid.layout, cv, routed, prepared.known):
         rows = prepared.grid.thin_inputs(fold.test.mask())
         whole = columns.beside(rows, fill=False) & record.known
         test = whole if some is None else whole[:, some]
@@ -139,10 +148,7 @@ def held_columns(test: np.ndarray, columns: np.ndarray | None = None) -> Held:
 
 
 def on_rows_of(record: Record, fitted: Model) -> Model:
-    """The model fitted to all rows of a record, where a search fitted it to others.
-
-    It looks at some of the runs, or takes noise out of the output.
-    """
+    """The model fitted to all rows of a record, where a search fitted it to others."""
     return fitted if fitted.simulator.record.y is record.y else on_all_runs(fitted, record)
 
 
@@ -157,6 +163,13 @@ def in_domain(prepared: Prepared, domain: str | None, roles: Any) -> Prepared:
     return replace(prepared, record=replace(record, domain=domain))
 
 
+def roles_with_error(model: Any, first: Any, roles: Any) -> Any:
+    """Roles of columns, of which the first input of an operator is the error, whatever its name."""
+    if isinstance(model, OperatorRegressor) and role_of(first, roles) == OTHER:
+        return {**(roles or {}), first: "e"}
+    return roles
+
+
 def control_of(
     estimator: Any, X: Any, lost_control: str, domain: str | None = None
 ) -> ControlCheck:
@@ -166,15 +179,11 @@ def control_of(
     """
     if lost_control == KEEP or domain == "machine":
         return ControlCheck()
-    X = as_table(X)
-    X = X if hasattr(X, "columns") else np.asarray(X)
     roles, run = (getattr(estimator, name, None) for name in ("roles", "run"))
+    names = list(getattr(X, "columns", range(np.shape(X)[1])))
     if isinstance(estimator, OperatorRegressor):
-        names = list(X.columns) if hasattr(X, "columns") else None
-        inputs = input_columns(names, X.shape[1], estimator.inputs, run, roles)
-        first = inputs[0] if names is None else names[inputs[0]]
-        if role_of(first, roles) == OTHER:  # what an operator answers is the error
-            roles = {**(roles or {}), first: "e"}
+        inputs = input_columns(names, len(names), estimator.inputs, run, roles)
+        roles = roles_with_error(estimator, names[inputs[0]], roles)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SlowClockWarning)  # the fit says so
         return control_in(X, roles=roles, dt=getattr(estimator, "dt", None), run=run)
@@ -208,4 +217,5 @@ def without_rows(prepared: Prepared, rows: np.ndarray, settling: float) -> Prepa
             hint=f"{KEEP_ROWS}.",
             options=["lost_control"],
         ) from error
-    return replace(prepared, record=record, measured=prepared.measured & ~lost)
+    measured, known = prepared.measured & ~lost, prepared.known & ~rows
+    return replace(prepared, record=record, measured=measured, known=known)

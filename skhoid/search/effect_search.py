@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import weakref
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from numbers import Integral
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
-from sklearn.callback import CallbackSupportMixin, with_callbacks
+from sklearn.base import clone
+from sklearn.callback import with_callbacks
 from sklearn.metrics import check_scoring
 from sklearn.utils.validation import check_is_fitted
 from threadpoolctl import threadpool_limits
 
-from .._sklearn import FittedDisplay, Interval, StrOptions, fit_context
+from .._sklearn import BaseSearchCV, FittedDisplay, Interval, StrOptions, fit_context
 from ..arx.folds import SplitsRuns
 from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
@@ -34,7 +34,7 @@ from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, notes_of_lost
 from ..regression import units_of
 from ..runs.fingerprint import fingerprint_of
 from ..text import Note, Summary
-from .data import SearchData, held_columns, on_rows_of, prepare_data, split_data
+from .data import Held, SearchData, held_columns, on_rows_of, prepare_data, split_data
 from .leftover import AllRuns, SearchNumbers, numbers_of
 from .path import GivenDelay, Path, forward, pair_of, with_given_delay
 from .results import (
@@ -58,23 +58,31 @@ from .telling import (
     tell_search,
 )
 
+KEPT = (  # of a result, as attributes
+    "verdict",
+    "best_effects",
+    "stand_ins",
+    "ranking",
+    "error_path",
+    "predictions",
+    "unexplained",
+    "left_out",
+    "shape",
+    "explainable_gap",
+    "ceiling_note",
+    "experiments",
+    "notes",
+    "searched_runs",
+)
+
 # Data of fits, for as long as others hold them: a search itself keeps none, and is small.
 _DATA: weakref.WeakKeyDictionary[Any, tuple[Any, Any]] = weakref.WeakKeyDictionary()
 
 
-# Not a BaseSearchCV: that fits each candidate anew for each fold, and ranks by one score. Here all
-# candidates of a step share one fit of their parent, folds are one step from it, and several judges
-# decide; of ``evaluate_candidates`` nothing would be left.
-class EffectSearchCV(
-    RemembersParameters,
-    SketchesEffects,
-    SplitsRuns,
-    FittedDisplay,
-    CallbackSupportMixin,
-    MetaEstimatorMixin,
-    RegressorMixin,
-    BaseEstimator,
-):
+# ``fit`` is its own: that of BaseSearchCV fits each candidate anew for each fold and ranks by one
+# score. Here all candidates of a step share one fit of their parent, folds are one step from it,
+# and several judges decide.
+class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDisplay, BaseSearchCV):
     """Find the physical effects that a model is missing, judged on held-out runs.
 
     Every effect of a catalogue is added to the model in turn, and all parameters are refitted
@@ -246,6 +254,11 @@ class EffectSearchCV(
         "max_rows": [Interval(Integral, 1, None, closed="left"), None],
     }
 
+    # What BaseSearchCV asks itself.
+    refit = True
+    scoring = None
+    multimetric_ = False
+
     def __init__(
         self,
         estimator: Any,
@@ -310,17 +323,17 @@ class EffectSearchCV(
             progress = Progress(self, context)
             search = Search(core, data.record, effects, data.folds, self.n_jobs, progress)
             estimators = Estimators(model)
-            found, ending, best, shape = search_effects(
+            found = search_effects(
                 search, estimators, data, as_output(y), int(self.max_effects), self.tries_all
             )
-            if len(found.path.model.effects):  # choices made, numbers to be estimated
-                best.set_params(effects=found.path.model.effects)
-            self.best_estimator_ = best
-            self.baseline_ = estimators.of(data.prepared, found.path.steps[0].plain)
+            path = found.numbers.path
+            if len(path.model.effects):  # choices made, numbers to be estimated
+                found.best.set_params(effects=path.model.effects)
+            self.best_estimator_ = found.best
+            self.baseline_ = estimators.of(data.prepared, path.steps[0].plain)
             self.control_ = data.control
-            self._keep(self._result(found, ending, shape, data, X, y), len(data.folds))
+            self._keep(self._result(found, data, X, y), len(data.folds))
         self._fingerprint = fingerprint_of(X)
-        self.n_features_in_ = model.n_features_in_
         if hasattr(model, "feature_names_in_"):
             self.feature_names_in_ = model.feature_names_in_
         context.call_on_fit_task_end(estimator=self, X=X, y=y)
@@ -354,26 +367,19 @@ class EffectSearchCV(
         routed = self._routed(X, prepared.grid.layout, groups, params or {})
         return split_data(prepared, control, cv=self.cv, routed=routed, max_rows=self.max_rows)
 
-    def _result(
-        self,
-        found: SearchNumbers,
-        ending: Ending,
-        shape: Shape | None,
-        data: SearchData,
-        X: Any,
-        y: Any,
-    ) -> SearchResult:
+    def _result(self, found: Found, data: SearchData, X: Any, y: Any) -> SearchResult:
         """What was found, as statuses, numbers and tables."""
-        best, prepared = self.best_estimator_, data.prepared
+        best, prepared, numbers = found.best, data.prepared, found.numbers
         measured = as_output(y)
-        left_out = data.lost | (~prepared.known & ~np.isnan(measured))
+        lost = data.control.rows(measured.size)
+        left_out = lost | (~prepared.known & ~np.isnan(measured))
         index = X.index if isinstance(X, pd.DataFrame) else None
-        predictions = held_out_table(found, prepared, measured, left_out, index)
+        predictions = held_out_table(numbers, prepared, measured, left_out, index)
         unit = units_of(y).get(str(getattr(y, "name", None)))
         if unit:
             predictions.attrs["units"] = {"measured": unit}
-        ranking = ranking_table(found, prepared, self.display)
-        notes = [*_note_searched(data), *note_changes(found.changes)]
+        ranking = ranking_table(numbers, prepared, self.display)
+        notes = [*_note_searched(data), *note_changes(numbers.changes)]
         if self.max_effects:
             notes += note_untried(self.candidates(), ranking)
         least = getattr(prepared.core, "least", 0.0)
@@ -383,18 +389,18 @@ class EffectSearchCV(
             notes += [Note("two estimates", text) for text in differ]
         notes += notes_of_lost(data.control.table)
         return SearchResult(
-            verdict=ending.verdict,
-            best_effects=ending.best_effects,
-            stand_ins=ending.stand_ins,
+            verdict=found.ending.verdict,
+            best_effects=found.ending.best_effects,
+            stand_ins=found.ending.stand_ins,
             ranking=ranking,
-            error_path=error_path(found, prepared),
+            error_path=error_path(numbers, prepared),
             predictions=predictions,
-            unexplained=unexplained_table(found.left),
+            unexplained=unexplained_table(numbers.left),
             left_out=data.control.table,
             parameters=best.parameters_,
-            shape=shape,
-            explainable_gap=found.explainable_gap,
-            ceiling_note=found.no_ceiling if np.isnan(found.ceiling) else "",
+            shape=found.shape,
+            explainable_gap=numbers.explainable_gap,
+            ceiling_note=numbers.no_ceiling if np.isnan(numbers.ceiling) else "",
             experiments=experiments_for(ranking),
             notes=notes,
             searched_runs=data.searched_runs,
@@ -404,20 +410,8 @@ class EffectSearchCV(
     def _keep(self, result: SearchResult, n_splits: int) -> None:
         """Fitted attributes of a result."""
         self.result_ = result
-        self.verdict_ = result.verdict
-        self.best_effects_ = result.best_effects
-        self.stand_ins_ = result.stand_ins
-        self.ranking_ = result.ranking
-        self.error_path_ = result.error_path
-        self.predictions_ = result.predictions
-        self.unexplained_ = result.unexplained
-        self.left_out_ = result.left_out
-        self.shape_ = result.shape
-        self.explainable_gap_ = result.explainable_gap
-        self.ceiling_note_ = result.ceiling_note
-        self.experiments_ = result.experiments
-        self.notes_ = result.notes
-        self.searched_runs_ = result.searched_runs
+        for name in KEPT:
+            setattr(self, f"{name}_", getattr(result, name))
         self.n_splits_ = n_splits
         self.scorer_ = check_scoring(self.best_estimator_)
         self.cv_results_ = compare_models(result, self.best_estimator_.effects)
@@ -441,41 +435,9 @@ class EffectSearchCV(
         """Whether all effects of the catalogue are tried."""
         return BY_NAME.keys() <= {effect.name for effect in self.candidates()}
 
-    def predict(self, X: Any) -> np.ndarray:
-        """Free run of the best model.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-
-        Returns
-        -------
-        y_pred : ndarray of shape (n_rows,)
-        """
-        check_is_fitted(self)
-        return self.best_estimator_.predict(X)
-
-    def score(self, X: Any, y: Any) -> float:
-        """VAF of the free run of the best model, in percent.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-        y : Series or array of shape (n_rows,)
-            Measured output.
-
-        Returns
-        -------
-        vaf : float
-        """
-        check_is_fitted(self)
-        return self.best_estimator_.score(X, y)
-
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
-        tags.input_tags.allow_nan = True
+        tags.input_tags.allow_nan = tags.target_tags.required = True
         return tags
 
     def ranking_table(self, n: int = 5, step: int | None = None) -> pd.DataFrame:
@@ -612,63 +574,109 @@ class EffectSearchCV(
         return tell_briefly(self.result_).html()
 
 
+class Found(NamedTuple):
+    """What a search finds, how it ends, the best model, and the shape of what has no name."""
+
+    numbers: SearchNumbers
+    ending: Ending
+    best: Any
+    shape: Shape | None
+
+
 def search_effects(
     search: Search,
     estimators: Estimators,
     data: SearchData,
-    measured: np.ndarray,
+    y: np.ndarray,
     most: int,
     tries_all: bool,
-) -> tuple[SearchNumbers, Ending, Any, Shape | None]:
-    """What a search finds, how it ends, the best model, and the shape of what has no name.
-
-    If the delay was given, the search is made with a free delay, and its names and what it leaves
-    are taken over; unless the freed delay is all that it finds, and one effect beside the given
-    delay explains clearly more.
-    """
-    model, prepared, held = estimators.model, data.prepared, data.held
-    known = np.where(prepared.known & ~data.lost, measured, np.nan)
+) -> Found:
+    """Search with the delay that the model has; where it was given, first with a free one."""
+    prepared, held = data.prepared, data.held
+    baseline = estimators.model.first_fit(replace(prepared, record=search.record))
     recorded = search.record.y
-    assert recorded is not None
-    fitted = model.first_fit(replace(prepared, record=search.record))
-    quiet = search.quiet(fitted) if most else None
+    quiet = search.quiet(baseline) if most else None
     if quiet is not None:
         held = held or [held_columns(fold.test) for fold in search.folds]
-        search, fitted = quiet, model.first_fit(replace(prepared, record=quiet.record))
-    of_all = search.record is prepared.record
+        search = quiet
+        baseline = estimators.model.first_fit(replace(prepared, record=quiet.record))
+    ends = Ends(
+        estimators,
+        np.where(prepared.known, y, np.nan),
+        recorded,
+        None if search.record is prepared.record else held,
+        tries_all,
+    )
+    given = GivenDelay.of(search, baseline) if most else None
+    found = None if given is None else search_with_free_delay(given, prepared, ends, most)
+    return found or search_as_given(search, prepared, baseline, ends, most)
 
-    def numbers(search: Search, prepared: Prepared, path: Path) -> tuple[SearchNumbers, Any]:
-        best = estimators.of(prepared, path.model if path.added else path.steps[0].plain)
-        all_runs = None if of_all else AllRuns(prepared.record, held)
-        return numbers_of(search, path, best, prepared, known, recorded, all_runs), best
 
-    def with_its_delay() -> tuple[SearchNumbers, Ending, Any, Shape | None]:
-        found, best = numbers(search, prepared, forward(search, fitted, most))
-        ended = shaped(search, found, tries_all=tries_all)
-        alone = ended.ending.best_effects == [UNKNOWN] and ended.shape is None
-        both = pair_of(search, found.path, most) if alone else None
-        if both is not None:
-            together, of_both = numbers(search, prepared, both)
-            again = shaped(search, together, tries_all=tries_all)
-            if again.ending.named:
-                ended, best = again, of_both
-        return ended.found, ended.ending, best, fitted_shape(ended, model, prepared, known)
+def search_as_given(
+    search: Search, prepared: Prepared, baseline: Model, ends: Ends, most: int
+) -> Found:
+    """Search with the delay that the model has; for a pair where no effect alone has a name."""
+    numbers, best = ends.numbers(search, prepared, forward(search, baseline, most))
+    ended = shaped(search, numbers, tries_all=ends.tries_all)
+    alone = ended.ending.best_effects == [UNKNOWN] and ended.shape is None
+    pair = pair_of(search, numbers.path, most) if alone else None
+    if pair is not None:
+        numbers, best_of_pair = ends.numbers(search, prepared, pair)
+        of_pair = shaped(search, numbers, tries_all=ends.tries_all)
+        if of_pair.ending.named:
+            ended, best = of_pair, best_of_pair
+    shape = fitted_shape(ended, ends.estimators.model, prepared, ends.measured)
+    return Found(ended.found, ended.ending, best, shape)
 
-    given = GivenDelay.of(search, fitted) if most else None
-    if given is None:
-        return with_its_delay()
-    freed, beside, baseline = given.freed(prepared, model)
-    more = most + len(baseline.effects) - len(fitted.effects)
-    free, _ = numbers(beside, freed, forward(beside, baseline, more))
-    ended = shaped(beside, free, tries_all=tries_all)
+
+def search_with_free_delay(
+    given: GivenDelay, prepared: Prepared, ends: Ends, most: int
+) -> Found | None:
+    """Search with a free delay in place of the given one, and take over names and what is left.
+
+    None where the freed delay is all that it finds, and one effect beside the given delay explains
+    clearly more.
+    """
+    model = ends.estimators.model
+    freed, search, baseline = given.freed(prepared, model)
+    more = most + len(baseline.effects) - len(given.baseline.effects)
+    numbers, _ = ends.numbers(search, freed, forward(search, baseline, more))
+    ended = shaped(search, numbers, tries_all=ends.tries_all)
     free = ended.found
     path = given.tested(free.path)
     if given.stands(path):
-        return with_its_delay()
-    shape = fitted_shape(ended, model, freed, known)
-    found, best = numbers(search, prepared, path)
-    found = replace(found, left=free.left, noises=free.noises, changes=free.changes)
-    return found, with_given_delay(ended.ending, free.path, path), best, shape
+        return None
+    shape = fitted_shape(ended, model, freed, ends.measured)
+    numbers, best = ends.numbers(given.search, prepared, path)
+    numbers = replace(numbers, left=free.left, noises=free.noises, changes=free.changes)
+    return Found(numbers, with_given_delay(ended.ending, free.path, path), best, shape)
+
+
+@dataclass(frozen=True)
+class Ends:
+    """What the end of a path is measured by.
+
+    The search may have looked at some of the runs only, and at an output without a recognised
+    noise: ``measured`` is every row of y, NaN where it does not count, ``recorded`` the output of
+    its runs, and ``held`` what its folds hold out of all runs (None: it looked at these).
+    """
+
+    estimators: Estimators
+    measured: np.ndarray
+    recorded: np.ndarray | None
+    held: list[Held] | None
+    tries_all: bool
+
+    def numbers(
+        self, search: Search, prepared: Prepared, path: Path
+    ) -> tuple[SearchNumbers, SimulatedModel]:
+        """Numbers of a path, and its best model."""
+        assert self.recorded is not None
+        best = self.estimators.of(prepared, path.model if path.added else path.steps[0].plain)
+        all_runs = None if self.held is None else AllRuns(prepared.record, self.held)
+        return numbers_of(
+            search, path, best, prepared, self.measured, self.recorded, all_runs
+        ), best
 
 
 class Estimators:

@@ -33,26 +33,7 @@ COLUMNS = [
 def evidence_of(
     search: EffectSearchCV, found: Effects, effects: list[Any], X: Any, y: Any
 ) -> pd.DataFrame:
-    """ΔBIC of effects beside those that a search found, and in place of each of them.
-
-    Parameters
-    ----------
-    search : EffectSearchCV
-        Its settings.
-    found : Effects
-        What it found, with their choices; numbers are estimated again.
-    effects : list of Effect
-        Effects to weigh.
-    X, y : DataFrame and Series
-        The recordings that it searched.
-
-    Returns
-    -------
-    table : DataFrame
-        ``instead_of`` (the effect that is taken out, or "" for none), ``effect``, ``evidence``
-        (ΔBIC: the least that any unbiased judge of it grants; NaN where it does not apply),
-        vaf_gain (points, held out), delta_bic, joint, in_loop, reason (why it does not apply).
-    """
+    """ΔBIC of effects beside those that a search found, and in place of each of them."""
     rows = []
     names = found.names
     for out in ["", *names]:
@@ -91,4 +72,13 @@ def _weighed(search: EffectSearchCV, kept: Effects, tried: list[Any], X: Any, y:
 
 def _row(out: str, c: Candidate) -> tuple[Any, ...]:
     in_loop = np.nan if c.in_loop is None else c.in_loop.delta_bic
-    return (out, c.id, evidence_for(c), c.gain, c.delta_bic, c.joint, in_loop, c.inapplicable)
+    return (
+        out,
+        c.effect.name,
+        evidence_for(c),
+        c.gain,
+        c.delta_bic,
+        c.joint,
+        in_loop,
+        c.inapplicable,
+    )

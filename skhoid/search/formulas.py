@@ -37,24 +37,7 @@ LARGEST = 30.0  # size of a formula, relative to the signal
 
 @dataclass(frozen=True)
 class Formula:
-    """A short formula of a signal or of time.
-
-    Attributes
-    ----------
-    code : str
-        In Python, with ``x`` (a signal or a channel) or ``t`` (time) and the parameters.
-    text : str
-        For people.
-    powers : tuple of int
-        Powers of the abscissa's unit in the size, below that of the curve, and in each further
-        parameter.
-    meanings : tuple of str
-        Of the parameters.
-    signed : bool
-        Whether further parameters may be negative.
-    whole : bool
-        Whether it takes the place of the signal, with a bend and no size: that is the gain.
-    """
+    """A short formula of a signal or of time."""
 
     code: str
     text: str
@@ -166,17 +149,7 @@ OF_TIME = (
 
 @dataclass(frozen=True)
 class Fitted:
-    """A formula with numbers at which it lies within a shape's band.
-
-    Attributes
-    ----------
-    formula : Formula
-        Which.
-    values, low, high : tuple of float
-        Of its parameters, and their bounds.
-    distance : float
-        Rms of the difference to the shape's curve, relative to it.
-    """
+    """A formula with numbers at which it lies within a shape's band."""
 
     formula: Formula
     values: tuple[float, ...]
@@ -212,23 +185,7 @@ def formulas_for(form: FreeForm) -> Sequence[Formula]:
 
 
 def formula_of(form: FreeForm, curve: pd.DataFrame, dof: float, record: Record) -> Fitted | None:
-    """The likeliest formula that lies within the band of a curve everywhere, by BIC; or None.
-
-    Parameters
-    ----------
-    form : FreeForm
-        With its values.
-    curve : DataFrame
-        Its value, and low and high of its band.
-    dof : float
-        Its effective degrees of freedom, as which its values at the knots count.
-    record : Record
-        In which it was found.
-
-    Returns
-    -------
-    best : Fitted or None
-    """
+    """The likeliest formula that lies within the band of a curve everywhere, by BIC; or None."""
     grid = curve.index.to_numpy(dtype=float)
     like = Likeness.of(form, grid, curve["value"].to_numpy(), record)
     half = ((curve["high"] - curve["low"]) / 2).to_numpy()

@@ -169,9 +169,9 @@ class JointParent:
         shared = [simulator.names.index(name) for name in parent.names]
         starts = [model.theta]
         if found is not None:
-            beside = model.theta.copy()
-            beside[shared] = found[1]
-            starts.append(beside)
+            start = model.theta.copy()
+            start[shared] = found[1]
+            starts.append(start)
         larger = likeliest(simulator, starts, rate)
         if larger is None:
             return np.nan
@@ -190,15 +190,16 @@ class InLoop:
     NaN where the loop cannot be solved, as with what jumps or sticks, or is not asked. ``bends``
     says that what the model has more is not linear, moves levels, or acts in stretches that were
     found in the data: a remnant makes its mean answer in the loop nearly linear, or is held there,
-    and what is no better in the loop may still be right. None where no loop is known. ``beside``
-    says what the parent has: nothing yet, other effects, or among them some that bend.
+    and what is no better in the loop may still be right. None where no loop is known.
+    ``parent_has``
+    is nothing yet, other effects, or among them some that bend.
     """
 
     vaf: float = np.nan
     delta_bic: float = np.nan
     gain: float = np.nan
     bends: bool | None = None
-    beside: Literal["nothing", "others", "bent"] = "others"
+    parent_has: Literal["nothing", "others", "bent"] = "others"
 
 
 def only_levels(added: Sequence[Effect], parent: Model, model: Model) -> bool:
@@ -331,7 +332,7 @@ class LoopParent:
         self._start_from(fitted)
         delta_bic = min(self.delta_bic(fitted, rate) for rate in RATES)
         bends = bends and self._bends(model, model.effects.steps)
-        return InLoop(delta_bic=delta_bic, bends=bends, beside=self._beside), fitted
+        return InLoop(delta_bic=delta_bic, bends=bends, parent_has=self._parent_has), fitted
 
     def _unsolved(self, model: Model) -> InLoop:
         """Of a model without a solution in the loop.
@@ -360,10 +361,10 @@ class LoopParent:
 
     def _not_asked(self, bends: bool) -> InLoop:
         """What is left to other criteria."""
-        return InLoop(bends=bends, beside=self._beside)
+        return InLoop(bends=bends, parent_has=self._parent_has)
 
     @cached_property
-    def _beside(self) -> Literal["nothing", "others", "bent"]:
+    def _parent_has(self) -> Literal["nothing", "others", "bent"]:
         steps = self.parent.effects.steps
         if not steps:
             return "nothing"

@@ -94,10 +94,10 @@ def likely_asked(judged: InLoop) -> float:
     reach hardly any ΔBIC. More is asked where the loop cannot judge and the model has a nonlinear
     effect already: a further one may only take up what the form of that one does not fit.
     """
-    if judged.beside == "nothing" and judged.bends:
+    if judged.parent_has == "nothing" and judged.bends:
         return LIKELY_IF_FIRST
     unsolved = bool(np.isnan(judged.delta_bic))
-    if unsolved and (judged.beside == "bent" or judged.bends is False):
+    if unsolved and (judged.parent_has == "bent" or judged.bends is False):
         return LIKELY_BESIDE_BENT
     return LIKELY
 
@@ -109,7 +109,7 @@ def loop_against(judged: InLoop | None) -> float:
 
 @dataclass
 class Candidate:
-    """An effect tried in addition to a parent, and the result."""
+    """An effect tried in addition to a parent, under a name there, and the result."""
 
     name: str
     effect: Effect
@@ -129,10 +129,6 @@ class Candidate:
     least_gain: float = LEAST_GAIN
     refused: Against | None = None
     unweighed: bool = False
-
-    @property
-    def id(self) -> str:
-        return self.effect.name
 
     @property
     def passes(self) -> bool:
@@ -324,7 +320,7 @@ def mark_confused(candidates: list[Candidate]) -> None:
     """Note for each candidate which others explain as much."""
     for c in candidates:
         c.confused_with = [
-            o.id
+            o.effect.name
             for o in candidates
             if o is not c and o.passes and c.passes and abs(o.weight - c.weight) < CONFUSED
         ]
@@ -332,7 +328,7 @@ def mark_confused(candidates: list[Candidate]) -> None:
 
 def special_cases_of(general: Candidate, candidates: list[Candidate]) -> list[Candidate]:
     """Candidates that a general form contains, so far as they pass, the likeliest first."""
-    special = [c for c in candidates if general.id in c.effect.within and c.passes]
+    special = [c for c in candidates if general.effect.name in c.effect.within and c.passes]
     return sorted(special, key=lambda c: -c.weight)
 
 
@@ -493,7 +489,7 @@ def evidence_for(c: Candidate) -> float:
     if judged is not None and not np.isnan(judged.delta_bic):
         if not judged.bends:
             found = [judged.delta_bic]
-            if c.id in OF_TARGET and judged.gain < LOOP_GAIN:
+            if c.effect.name in OF_TARGET and judged.gain < LOOP_GAIN:
                 found.append(0.0)
         else:
             found = [one - loop_against(judged) for one in found]

@@ -37,7 +37,6 @@ HINGES = 6  # of a nonlinear map
 PIECES = 9  # of a run
 MEMORIES = (1.5, 6.0)  # s, of slow senses such as semicircular canals
 LAGGED = 0.2  # s, by which an output of limited rate stays behind
-IN_LOOP = ("channel", "frequency")  # families that may follow the remnant round the loop
 REPEATS = "part of the residual repeats from run to run, or follows the target"
 NOTED = 0.2  # points
 LEFT_SURELY = 4.0  # standard errors by which what is left exceeds nothing
@@ -199,18 +198,14 @@ def gap_of(
 
 @dataclass(frozen=True)
 class Leftover:
-    """Structure that a family of responses finds in the residual, and where."""
+    """Structure left in the residual, and where; of one of ``FAMILIES``, or of none ("")."""
 
     where: str
     at: str
     description: str
     points: float
     delta_bic: float
-
-
-def key_of(item: Leftover) -> tuple[str, str, str]:
-    """Which family of responses it is."""
-    return item.where, item.at, item.description
+    family: str = ""
 
 
 class _Probe(Effect):
@@ -228,18 +223,29 @@ class _Probe(Effect):
         return self.shape(signal, record)  # type: ignore[operator]
 
 
+# What responses are in the residual: where they show, and in words.
+FAMILIES = {
+    "map": ("amplitude", "the response depends on the size or the sign of the error"),
+    "output size": ("amplitude", "the output departs from the model by its own size"),
+    "output rate": ("amplitude", "the output departs from the model by its own rate"),
+    "gains in time": ("time", "the gains change during the run"),
+    "level in time": ("time", "the output has an offset that varies during the run"),
+    "path": ("channel", "the output responds to {}"),
+    "immediate path": ("channel", "the output follows {} without a delay"),
+    "scheduled gains": ("channel", "the gains follow {}"),
+    "dynamics": ("frequency", "the linear dynamics differ"),
+}
+IN_LOOP = ("channel", "frequency")  # where the remnant may be followed round the loop
+
+
 def leftovers(
     model: Model, folds: Sequence[HeldOutRows], judge: LoopJudge | None = None
 ) -> list[Leftover]:
-    """Families that explain part of the residual of a model, best first.
+    """Families that explain part of the residual of a model on held-out rows, best first.
 
-    A family is a set of responses: a nonlinear map of the error or of the output, gains and
-    offsets that vary in time, or the linear response to a channel. Its part of
-    the residual, beyond what the model's own parameters could absorb, is estimated on training
-    rows and counted on held-out rows. With a ``judge`` linear responses count for no more than they
-    explain in the closed loop, where they cannot follow the remnant, at full rate and at one at
-    which effects are judged there: at full rate they follow the sensor's error. They need a ΔBIC
-    that is large enough at both.
+    With a ``judge`` linear responses count for no more than they explain in the closed loop, where
+    they cannot follow the remnant, at full rate (where they follow the sensor's error) and at one
+    at which effects are judged there.
     """
     found = _found(model, folds)
     if judge is not None and any(item.where in IN_LOOP for item in found):
@@ -247,11 +253,11 @@ def leftovers(
         for rate in (None, RATES[0]):
             if not np.isfinite(inside.output).all():  # from where the last rate ended, too
                 return sorted(found, key=lambda item: -item.points)
-            asked = {key_of(i) for i in found if i.where in IN_LOOP and i.points > 0}
+            asked = {(i.family, i.at) for i in found if i.where in IN_LOOP and i.points > 0}
             of_rate = _found(inside, judge.folds, rate, asked)
-            points = {key_of(i): i.points for i in of_rate}
+            points = {(i.family, i.at): i.points for i in of_rate}
             found = [
-                replace(item, points=min(item.points, points.get(key_of(item), 0.0)))
+                replace(item, points=min(item.points, points.get((item.family, item.at), 0.0)))
                 if item.where in IN_LOOP
                 else item
                 for item in found
@@ -263,17 +269,17 @@ def _found(
     model: Model,
     folds: Sequence[HeldOutRows],
     rate: float | None = None,
-    asked: Container[tuple[str, str, str]] | None = None,
+    asked: Container[tuple[str, str]] | None = None,
 ) -> list[Leftover]:
-    """What families find, at a rate; only those ``asked`` for, by :func:`key_of`; None: all."""
+    """What families find, at a rate; only those ``asked`` for (family, at); None: all."""
     record = model.simulator.record
     criterion = Criterion(record, rate=rate)
     criterion.set_noise(criterion.remnant_model(model.output))
     base = model.refined(criterion, max_iter=4)
     own = derivatives(base.simulator, criterion, base.theta)
     found = []
-    for where, at, description, computed in _families(base):
-        if asked is not None and (where, at, description) not in asked:
+    for family, at, computed in _families(base):
+        if asked is not None and (family, at) not in asked:
             continue
         columns = computed()
         if not len(columns):
@@ -282,7 +288,8 @@ def _found(
         columns.clear()  # before the next are computed
         result = _judged(own, thin, criterion, folds)
         if result is not None:
-            found.append(Leftover(where, at, description, *result))
+            where, words = FAMILIES[family]
+            found.append(Leftover(where, at, words.format(at), *result, family))
     return found
 
 
@@ -365,8 +372,8 @@ def _more(gains: Gains, name: str, shape: np.ndarray) -> np.ndarray:
     return getattr(gains, name) * (1 + 0.05 * shape)
 
 
-# Where, at what, in words, and what computes the changes of the output that it could make.
-Family = tuple[str, str, str, Callable[[], list[np.ndarray]]]
+# A family, at what, and what computes the changes of the output that it could make.
+Family = tuple[str, str, Callable[[], list[np.ndarray]]]
 
 
 def _families(model: Model) -> Iterator[Family]:
@@ -389,25 +396,22 @@ def _families(model: Model) -> Iterator[Family]:
 
     error = record.input
     yield (
-        "amplitude",
+        "map",
         record.inputs[0],
-        "the response depends on the size or the sign of the error",
         lambda: [
             with_probe("input", lambda e, _, k=k: e + 0.1 * np.maximum(e - k, 0))
             for k in knots(error)
         ],
     )
     yield (
-        "amplitude",
+        "output size",
         "output",
-        "the output departs from the model by its own size",
         lambda: [np.maximum(output - k, 0) for k in knots(output)],
     )
     rate = differentiated(output, record.dt)
     yield (
-        "amplitude",
+        "output rate",
         "rate of the output",
-        "the output departs from the model by its own rate",
         lambda: [remembered(np.maximum(rate - k, 0), LAGGED, record) for k in knots(rate)],
     )
     t = record.t
@@ -415,9 +419,8 @@ def _families(model: Model) -> Iterator[Family]:
     width = ends[1] - ends[0]
     shapes = [np.clip(1 - np.abs(t - c) / width, 0, 1) for c in ends]
     yield (
-        "time",
+        "gains in time",
         "gain",
-        "the gains change during the run",
         lambda: [
             with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
             for o in ("error", "rate")
@@ -425,18 +428,16 @@ def _families(model: Model) -> Iterator[Family]:
         ],
     )
     yield (
-        "time",
+        "level in time",
         "level",
-        "the output has an offset that varies during the run",
         lambda: [np.broadcast_to(s, output.shape).copy() for s in shapes],
     )
     for name in record.channels:
         if name not in record.inputs:
             yield from _families_of_channel(name, record, with_probe)
     yield (
-        "frequency",
+        "dynamics",
         record.inputs[0],
-        "the linear dynamics differ",
         lambda: [
             with_probe("path", lambda c, r, s=s: c.plus(0.1 * r.delayed(error, s)), False)
             for s in record.time_unit * np.linspace(0.0, 2.0, LAGS)
@@ -456,9 +457,8 @@ def _families_of_channel(
         lags if role in ("x", "") or role.startswith("motion") else lags - 0.5 * record.time_unit
     )
     yield (
-        "channel",
+        "path",
         name,
-        f"the output responds to {name}",
         lambda: [
             with_probe("path", lambda c, r, s=s, z=z: c.plus(0.1 * r.delayed(z, s)), False)
             for s, z in [
@@ -469,9 +469,8 @@ def _families_of_channel(
     )
     if shakes(name, record):
         yield (
-            "channel",
+            "immediate path",
             name,
-            f"the output follows {name} without a delay",
             lambda: [
                 with_probe("sum", lambda u, r, s=s: u + 0.1 * r.delayed(centred, s), False)
                 for s in record.time_unit * np.linspace(0.0, 0.4, SHAKEN_LAGS)
@@ -482,9 +481,8 @@ def _families_of_channel(
             centred / record.sd(name)
         )  # bounded: a run left out may go beyond the others
         yield (
-            "channel",
+            "scheduled gains",
             name,
-            f"the gains follow {name}",
             lambda: [
                 with_probe("gain", lambda g, _, s=s, o=o: g._replace(**{o: _more(g, o, s)}))
                 for s in (size, size * np.abs(size), size**2)

@@ -46,23 +46,7 @@ ANY_EXPERIMENT = (
 
 @dataclass(frozen=True)
 class Near:
-    """An effect of the catalogue with the numbers at which its curve is nearest to a shape's.
-
-    Attributes
-    ----------
-    name : str
-        Its id.
-    form : str
-        Its form, if it has several.
-    distance : float
-        Rms of the difference of both curves, relative to the shape's.
-    within_band : bool
-        Whether it lies inside the simultaneous band everywhere.
-    parameters : str
-        Values with units.
-    curve : ndarray
-        Over the abscissa of the shape's curve.
-    """
+    """An effect of the catalogue with the numbers at which its curve is nearest to a shape's."""
 
     name: str
     form: str
@@ -79,26 +63,7 @@ def nearest_effects(
     units: Mapping[str, str | None],
     gains: tuple[float, float] = (1.0, 0.0),
 ) -> list[Near]:
-    """Effects that act where a free form does, nearest first, each fitted to its curve.
-
-    Parameters
-    ----------
-    form : FreeForm
-        With its values.
-    curve : DataFrame
-        Its value, and low and high of its band, over the abscissa.
-    record : Record
-        In which it was found, with the model's prediction.
-    units : dict of str to str
-        Of the data, for the parameters.
-    gains : (float, float)
-        Of the model, on error and error rate.
-
-    Returns
-    -------
-    found : list of Near
-        The best variant of each effect that has a curve there.
-    """
+    """Effects that act where a free form does, nearest first, each fitted to its curve."""
     grid = curve.index.to_numpy(dtype=float)
     like = Likeness.of(form, grid, curve["value"].to_numpy(), record, gains)
     half = ((curve["high"] - curve["low"]) / 2).to_numpy()
@@ -266,19 +231,7 @@ def _where(form: FreeForm, grid: np.ndarray, apart: np.ndarray, half: np.ndarray
 
 
 class Fit(NamedTuple):
-    """The curve of an effect, or of a formula, that lies nearest to that of a free form.
-
-    Attributes
-    ----------
-    values : ndarray
-        Of the parameters.
-    acts : ndarray of bool
-        Which of them change the curve.
-    distance : float
-        Rms of the difference, relative to the curve.
-    curve : ndarray
-        Over the abscissa of the shape's curve, with what the model refits as the shape has it.
-    """
+    """The curve of an effect, or of a formula, that lies nearest to that of a free form."""
 
     values: np.ndarray
     acts: np.ndarray
@@ -288,23 +241,7 @@ class Fit(NamedTuple):
 
 @dataclass(frozen=True)
 class Likeness:
-    """A free form's curve, ready to be compared with others.
-
-    Attributes
-    ----------
-    form : FreeForm
-        With its values.
-    grid : ndarray
-        Abscissa of the curve and its band.
-    value : ndarray
-        The curve there, without what it is at rest.
-    points : ndarray
-        Where curves are compared: as dense as the data.
-    there : ndarray
-        The curve at the points.
-    operator : bool
-        Whether the model is an operator, whose limb divides by its stiffness.
-    """
+    """A free form's curve, ready to be compared with others."""
 
     form: FreeForm
     grid: np.ndarray
@@ -354,7 +291,7 @@ class Likeness:
         """Where a departure is needed: at the points and over the grid."""
         return np.concatenate([self.points, self.grid])
 
-    def beside(self, at: np.ndarray) -> np.ndarray:
+    def refitted_columns(self, at: np.ndarray) -> np.ndarray:
         """What the model refits beside the curve, as columns."""
         if self.form.name == "free_dynamics":  # the gains on error and error rate
             pulse = pulse_of(self.form, at)
@@ -364,14 +301,14 @@ class Likeness:
     def refitted(self, delta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """At the points and over the grid, a departure with what the model refits beside it."""
         n, at = self.points.size, self.at
-        beside = self.beside(at)
+        common = self.refitted_columns(at)
         if self.divides is None:
-            factor = np.linalg.lstsq(beside[:n], self.there - delta[:n], rcond=None)[0]
-            found = delta + beside @ factor
+            factor = np.linalg.lstsq(common[:n], self.there - delta[:n], rcond=None)[0]
+            found = delta + common @ factor
             return found[:n], found[n:]
         unit = at**self.divides
         others = [k for k, degree in enumerate(self.removed) if degree != self.divides]
-        columns = np.column_stack([unit + delta, beside[:, others]])
+        columns = np.column_stack([unit + delta, common[:, others]])
         factors = np.linalg.lstsq(columns[:n], unit[:n] + self.there, rcond=None)[0]
         if not factors[0] > 0.0:  # no response is turned round
             return np.zeros(n), np.zeros(at.size - n)
@@ -389,7 +326,7 @@ class Likeness:
 
         ``departure(values)`` is its departure ``at`` all places.
         """
-        basis = np.linalg.qr(self.beside(self.points))[0]
+        basis = np.linalg.qr(self.refitted_columns(self.points))[0]
         target = self.there - basis @ (basis.T @ self.there)
         size = float(np.sqrt(np.mean(target**2))) or 1.0
 

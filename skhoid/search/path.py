@@ -65,7 +65,7 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     greedy = follow(search, first, first.best if most else None, most)
     if len(greedy.steps) > 1 and len(greedy.ids) > 1:
         for rival in first.rivals()[:N_FIRST]:
-            if rival.id in greedy.ids[:1] or not first.judge(rival):
+            if rival.effect.name in greedy.ids[:1] or not first.judge(rival):
                 continue
             other = follow(search, first, rival, 2)
             if len(other.ids) > 1:
@@ -199,8 +199,8 @@ def further_changes(search: Search, path: Path) -> dict[str, tuple[float, float,
         model = Model(simulator, minimise(simulator, criterion, start))
         at = simulator.names.index(full)
         # The loss has several minima over the time of a change: the freed fit may find another.
-        beside = np.array([model.values()[n] for n in plain.simulator.names])
-        fewer = min(plain.sse, minimise(plain.simulator, criterion, beside).sse)
+        start = np.array([model.values()[n] for n in plain.simulator.names])
+        fewer = min(plain.sse, minimise(plain.simulator, criterion, start).sse)
         ratio = criterion.n * np.log(fewer / model.sse)
         sd = float(np.sqrt(model.covariance()[at, at]))
         found[parameter.removesuffix("_change")] = (
@@ -233,8 +233,8 @@ def lead(search: Search, parent: Model, one: Model, other: Model) -> float:
         return np.inf if a.n_parameters < b.n_parameters else -np.inf
     delta_bic = n * np.log(b.sse / a.sse) - (a.n_parameters - b.n_parameters) * np.log(n)
     if search.core.kind.is_operator:
-        beside = JointParent(parent)
-        joint = beside.delta_bic(both[0]) - beside.delta_bic(both[1])
+        joint_parent = JointParent(parent)
+        joint = joint_parent.delta_bic(both[0]) - joint_parent.delta_bic(both[1])
         delta_bic = delta_bic / 2 + joint if np.isfinite(joint) else delta_bic
     return float(delta_bic)
 
@@ -298,8 +298,8 @@ def pair_of(search: Search, path: Path, most: int) -> Path | None:
         pair = step.best.model
         fewer = output_error_fit(search.fewer(pair, one.name, path.core))
         effect = dict(pair.effects.steps)[one.name]
-        beside = search.judged(fewer, [Candidate(one.name, effect, model=output_error_fit(pair))])
-        if beside.best is None:
+        second = search.judged(fewer, [Candidate(one.name, effect, model=output_error_fit(pair))])
+        if second.best is None:
             continue
         longer = follow_from(search, Path([first, step], pair), most)
         found = in_gaining_order(search, trimmed(search, longer, most), first)
@@ -334,14 +334,10 @@ class GivenDelay:
         return cls(search, baseline, unique_name(claim, baseline.effects), claim, first)
 
     def freed(self, prepared: Prepared, model: SimulatedModel) -> tuple[Prepared, Search, Model]:
-        """Data, search and baseline of the same model whose delay is free.
-
-        An operator is one that was given no delay, so that the search is the same; other models
-        keep the effect that frees theirs.
-        """
+        """Data, search and baseline of the same model whose delay is free."""
         core, search = self.search.core, self.search
         if self.first is not None:
-            claim = next(c for c in self.first.candidates if c.id == CLAIM)
+            claim = next(c for c in self.first.candidates if c.effect.name == CLAIM)
             assert claim.model is not None
             return prepared, search, output_error_fit(claim.model)
         assert type(core) is OperatorCore
@@ -358,7 +354,7 @@ class GivenDelay:
     def tested(self, free: Path) -> Path:
         """The result of a search with a free delay; with the given one if the data allow it."""
         search, name = self.search, self.name
-        first = self.first or self._first_beside(free.steps[0])
+        first = self.first or self._first_step(free.steps[0])
         steps = [first, *(replace(step, parent=self._told(step.parent)) for step in free.steps)]
         model = output_error_fit(self._told(free.model))
         before = first.parent.effects.names
@@ -388,7 +384,7 @@ class GivenDelay:
         more = min(best.weight - claim.weight, best.joint - claim.joint)
         return bool(more > LEAST_DELTA_BIC and best.gain > claim.gain)
 
-    def _first_beside(self, free: SearchStep) -> SearchStep:
+    def _first_step(self, free: SearchStep) -> SearchStep:
         """The first step with the given delay, from what that with a free one has found."""
         claim = Candidate(self.name, self.claim, model=self._told(free.plain))
         return self.search.step_from(self.baseline, free, [claim])

@@ -208,10 +208,8 @@ def error_path(found: SearchNumbers, prepared: Prepared) -> pd.DataFrame:
 
 def unexplained_table(left: list[Leftover]) -> pd.DataFrame:
     """Structure that is left, one row each."""
-    return pd.DataFrame(
-        [vars(item) for item in left],
-        columns=["where", "at", "description", "points", "delta_bic"],
-    )
+    columns = ["where", "at", "description", "points", "delta_bic"]
+    return pd.DataFrame([vars(item) for item in left], columns=columns)
 
 
 def held_out_table(
@@ -266,15 +264,15 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
         after = path.steps[number].parent if number < len(path.steps) else path.model
         of_step = {*after.effects.names} - {*step.parent.effects.names}
         chosen = added & of_step
-        winner = next((c.id for c in step.candidates if c.name in of_step), "")
+        winner = next((c.effect.name for c in step.candidates if c.name in of_step), "")
         before = step.refitted_vaf
         for rank, c in enumerate(step.candidates, 1):
             described = c.model is not None and (rank <= DESCRIBED or c.passes)
             row = Ranked(
                 step=number,
                 rank=rank,
-                effect=c.id,
-                title=title_of(c.id),
+                effect=c.effect.name,
+                title=title_of(c.effect.name),
                 form=_form(c),
                 parameters=_parameters(c, prepared) if described else "",
                 n_parameters=c.n_parameters,

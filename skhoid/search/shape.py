@@ -183,7 +183,7 @@ class Shape:
         return (
             f"{self.sentence}; a curve with {self.dof:.1f} effective degrees of freedom raises "
             f"the held-out VAF by {self.gain:.1f} points{loop}, {100 * self.closed:.0f} % of what "
-            f"{self._beside} leaves to explain."
+            f"{self._model_in_words} leaves to explain."
         )
 
     def sentences(self) -> list[str]:
@@ -222,7 +222,7 @@ class Shape:
         return f"Nearest name{'s' if len(near) > 1 else ''}: {', '.join(words)}."
 
     @property
-    def _beside(self) -> str:
+    def _model_in_words(self) -> str:
         """The model to which it was added, in words."""
         others = [effect.name for own, effect in self.estimator.effects_ if own != self.name]
         named = [name for name in others if name != CLAIM]

@@ -90,23 +90,7 @@ def why_no_shape(ids: Sequence[str]) -> str:
 
 
 def written(name: str, path: Any, shape: Shape, *, overwrite: bool = False) -> Path:
-    """Write the file of an effect, whole or not at all.
-
-    Parameters
-    ----------
-    name : str
-        Id of the effect.
-    path : str or path-like
-        File, or an existing folder for ``<name>.py``.
-    shape : Shape
-        What it is made of.
-    overwrite : bool, default=False
-        Whether to replace a file that exists.
-
-    Returns
-    -------
-    path : Path
-    """
+    """Write the file of an effect, whole or not at all."""
     checked_name(name)
     target = Path(path)
     if target.is_dir():

@@ -71,13 +71,6 @@ class Progress:
     """Steps of a search, and what is done in each, as subtasks of its ``fit``.
 
     Without a context it says nothing, as in other processes.
-
-    Parameters
-    ----------
-    estimator : EffectSearchCV or None, default=None
-        The search.
-    context : CallbackContext or None, default=None
-        That of its ``fit``.
     """
 
     def __init__(self, estimator: Any = None, context: Any = None):
@@ -388,7 +381,7 @@ class Search:
         base_vaf, base_prediction = self._held_out(parent)
         n = criterion.n
         for c in tried:
-            c.trace = self.traces.get(c.id, "") if c.effect.place == "output" else ""
+            c.trace = self.traces.get(c.effect.name, "") if c.effect.place == "output" else ""
         fitted = [(c.model.effects, c.model.fit, bool(c.trace)) for c in tried if c.model]
         refined = self._each(self._refined, fitted, parent, criterion)
         for c, (fit, vaf, prediction) in zip(tried, refined, strict=True):
@@ -407,7 +400,9 @@ class Search:
                 c.gain = c.vaf - base_vaf
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
-            c.least_gain = self.share * (LEAST_GAIN_OF_CLAIM if c.id == CLAIM else LEAST_GAIN)
+            c.least_gain = self.share * (
+                LEAST_GAIN_OF_CLAIM if c.effect.name == CLAIM else LEAST_GAIN
+            )
             c.refused = without_name(c)
         most = max((c.gain for c in candidates if c.passes and not c.trace), default=0.0)
         for c in tried:  # levels may be those at which something else came to rest
@@ -427,17 +422,19 @@ class Search:
 
     def _weighing(self, base: Model) -> Weigh:
         """What finds the unbiased ΔBIC of candidates over a parent."""
-        beside = cache(lambda: JointParent(base))
+        joint_parent = cache(lambda: JointParent(base))
 
         def weigh(candidates: list[Candidate]) -> None:
             models = [(c.model.effects, c.model.fit) for c in candidates if c.model]
-            for c, found in zip(candidates, self._each(self._joint, models, beside()), strict=True):
+            for c, found in zip(
+                candidates, self._each(self._joint, models, joint_parent()), strict=True
+            ):
                 c.joint, c.unweighed = found, False
 
         return weigh
 
-    def _joint(self, found: tuple[Effects, Fit], beside: JointParent) -> float:
-        return beside.delta_bic(self._model(found, beside.parent), LIKELY_IF_FIRST)
+    def _joint(self, found: tuple[Effects, Fit], parent: JointParent) -> float:
+        return parent.delta_bic(self._model(found, parent.parent), LIKELY_IF_FIRST)
 
     def allowed_loss(self, model: Model, name: str) -> float:
         """Points of VAF that an effect may lose: some, where the output itself shows it."""

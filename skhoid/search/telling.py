@@ -337,6 +337,6 @@ def parameters_table(
     headings = ["parameter", *(["truth"] if truth is not None else []), "value", "±", "unit", ""]
     if not any(row[-1] for row in rows):
         headings, rows = headings[:-1], [row[:-1] for row in rows]
-    beside = f" of the model with {titles_of(effects)}" if len(effects) else ""
-    caption = f"Parameters{beside}, ± one standard error"
+    of_model = f" of the model with {titles_of(effects)}" if len(effects) else ""
+    caption = f"Parameters{of_model}, ± one standard error"
     return TextTable(caption, headings, rows, ("parameter", "unit", ""), "parameters")
