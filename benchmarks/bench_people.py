@@ -26,7 +26,8 @@ from bench_simulate import cpu
 from joblib.externals.loky import get_reusable_executor
 
 from skhoid import ARXRegressor, OperatorRegressor, simulate_experiment
-from skhoid.lab.experiment import PeopleResult, identify_people
+from skhoid.lab.experiment import identify_people
+from skhoid.lab.experiment.people import PeopleResult
 
 DATA = Path(tempfile.gettempdir()) / "skhoid-bench-people.pkl"
 ROWS, RATE, RUN_IN = 5_000, 100.0, 8.08

@@ -31,9 +31,9 @@ import pandas as pd
 from joblib import Parallel, delayed
 from scipy import stats
 
-from skhoid.lab.experiment.mixed import adjusted, fit
+from skhoid.lab.experiment.mixed import fit_cells, holm, pairs_of
 from skhoid.lab.experiment.repeated import sphericity
-from skhoid.lab.experiment.rows import Rows, combined
+from skhoid.lab.experiment.rows import Cells, combine
 
 PEOPLE, CONDITIONS, RUNS = 12, 4, 5
 MEAN, SPREAD, ERROR = 3.0, 0.3, 0.06  # mean and sd of people, smallest standard error
@@ -42,7 +42,6 @@ BAD = 3.0  # times, the standard errors of one person
 MISSING = 0.1
 ALPHA = 0.05
 PILOT = 400  # experiments from which an effect is found
-NOTHING = pd.DataFrame()
 Make = Callable[[np.random.Generator, float], "Draw"]
 
 
@@ -121,28 +120,15 @@ class Draw(NamedTuple):
         same = {"parameter": "K_e", "unit": "", "outlying": "", "failure": ""}
         return pd.DataFrame(columns).assign(**same)
 
-    def rows(self, log: bool) -> Rows:
-        """What ``select`` makes of the table (a test compares them), without the time of pandas."""
+    def cells(self, log: bool) -> Cells:
+        """What the model makes of the table, without the time of pandas."""
         values, errors = self.estimate, self.se
         if log:
             values, errors = np.log(values), errors / values
-        people, subject = np.unique(self.person, return_inverse=True)
-        conditions, condition = np.unique(self.condition, return_inverse=True)
-        found = combined(values, errors, subject, condition)
-        cell = np.unique(subject * conditions.size + condition, return_inverse=True)[1]
-        return Rows(
-            parameter="K_e",
-            unit="",
-            data=NOTHING,
-            runs=NOTHING,
-            cell=cell,
-            cells=found.cells,
-            subjects=people.tolist(),
-            conditions=conditions.tolist(),
-            tau=found.tau,
-            tau_cells=found.tau_cells,
-            notes=[],
+        subject, condition = (
+            np.unique(codes, return_inverse=True)[1] for codes in (self.person, self.condition)
         )
+        return combine(values, errors, subject, condition).cells
 
     def means(self, log: bool = False) -> np.ndarray:
         """Means of runs of the people who have all conditions."""
@@ -196,20 +182,20 @@ def anova_p(means: np.ndarray) -> tuple[float, float]:
 
 def analysed(draw: Draw, truth: np.ndarray | None, log: bool) -> dict[str, float]:
     """What the statistics say of one experiment: p-values, and which intervals hold the truth."""
-    rows = draw.rows(log)
-    model = fit(rows)
-    pairs = model.contrasts(None)
+    conditions = np.unique(draw.condition)
+    model = fit_cells(draw.cells(log))
+    pairs = model.contrasts(pairs_of(conditions.tolist(), None))
     plain, corrected = anova_p(draw.means(log))
     found = {
         "F": float(model.omnibus().p < ALPHA),
         "contrast": float(np.mean(pairs.p < ALPHA)),
-        "Holm": float(np.min(adjusted(pairs.p, "holm")) < ALPHA),
+        "Holm": float(np.min(holm(pairs.p)) < ALPHA),
         "ANOVA": float(plain < ALPHA),
         "ANOVA GG": float(corrected < ALPHA),
         "df": float(np.mean(pairs.df)),
     }
     if truth is not None:
-        true = truth[np.asarray(rows.conditions, dtype=int)]
+        true = truth[conditions]
         reach = stats.t.isf(ALPHA / 2, pairs.df) * pairs.se
         wanted = np.array([true[i] - true[j] for i, j in pairs.pairs])
         found["cover difference"] = float(np.mean(abs(pairs.difference - wanted) < reach))

@@ -63,6 +63,7 @@ LEVEL_PEOPLE = 8  # whose names can lie
 STEP = 0.085  # of the range of what is drawn, from bracket to bracket
 END = 0.02  # of it, the ends of a bracket
 MOST_BRACKETS = 8
+SIGNIFICANT = 0.05
 DIAMOND = 0.32  # rows, half its height
 LARGEST = 2.2  # times the smallest marker
 
@@ -659,11 +660,10 @@ class GroupMeansDisplay(Display):
 
         %(display)
         """
-        level = 1.0 - result.confidence
-        significant = result.contrasts[result.contrasts["p_adjusted"] < level]
+        significant = result.contrasts[result.contrasts["p_adjusted"] < SIGNIFICANT]
         note = ""
         if len(result.contrasts) and significant.empty:
-            note = f"no contrast with p < {level:.2g} ({result.adjust})"
+            note = f"no contrast with p < {SIGNIFICANT} (Holm)"
         elif len(significant) > MOST_BRACKETS:
             note = f"{len(significant) - MOST_BRACKETS} more contrasts are significant"
             significant = significant.sort_values("p_adjusted").iloc[:MOST_BRACKETS]

@@ -54,4 +54,4 @@ def test_none_significant_is_said():
     display = GroupMeansDisplay.from_result(result)
     assert not display.brackets_
     said = [text.get_text() for text in display.ax_.texts]
-    assert said == ["no contrast with p < 0.05 (holm)"]
+    assert said == ["no contrast with p < 0.05 (Holm)"]

@@ -83,7 +83,7 @@ def made_up_group(people, *, effects=("saturation", "dead_zone")):
             row = (f"{effects[0]}__limit", limit, 0.02, "deg", 85.0, np.nan, 3000, "", "")
             parameters += [(who, condition, "all", *row)] * has
             verdict = Verdict.FOUND if has else Verdict.NOTHING
-            named = effects[0] if has else ""
+            named = (effects[0],) if has else ()
             rows.append((who, condition, named, verdict, 80.0, 85.0, 84.0, ""))
     key = ["subject", "condition"]
     group.members_ = pd.DataFrame(members, columns=[*key, "effect", "probability", "named", "has"])

@@ -9,10 +9,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "export": ["write_long", "write_wide"],
         "group": ["GroupEffectSearch"],
         "identify": ["identify_people"],
-        "mixed": ["MixedModelResult", "mixed_model"],
-        "people": ["PeopleResult"],
-        "repeated": ["RepeatedMeasuresResult", "repeated_measures"],
-        "result": ["ExperimentResult"],
+        "mixed": ["mixed_model"],
+        "repeated": ["repeated_measures"],
         "simulate": ["simulate_experiment"],
     },
 )

@@ -29,7 +29,7 @@ from ..studies.store import Store, uniform
 from ..studies.workers import completed
 from .groups import ALL, Group, levels_of, read_groups
 from .identify import identify_people
-from .mixed import adjusted
+from .mixed import holm
 from .people import COLUMNS as PEOPLE_COLUMNS
 from .prevalence import PersonEvidence, Prevalence, log_factor, prevalences, summed
 
@@ -210,7 +210,7 @@ def condition_contrasts(members: pd.DataFrame) -> pd.DataFrame:
             row = (effect, here, there, len(both), int(a.sum()), int(b.sum()))
             rows.append((*row, only_here, only_there, p))
     found = pd.DataFrame(rows, columns=CONTRAST_COLUMNS[:-1])
-    return found.assign(p_adjusted=adjusted(found["p"].to_numpy(dtype=float), "holm"))
+    return found.assign(p_adjusted=holm(found["p"].to_numpy(dtype=float)))
 
 
 SURE = 0.95  # probability of a prevalence above the least, at which an effect is the group's
@@ -497,7 +497,7 @@ class GroupEffectSearch(BaseEstimator):
                 {
                     "subject": key[0],
                     "condition": key[1],
-                    "effects": ", ".join(has["effect"]),
+                    "effects": tuple(has["effect"]),
                     "verdict": None if search is None else search.verdict_,
                     "vaf": np.nan if path is None else float(path.iloc[0]),
                     "vaf_with": np.nan if path is None else float(path.iloc[-1]),

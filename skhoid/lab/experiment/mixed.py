@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -26,38 +27,38 @@ from ...text import (
     p_text,
 )
 from .reml import FTest, MixedFit, fit_reml
-from .rows import Cells, Rows, check_reference, select
+from .rows import Cells, Rows, select, weigh
 
-ADJUSTED = ("holm", "bonferroni", "fdr", "none")
+ALPHA = 0.05  # of conclusions, assumptions that are doubted, and intervals
 BETWEEN = "between people"
+FEW = 6  # people, below which little is known of people in general
+MOST = 5000  # rows for which the p-value of Shapiro and Wilk is right
 
 
-@dataclass(frozen=True)
-class Contrasts:
+class Contrasts(NamedTuple):
     """Differences of pairs of conditions (positions), with their t tests."""
 
     pairs: list[tuple[int, int]]
     difference: np.ndarray
     se: np.ndarray
     df: np.ndarray
-    p: np.ndarray
 
     @property
-    def t(self) -> np.ndarray:
-        return self.difference / self.se
+    def p(self) -> np.ndarray:
+        return 2.0 * stats.t.sf(abs(self.difference / self.se), self.df)
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fitted model, and its tests; people are a random effect where ``has_people``."""
+    """A fitted model, and its tests."""
 
-    rows: Rows
-    has_people: bool
+    cells: Cells
     at: MixedFit
 
     @property
-    def design(self) -> np.ndarray:
-        return np.eye(len(self.rows.conditions))[self.rows.condition]
+    def has_people(self) -> bool:
+        """Whether people are a random effect: where some have several conditions."""
+        return len(self.at.variances) > 1
 
     @property
     def between(self) -> float:
@@ -66,70 +67,51 @@ class Fitted:
 
     def residuals(self) -> np.ndarray:
         """What the fixed and the random effects leave, in standard deviations of the cell."""
-        rows = self.rows
-        rest = rows.y - self.design @ self.at.beta
+        rest = self.cells.value - self.at.beta[self.cells.condition]
         if self.has_people:
-            rest = rest - self.at.effects[rows.subject]
-        return rest * np.sqrt(rows.weights / self.at.variances[-1])
+            rest = rest - self.at.effects[self.cells.subject]
+        return rest * np.sqrt(self.cells.weight / self.at.variances[-1])
 
     def omnibus(self) -> FTest | None:
         """All conditions are the same."""
-        n = len(self.rows.conditions)
+        n = self.cells.n_conditions
         return self.at.test(np.eye(n)[1:] - np.eye(n)[:1]) if n > 1 else None
 
-    def contrasts(self, reference: int | None) -> Contrasts:
-        """All pairs, or all against the reference."""
-        n = len(self.rows.conditions)
-        pairs = [(j, i) for i, j in combinations(range(n), 2)]
-        if reference is not None:
-            pairs = [(i, reference) for i in range(n) if i != reference]
+    def contrasts(self, pairs: list[tuple[int, int]]) -> Contrasts:
+        """Differences of some pairs of conditions."""
+        n = self.cells.n_conditions
         L = np.array([np.eye(n)[i] - np.eye(n)[j] for i, j in pairs]).reshape(-1, n)
-        difference, se, df = self.at.estimate(L)
-        return Contrasts(pairs, difference, se, df, 2.0 * stats.t.sf(abs(difference / se), df))
+        return Contrasts(pairs, *self.at.estimate(L))
 
 
-def adjusted(p: np.ndarray, adjust: str) -> np.ndarray:
-    """p-values that pay for their number.
+def fit_cells(cells: Cells) -> Fitted:
+    """Fit the model by REML."""
+    several = cells.value.size > int(cells.subject.max()) + 1
+    design = np.eye(cells.n_conditions)[cells.condition]
+    people = cells.subject if several else None
+    return Fitted(cells, fit_reml(cells.value, design, people, cells.weight))
 
-    multipletests of statsmodels, which tests hold this to, collects garbage at each call: 0.1 s.
-    """
-    if adjust == "none" or p.size < 2:
-        return p
-    if adjust == "bonferroni":
-        return np.minimum(p.size * p, 1.0)
-    if adjust == "fdr":
-        return stats.false_discovery_control(p)
+
+def pairs_of(conditions: Sequence[Any], reference: Any) -> list[tuple[int, int]]:
+    """Positions of all pairs of conditions, or of all with the reference."""
+    n = len(conditions)
+    if reference is None:
+        return [(j, i) for i, j in combinations(range(n), 2)]
+    if reference not in conditions:
+        raise ValueError(
+            f"reference is one of {', '.join(map(str, conditions))}; got {reference!r}."
+        )
+    at = list(conditions).index(reference)
+    return [(i, at) for i in range(n) if i != at]
+
+
+def holm(p: np.ndarray) -> np.ndarray:
+    """p-values that pay for their number."""
     order = np.argsort(p)
     steps = np.maximum.accumulate((p.size - np.arange(p.size)) * p[order])
-    holm = np.empty(p.size)
-    holm[order] = np.minimum(steps, 1.0)
-    return holm
-
-
-def fit(rows: Rows) -> Fitted:
-    """Fit it by REML; people are a random effect where some have several conditions."""
-    has_people = rows.y.size > len(rows.subjects)
-    design = np.eye(len(rows.conditions))[rows.condition]
-    try:
-        at = fit_reml(rows.y, design, rows.subject if has_people else None, rows.weights)
-    except ValueError as error:
-        raise ValueError(f"The mixed model of {rows.parameter} cannot be fitted: {error}") from None
-    return Fitted(rows, has_people, at)
-
-
-def without(rows: Rows, subject: Any) -> Rows | None:
-    """The same cells without a person; None where too few people, or a condition less, are left."""
-    kept = rows.subject != rows.subjects.index(subject)
-    subjects = [name for name in rows.subjects if name != subject]
-    if len(subjects) < 2 or np.unique(rows.condition[kept]).size < len(rows.conditions):
-        return None
-    cells = Cells(*(column[kept] for column in rows.cells))
-    renumbered = np.unique(cells.subject, return_inverse=True)[1]
-    return replace(rows, cells=cells._replace(subject=renumbered), subjects=subjects)
-
-
-ALARM = 0.05  # p below which an assumption is doubted
-MOST = 5000  # rows for which the p-value of Shapiro and Wilk is right
+    adjusted = np.empty(p.size)
+    adjusted[order] = np.minimum(steps, 1.0)
+    return adjusted
 
 
 class Check(NamedTuple):
@@ -142,115 +124,97 @@ class Check(NamedTuple):
     said: str
 
 
-def check_model(
-    model: Fitted, reference: int | None, confidence: float, adjust: str
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """All checks, and the contrasts without each person."""
-    influence = influence_of_people(model, reference, confidence, adjust)
-    checks = [_normal("normal residuals", model.residuals(), "residuals")]
-    if model.has_people:
-        checks.append(_normal(f"normal {BETWEEN}", model.at.effects, "effects of people"))
-    checks += [_equal_variances(model), _errors_and_scatter(model), _who_decides(influence)]
-    return pd.DataFrame(checks), influence
+def _not_made(check: str, why: str) -> Check:
+    return Check(check, np.nan, np.nan, None, why)
 
 
-def _normal(name: str, values: np.ndarray, what: str) -> Check:
+def _check_normal(check: str, values: np.ndarray, what: str) -> Check:
     if values.size < 3 or np.ptp(values) <= 1e-12 * max(1.0, np.abs(values).max()):
-        return Check(name, np.nan, np.nan, None, f"too few {what}, or they do not vary")
+        return _not_made(check, f"too few {what}, or they do not vary")
     w, p = stats.shapiro(values[:MOST])
-    ok = bool(p >= ALARM)
+    ok = bool(p >= ALPHA)
     said = "look normal" if ok else "are not normal: look for outlying ones, or try another scale"
-    return Check(name, float(w), float(p), ok, f"the {what} {said} (Shapiro-Wilk, {p_text(p)})")
+    return Check(check, float(w), float(p), ok, f"the {what} {said} (Shapiro-Wilk, {p_text(p)})")
 
 
-def _equal_variances(model: Fitted) -> Check:
-    name, rest = "equal variances", model.residuals()
-    n = len(model.rows.conditions)
-    groups = [rest[model.rows.condition == c] for c in range(n)]
-    if n < 2 or min(map(len, groups)) < 3:
-        return Check(name, np.nan, np.nan, None, "there are too few conditions, or people in one")
+def _check_equal_variances(model: Fitted) -> Check:
+    rest = model.residuals()
+    groups = [rest[model.cells.condition == c] for c in range(model.cells.n_conditions)]
+    if len(groups) < 2 or min(map(len, groups)) < 3:
+        return _not_made("equal variances", "there are too few conditions, or people in one")
     f, p = stats.levene(*groups, center="median")
-    ok = bool(p >= ALARM)
+    ok = bool(p >= ALPHA)
     said = "scatter alike in all conditions" if ok else "do not scatter alike in all conditions"
-    return Check(name, float(f), float(p), ok, f"people {said} (Brown-Forsythe, {p_text(p)})")
+    said = f"people {said} (Brown-Forsythe, {p_text(p)})"
+    return Check("equal variances", float(f), float(p), ok, said)
 
 
-def _errors_and_scatter(model: Fitted) -> Check:
+def _check_errors(rows: Rows, tau: float) -> Check:
     """The scatter of runs around the mean of their cell, relative to their standard errors."""
-    name, rows = "standard errors", model.rows
-    df = len(rows.runs) - int(rows.cell.max()) - 1
-    values, errors = (rows.runs[name].to_numpy(dtype=float) for name in ("value", "value_se"))
-    if df < 2 or not np.all(np.isfinite(errors) & (errors > 0.0)):
-        return Check(name, np.nan, np.nan, None, "too few runs, or standard errors, to compare")
+    used = rows.used
+    cell = used.groupby(["subject", "condition"], sort=False).ngroup().to_numpy()
+    df = len(used) - int(cell.max()) - 1
+    values, errors = (used[name].to_numpy(dtype=float) for name in ("value", "value_se"))
+    if df < 2 or not np.isfinite(errors).all():
+        why = "too few runs, or standard errors, to compare"
+        return _not_made("standard errors", why)
     w = 1.0 / errors**2
-    means = np.bincount(rows.cell, w * values) / np.bincount(rows.cell, w)
-    q = float(w @ (values - means[rows.cell]) ** 2)
+    means = np.bincount(cell, w * values) / np.bincount(cell, w)
+    q = float(w @ (values - means[cell]) ** 2)
     low, high = (float(np.sqrt(q / stats.chi2.isf(tail, df))) for tail in (0.025, 0.975))
     ratio = float(np.sqrt(q / df))
     p = float(2.0 * min(stats.chi2.sf(q, df), stats.chi2.cdf(q, df)))
-    ok = bool(low <= 1.0 <= high)
     said = f"runs scatter {ratio:.2f} times ({low:.2f} to {high:.2f}) as much as their se say"
     if low > 1.0:
-        said += (
-            f"; the weights allow for a further sd of {rows.tau:.3g} between runs"
-            if rows.tau
-            else "; the weights do not use them"
-        )
-    return Check(name, ratio, p, ok, said)
+        said += f"; the weights allow for a further sd of {tau:.3g} between runs"
+    return Check("standard errors", ratio, p, bool(low <= 1.0 <= high), said)
 
 
-def influence_of_people(
-    model: Fitted, reference: int | None, confidence: float, adjust: str
-) -> pd.DataFrame:
-    """The contrasts without each person, and whether a conclusion changes.
-
-    A conclusion changes if the adjusted p-value crosses 1 - confidence.
-    """
-    level, names = 1.0 - confidence, model.rows.conditions
-    whole = model.contrasts(reference)
-    before = adjusted(whole.p, adjust) < level
+def _leave_out_each(
+    model: Fitted, pairs: list[tuple[int, int]], rows: Rows
+) -> tuple[pd.DataFrame, Check]:
+    """The contrasts without each person, and who changes a conclusion (p across the level)."""
+    cells, names = model.cells, rows.conditions
+    whole = model.contrasts(pairs)
+    before = holm(whole.p) < ALPHA
     records: list[dict[str, Any]] = []
-    for subject in model.rows.subjects if len(names) > 1 else []:
-        rows = without(model.rows, subject)
-        if rows is None:
+    for place, subject in enumerate(rows.subjects if len(names) > 1 else []):
+        kept = cells.subject != place
+        some = Cells(*(column[kept] for column in cells))
+        left, renumbered = np.unique(some.subject, return_inverse=True)
+        if len(left) < 2 or np.unique(some.condition).size < len(names):
             continue
-        found = fit(rows).contrasts(reference)
-        p_adjusted = adjusted(found.p, adjust)
-        for k, (i, j) in enumerate(found.pairs):
-            records.append(
-                {
-                    "without": subject,
-                    "condition": names[i],
-                    "against": names[j],
-                    "difference": found.difference[k],
-                    "shift": (found.difference[k] - whole.difference[k]) / whole.se[k],
-                    "p_adjusted": p_adjusted[k],
-                    "changes": bool((p_adjusted[k] < level) != before[k]),
-                }
-            )
-    columns = ["without", "condition", "against", "difference", "shift", "p_adjusted", "changes"]
-    return pd.DataFrame(records, columns=columns)
-
-
-def _who_decides(influence: pd.DataFrame) -> Check:
-    name = "influence"
-    if influence.empty:
-        return Check(name, np.nan, np.nan, None, "nobody can be left out")
-    largest = influence.loc[influence["shift"].abs().idxmax()]
+        found = fit_cells(some._replace(subject=renumbered)).contrasts(pairs)
+        p_adjusted = holm(found.p)
+        records += [
+            {
+                "without": subject,
+                "condition": names[i],
+                "against": names[j],
+                "difference": found.difference[k],
+                "shift": (found.difference[k] - whole.difference[k]) / whole.se[k],
+                "p_adjusted": p_adjusted[k],
+                "changes": bool((p_adjusted[k] < ALPHA) != before[k]),
+            }
+            for k, (i, j) in enumerate(pairs)
+        ]
+    if not records:
+        return pd.DataFrame(), _not_made("influence", "nobody can be left out")
+    table = pd.DataFrame(records)
+    largest = table.loc[table["shift"].abs().idxmax()]
     shift = float(abs(largest["shift"]))
-    changing = influence[influence["changes"]]
+    changing = table[table["changes"]]
+    said = "; ".join(
+        f"without {subject}, conclusions change on "
+        + ", ".join(f"{r['condition']} - {r['against']}" for r in of_one.to_dict("records"))
+        for subject, of_one in changing.groupby("without", sort=False)
+    )
     if changing.empty:
         said = (
             f"no single person changes a conclusion; the largest shift is {shift:.1f} se, without "
             f"{largest['without']}"
         )
-        return Check(name, shift, np.nan, True, said)
-    said = "; ".join(
-        f"without {subject}, conclusions change on "
-        + ", ".join(f"{r['condition']} - {r['against']}" for r in rows.to_dict("records"))
-        for subject, rows in changing.groupby("without", sort=False)
-    )
-    return Check(name, shift, np.nan, False, said)
+    return table, Check("influence", shift, np.nan, changing.empty, said)
 
 
 def mixed_model(
@@ -258,11 +222,8 @@ def mixed_model(
     parameter: str,
     *,
     reference: Any = None,
-    weighted: bool = True,
     transform: str | None = None,
     outlying: str = "keep",
-    confidence: float = 0.95,
-    adjust: str = "holm",
 ) -> MixedModelResult:
     """Compare the conditions of an experiment by a weighted linear mixed model.
 
@@ -278,16 +239,10 @@ def mixed_model(
         Which parameter.
     reference : label or None, default=None
         Condition against which the others are compared; None compares all pairs.
-    weighted : bool, default=True
-        Whether precise runs count more. False gives each row the same weight.
     transform : {None, "log"}, default=None
         Scale of the model. With "log", means are geometric and contrasts are ratios too.
     outlying : {"keep", "leave_out"}, default="keep"
         What becomes of rows that the table calls outlying.
-    confidence : float, default=0.95
-        Of intervals, each for itself. 1 - confidence is the level of all conclusions.
-    adjust : {"holm", "bonferroni", "fdr", "none"}, default="holm"
-        How p-values of contrasts pay for their number.
 
     Returns
     -------
@@ -298,7 +253,7 @@ def mixed_model(
     ------
     ValueError
         If there is no such parameter, condition or option; if there is one person only; if no row
-        can be used, or none has a standard error; if "log" meets an estimate that is not above 0.
+        can be used; if "log" meets an estimate that is not above 0.
 
     See Also
     --------
@@ -321,9 +276,11 @@ def mixed_model(
     Variances are those of the restricted likelihood (REML); standard errors, degrees of freedom
     and the F test are those of Kenward and Roger [2]_. What people differ in between conditions is
     part of ε: a random effect of its own, which cannot be below 0, would make tests too careful
-    where people do not differ.
+    where people do not differ. Intervals are 95 %, and p-values of contrasts pay for their number
+    by Holm.
 
-    Rows without a standard error get the largest one of their person and condition.
+    Rows without a standard error get the largest one of their person and condition; where no row
+    has one, all count alike.
 
     References
     ----------
@@ -354,164 +311,141 @@ def mixed_model(
       condition against  difference     se   df
     0        C2      C1       0.189  0.008  7.0
     """
-    if adjust not in ADJUSTED:
-        raise ValueError(f"adjust is {' or '.join(map(repr, ADJUSTED))}; got {adjust!r}.")
-    if not 0.5 <= confidence < 1.0:
-        raise ValueError(f"confidence is from 0.5 to below 1; got {confidence!r}.")
-    rows = select(table, parameter, weighted=weighted, transform=transform, outlying=outlying)
+    rows = select(table, parameter, transform=transform, outlying=outlying)
     if len(rows.subjects) < 2:
         raise ValueError(
             f"{parameter} has rows of one person only ({rows.subjects[0]}). A mixed model needs "
             "at least two people, and is of use from about six; compare the runs of one person by "
             "a t test."
         )
-    check_reference(reference, rows.conditions)
-    position = None if reference is None else rows.conditions.index(reference)
-    return _result(fit(rows), position, transform, confidence, adjust)
-
-
-def _result(
-    model: Fitted, reference: int | None, transform: str | None, confidence: float, adjust: str
-) -> MixedModelResult:
-    rows = model.rows
-    omnibus = model.omnibus()
-    contrasts = _contrasts(model, reference, transform, confidence, adjust)
-    checks, influence = check_model(model, reference, confidence, adjust)
+    pairs = pairs_of(rows.conditions, reference)
+    cells, _, tau, tau_cells = weigh(rows)
+    try:
+        model = fit_cells(cells)
+    except ValueError as error:
+        raise ValueError(f"The mixed model of {parameter} cannot be fitted: {error}") from None
+    influence, who_decides = _leave_out_each(model, pairs, rows)
+    checks = [_check_normal("normal residuals", model.residuals(), "residuals")]
+    if model.has_people:
+        checks.append(_check_normal(f"normal {BETWEEN}", model.at.effects, "effects of people"))
+    checks += [_check_equal_variances(model), _check_errors(rows, tau), who_decides]
+    log = transform == "log"
     return MixedModelResult(
-        parameter=rows.parameter,
+        parameter=parameter,
         unit=rows.unit,
         transform=transform,
-        confidence=confidence,
-        adjust=adjust,
-        reference=None if reference is None else rows.conditions[reference],
-        effects=_effects(model, transform, confidence),
-        contrasts=contrasts,
-        omnibus=omnibus,
+        effects=_means(model, rows, log),
+        contrasts=_contrasts(model, pairs, rows.conditions, log),
+        omnibus=model.omnibus(),
         variances=_variances(model),
-        people=_people(model, transform, confidence),
-        checks=checks,
+        people=_people(model, rows, log),
+        checks=pd.DataFrame(checks),
         influence=influence,
-        notes=_notes(model, contrasts),
+        notes=[*rows.notes, *_notes(model, rows)],
         data=rows.data,
-        tau=rows.tau,
-        tau_cells=rows.tau_cells,
+        tau=tau,
+        tau_cells=tau_cells,
         criterion=model.at.criterion,
     )
 
 
-def _effects(model: Fitted, transform: str | None, confidence: float) -> pd.DataFrame:
-    mean, se, df = model.at.estimate(np.eye(len(model.rows.conditions)))
-    reach = stats.t.isf((1.0 - confidence) / 2.0, df) * se
-    low, high = mean - reach, mean + reach
-    if transform == "log":
+def _reach(df: np.ndarray, se: np.ndarray) -> np.ndarray:
+    """Half of the 95 % interval."""
+    return stats.t.isf(ALPHA / 2.0, df) * se
+
+
+def _means(model: Fitted, rows: Rows, log: bool) -> pd.DataFrame:
+    mean, se, df = model.at.estimate(np.eye(len(rows.conditions)))
+    low, high = mean - _reach(df, se), mean + _reach(df, se)
+    if log:
         mean, low, high = np.exp(mean), np.exp(low), np.exp(high)
         se = se * mean
-    counts = np.bincount(model.rows.condition[model.rows.cell])
-    return pd.DataFrame(
-        {
-            "condition": model.rows.conditions,
-            "mean": mean,
-            "se": se,
-            "df": df,
-            "low": low,
-            "high": high,
-            "n_rows": counts,
-        }
-    )
+    n_rows = rows.used["condition"].value_counts()[rows.conditions].to_numpy()
+    found = {"condition": rows.conditions, "mean": mean, "se": se, "df": df}
+    return pd.DataFrame(found | {"low": low, "high": high, "n_rows": n_rows})
 
 
 def _contrasts(
-    model: Fitted, reference: int | None, transform: str | None, confidence: float, adjust: str
+    model: Fitted, pairs: list[tuple[int, int]], names: list[Any], log: bool
 ) -> pd.DataFrame:
-    found, names = model.contrasts(reference), model.rows.conditions
-    quantile = stats.t.isf((1.0 - confidence) / 2.0, found.df)
-    low, high = found.difference - quantile * found.se, found.difference + quantile * found.se
+    found = model.contrasts(pairs)
+    apart, reach = found.difference, _reach(found.df, found.se)
+    d = d_reach = np.full(apart.size, np.nan)
+    if model.between > 0.0:  # relative to the standard deviation of people, by the delta method
+        d = apart / np.sqrt(model.between)
+        own = float(model.at.variance_covariance[0, 0]) / (4.0 * model.between**2)
+        d_reach = _reach(found.df, np.sqrt(found.se**2 / model.between + d**2 * own))
     table = pd.DataFrame(
         {
-            "condition": [names[i] for i, _ in found.pairs],
-            "against": [names[j] for _, j in found.pairs],
-            "difference": found.difference,
+            "condition": [names[i] for i, _ in pairs],
+            "against": [names[j] for _, j in pairs],
+            "difference": apart,
             "se": found.se,
             "df": found.df,
-            "t": found.t,
+            "t": apart / found.se,
             "p": found.p,
-            "p_adjusted": adjusted(found.p, adjust),
-            "low": low,
-            "high": high,
+            "p_adjusted": holm(found.p),
+            "low": apart - reach,
+            "high": apart + reach,
+            "d": d,
+            "d_low": d - d_reach,
+            "d_high": d + d_reach,
         }
     )
-    d, d_se = _effect_size(model, found.difference, found.se)
-    table["d"], table["d_low"], table["d_high"] = d, d - quantile * d_se, d + quantile * d_se
-    if transform == "log":
-        for name, values in (("", found.difference), ("_low", low), ("_high", high)):
-            table[f"ratio{name}"] = np.exp(values)
+    if log:
+        ends = {"": "difference", "_low": "low", "_high": "high"}
+        table = table.assign(**{f"ratio{end}": np.exp(table[name]) for end, name in ends.items()})
     return table
 
 
-def _effect_size(
-    model: Fitted, difference: np.ndarray, se: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Differences relative to the standard deviation of people, by the delta method."""
-    variance = model.between
-    if not variance > 0.0:
-        return np.full(difference.size, np.nan), np.full(difference.size, np.nan)
-    of_variance = float(model.at.variance_covariance[0, 0])
-    d = difference / np.sqrt(variance)
-    return d, np.sqrt(se**2 / variance + d**2 * of_variance / (4.0 * variance**2))
-
-
 def _variances(model: Fitted) -> pd.DataFrame:
-    errors = np.sqrt(np.maximum(np.diag(model.at.variance_covariance), 0.0))
-    names = [*[BETWEEN] * model.has_people, "within"]
     variance = model.at.variances
     return pd.DataFrame(
         {
-            "source": names,
+            "source": [*[BETWEEN] * model.has_people, "within"],
             "variance": variance,
-            "se": errors,
+            "se": np.sqrt(np.maximum(np.diag(model.at.variance_covariance), 0.0)),
             "sd": np.sqrt(variance),
             "share": variance / variance.sum(),
         }
     )
 
 
-def _people(model: Fitted, transform: str | None, confidence: float) -> pd.DataFrame:
+def _people(model: Fitted, rows: Rows, log: bool) -> pd.DataFrame:
     """Each person in each condition (BLUP), also where there are no runs."""
-    rows, at = model.rows, model.at
-    df = model.at.estimate(np.eye(len(rows.conditions)))[2]
-    n_runs = np.bincount(rows.cell)
+    at = model.at
+    df = at.estimate(np.eye(len(rows.conditions)))[2]
+    n_runs = rows.used.groupby(["subject", "condition"]).size()
     records = []
     for p, subject in enumerate(rows.subjects):
         for c, condition in enumerate(rows.conditions):
-            here = (rows.subject == p) & (rows.condition == c)
             variance, value = at.plain[c, c], at.beta[c]
             if model.has_people:
                 variance += 2.0 * at.cross_covariance[c, p] + at.effect_covariance[p, p]
                 value += at.effects[p]
-            reach = stats.t.isf((1.0 - confidence) / 2.0, df[c]) * np.sqrt(variance)
-            ends = np.array([value, value - reach, value + reach])
-            value, low, high = np.exp(ends) if transform == "log" else ends
-            records.append((subject, condition, value, low, high, int(n_runs[here].sum())))
+            ends = value + _reach(df[c], np.sqrt(variance)) * np.array([0.0, -1.0, 1.0])
+            ends = np.exp(ends) if log else ends
+            records.append((subject, condition, *ends, int(n_runs.get((subject, condition), 0))))
     names = ["subject", "condition", "estimate", "low", "high", "n_rows"]
     return pd.DataFrame(records, columns=names)
 
 
-def _notes(model: Fitted, contrasts: pd.DataFrame) -> list[str]:
-    rows: Rows = model.rows
-    notes = list(rows.notes)
+def _notes(model: Fitted, rows: Rows) -> list[str]:
+    notes = []
+    there = set(zip(rows.used["subject"], rows.used["condition"], strict=True))
     empty = [
         f"{subject} in {condition}"
-        for p, subject in enumerate(rows.subjects)
-        for c, condition in enumerate(rows.conditions)
-        if not ((rows.subject == p) & (rows.condition == c)).any()
+        for subject in rows.subjects
+        for condition in rows.conditions
+        if (subject, condition) not in there
     ]
     if empty:
         notes.append(f"no rows of {', '.join(empty)}: the others of the person still count")
     if model.has_people and model.between <= 0.0:
         notes.append(f"the variance {BETWEEN} is estimated as 0, its lower bound")
-    if len(rows.subjects) < 6:
+    if len(rows.subjects) < FEW:
         notes.append(f"{len(rows.subjects)} people tell little about people in general")
-    if len(contrasts) and model.has_people:
+    if len(rows.conditions) > 1 and model.has_people:
         sd = float(np.sqrt(model.between))
         notes.append(f"d is the difference divided by the sd of people, {sd:.4g} ({BETWEEN})")
     return notes
@@ -529,20 +463,14 @@ class MixedModelResult(Told):
         Its unit, or nothing.
     transform : {None, "log"}
         Scale of the model.
-    confidence : float
-        Of the intervals.
-    adjust : str
-        How p-values pay for their number.
-    reference : label or None
-        Condition against which the others were compared; None for all pairs.
     effects : DataFrame
         ``condition``, ``mean`` (over people; geometric with "log"), ``se``, ``df``, ``low``,
         ``high``, ``n_rows``.
     contrasts : DataFrame
-        ``condition``, ``against``, ``difference``, ``se``, ``df``, ``t``, ``p``, ``p_adjusted``,
-        ``low``, ``high``, and ``d``, ``d_low``, ``d_high``: the difference divided by the standard
-        deviation of people. With "log", differences are those of logarithms, and ``ratio``,
-        ``ratio_low`` and ``ratio_high`` say them as ratios. Intervals are not adjusted.
+        ``condition``, ``against``, ``difference``, ``se``, ``df``, ``t``, ``p``, ``p_adjusted``
+        (Holm), ``low``, ``high``, and ``d``, ``d_low``, ``d_high``: the difference divided by the
+        standard deviation of people. With "log", differences are those of logarithms, and
+        ``ratio``, ``ratio_low`` and ``ratio_high`` say them as ratios. Intervals are not adjusted.
     omnibus : FTest or None
         ``F``, ``df1``, ``df2`` and ``p`` of no difference at all; None with one condition.
     variances : DataFrame
@@ -568,43 +496,11 @@ class MixedModelResult(Told):
         That of people in a condition beyond the standard errors of their means.
     criterion : float
         -2 log of the restricted likelihood.
-
-    See Also
-    --------
-    skhoid.lab.experiment.mixed_model : Makes it.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from skhoid.lab.experiment import mixed_model
-    >>> table = pd.DataFrame(
-    ...     {
-    ...         "subject": list("aabbccdd"),
-    ...         "condition": ["C1", "C2"] * 4,
-    ...         "run": 1,
-    ...         "unit": "s",
-    ...         "parameter": "tau_e",
-    ...         "estimate": [0.21, 0.24, 0.25, 0.29, 0.19, 0.23, 0.22, 0.25],
-    ...         "se": 0.01,
-    ...         "outlying": "",
-    ...         "failure": "",
-    ...     }
-    ... )
-    >>> result = mixed_model(table, "tau_e")
-    >>> result
-    MixedModelResult('tau_e', 4 people, 2 conditions, 8 rows)
-    >>> result.effects[["condition", "mean", "low", "high"]].round(2)
-      condition  mean   low  high
-    0        C1  0.22  0.18  0.26
-    1        C2  0.25  0.21  0.29
     """
 
     parameter: str
     unit: str
     transform: str | None
-    confidence: float
-    adjust: str
-    reference: Any
     effects: pd.DataFrame
     contrasts: pd.DataFrame
     omnibus: FTest | None
@@ -619,27 +515,33 @@ class MixedModelResult(Told):
     criterion: float
 
     def __repr__(self) -> str:
-        used = int((self.data["left_out"] == "").sum())
         return (
             f"MixedModelResult({self.parameter!r}, {self.people['subject'].nunique()} people, "
-            f"{len(self.effects)} conditions, {used} rows)"
+            f"{len(self.effects)} conditions, {self.effects['n_rows'].sum()} rows)"
         )
 
     @property
     def own_means(self) -> pd.DataFrame:
         """Weighted means of the runs of each person, with intervals; not drawn to the group."""
         used = self.data[self.data["left_out"] == ""]
-        within = float(self.variances.set_index("source").loc["within", "variance"])
-        quantile = stats.norm.isf((1.0 - self.confidence) / 2.0)
+        reach = stats.norm.isf(ALPHA / 2.0) * self.variances["sd"].iloc[-1]
         records = []
         for key, rows in used.groupby(["subject", "condition"], sort=False):
             mean = float(rows["weight"] @ rows["value"])
-            reach = quantile * np.sqrt(within / float(rows["cell_weight"].iloc[0]))
-            ends = np.array([mean, mean - reach, mean + reach])
-            mean, low, high = np.exp(ends) if self.transform == "log" else ends
-            records.append((*key, mean, low, high, len(rows)))
-        names = ["subject", "condition", "estimate", "low", "high", "n_rows"]
-        return pd.DataFrame(records, columns=names)
+            away = reach / np.sqrt(rows["cell_weight"].iloc[0])
+            ends = np.array([mean, mean - away, mean + away])
+            ends = np.exp(ends) if self.transform == "log" else ends
+            records.append((*key, *ends, len(rows)))
+        return pd.DataFrame(records, columns=list(self.people.columns))
+
+    @property
+    def verdict(self) -> str:
+        """Whether the conditions differ, with the F test; nothing with one condition."""
+        if self.omnibus is None:
+            return ""
+        F, df1, df2, p = self.omnibus
+        verdict = "differ" if p < ALPHA else "do not differ beyond chance"
+        return f"The conditions {verdict}: F({df1:.0f}, {df2:.1f}) = {F:.2f}, {p_text(p)}."
 
     def document(self) -> Document:
         """The result in plain words.
@@ -648,18 +550,17 @@ class MixedModelResult(Told):
         -------
         document : Document
         """
-        used = int((self.data["left_out"] == "").sum())
         title = (
-            f"{self.parameter}: linear mixed model (REML) of {used} rows, "
+            f"{self.parameter}: linear mixed model (REML) of {self.effects['n_rows'].sum()} rows, "
             f"{self.people['subject'].nunique()} people, "
             f"{counted(len(self.effects), 'condition')}."
         )
         log = self.transform == "log"
         unit = f", {self.unit}" if self.unit else ""
+        means = f"{'Geometric means' if log else 'Means'} over people{unit}, with 95 % intervals"
         blocks: list[Block] = [
             TextTable(
-                f"{'Geometric means' if log else 'Means'} over people{unit}, with "
-                f"{100 * self.confidence:g} % intervals",
+                means,
                 ("", "mean", "from", "to", "rows"),
                 [
                     [str(row["condition"]), *_ends(row, "mean"), str(row["n_rows"])]
@@ -667,51 +568,37 @@ class MixedModelResult(Told):
                 ],
             )
         ]
-        if self.omnibus is not None:
-            F = self.omnibus
-            verdict = "differ" if F.p < 1.0 - self.confidence else "do not differ beyond chance"
-            blocks += [
-                Paragraph(
-                    f"The conditions {verdict}: F({F.df1:.0f}, {F.df2:.1f}) = {F.F:.2f}, "
-                    f"{p_text(F.p)}.",
-                    "verdict",
-                ),
-                self._tell_contrasts(),
-            ]
-        rows = [[row["source"], f"{row['sd']:.4g}"] for row in self.variances.to_dict("records")]
-        of = " of the logarithm" if log else unit
+        if self.verdict:
+            blocks += [Paragraph(self.verdict, "verdict"), self._tell_contrasts()]
+        sds = [[row["source"], f"{row['sd']:.4g}"] for row in self.variances.to_dict("records")]
         marks = {True: "ok", False: "doubtful", None: "not known"}
+        checks = [f"{marks[row['ok']]}: {row['said']}" for row in self.checks.to_dict("records")]
         blocks += [
-            TextTable(f"Standard deviations{of}", ("", "sd"), rows),
-            Heading("Checks"),
-            Items(
-                [
-                    Item(f"{marks[row['ok']]}: {row['said']}")
-                    for row in self.checks.to_dict("records")
-                ],
-                numbered=False,
+            TextTable(
+                f"Standard deviations{' of the logarithm' if log else unit}", ("", "sd"), sds
             ),
+            Heading("Checks"),
+            Items([Item(text) for text in checks], numbered=False),
             Notes([Note("", text) for text in self.notes]),
         ]
         return Document(title, blocks)
 
     def _tell_contrasts(self) -> TextTable:
-        log, level = self.transform == "log", 1.0 - self.confidence
+        log = self.transform == "log"
         rows = []
         for row in self.contrasts.to_dict("records"):
-            name, sign = ("ratio", "/") if log else ("difference", "-")
-            ends = [f"{row[f'{name}{end}']:.3f}" for end in ("", "_low", "_high")] if log else None
-            size = f"{row['d']:.2f}" if np.isfinite(row["d"]) else "-"
-            star = " *" if row["p_adjusted"] < level else ""
+            if log:
+                ends = [f"{row[f'ratio{end}']:.3f}" for end in ("", "_low", "_high")]
+            else:
+                ends = _ends(row, "difference")
+            pair = f"{row['condition']} {'/' if log else '-'} {row['against']}"
             test = f"t({row['df']:.1f}) = {row['t']:.2f}"
-            pair = f"{row['condition']} {sign} {row['against']}"
-            p = p_text(row["p_adjusted"]) + star
-            rows.append([pair, *(ends or _ends(row, "difference")), test, p, size])
+            p = p_text(row["p_adjusted"]) + " *" * (row["p_adjusted"] < ALPHA)
+            rows.append([pair, *ends, test, p, f"{row['d']:.2f}" if np.isfinite(row["d"]) else "-"])
         what = "Ratios" if log else f"Differences{f', {self.unit}' if self.unit else ''}"
-        caption = f"{what} of conditions (p adjusted: {self.adjust}; intervals are not)"
-        return TextTable(
-            caption, ("", what.split(",")[0].lower(), "from", "to", "", "p", "d"), rows
-        )
+        caption = f"{what} of conditions (p adjusted: Holm; intervals are not)"
+        header = ("", "ratios" if log else "differences", "from", "to", "", "p", "d")
+        return TextTable(caption, header, rows)
 
 
 def _ends(row: dict[str, Any], name: str) -> list[str]:

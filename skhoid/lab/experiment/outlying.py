@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,19 +13,17 @@ from ...runs import RUN
 from .groups import ALL, CONDITION, SUBJECT
 
 FAMILY = 0.05  # chance that a rule flags anything where nothing is wrong
-RUN_Z, PERSON_Z = 3.5, 4.0  # least, in robust standard deviations
+LEAST_Z = 3.5  # robust standard deviations
 POINTS = 10.0  # VAF points that a run must be worse
 FOLLOWS, FAR_ABOVE = 10.0, 50.0  # % VAF: does not follow; the others, far above
 FACTOR = 3.0  # in the size of the output
 PEOPLE, RUNS = 5, 3  # least numbers to compare
-SURE = 3.0  # standard errors, from which a sign is known
+SURE, PART = 3.0, 0.2  # standard errors, and part of the others' gain, from which a sign is clear
 SAME = 0.8  # of the others have the same sign, at least
-PART = 0.2  # of the others' gain that one of the wrong sign must reach
 FEW = 0.25  # of the people, at most, are outlying
 COEFFICIENT = r"[ab]\d+(\(.*\))?"  # of an ARX model
 PERFECT = 0.1  # % left, below which runs are alike
-# Of the scale of pairs: consistent for normal errors, and degrees of freedom per value.
-NORMAL, EFFICIENCY = 2.2219, 0.8
+KEY = [SUBJECT, CONDITION]
 
 
 class Flag(NamedTuple):
@@ -40,12 +38,18 @@ class Flag(NamedTuple):
 
 def outlying_table(groups: pd.DataFrame, table: pd.DataFrame, runs: pd.DataFrame) -> pd.DataFrame:
     """All flags. ``runs`` has the VAF of each run, and ``spread``, that of its output."""
-    flags = [*_wrong_sign(groups, table), *_wrong_scale(runs), *_not_following(groups, runs)]
+    of_runs = gains(table[table[RUN] != ALL])
+    known = runs.assign(vaf=runs["vaf"].fillna(runs["vaf_group"]))
+    flags = [
+        *_unlike_the_others(gains(groups), of_runs, "sign", _opposite),
+        *_wrong_scale(runs),
+        *_unlike_the_others(groups.drop_duplicates(KEY), known, "no response", _far_below),
+    ]
     explained = {flag[:2] for flag in flags if flag.run == ALL}
-    flags += [f for f in _far_people(groups) if f[:2] not in explained]
+    flags += [flag for flag in _far_people(groups) if flag[:2] not in explained]
     told = {flag[:3] for flag in flags}
     flags += [flag for flag in _bad_runs(runs) if flag[:3] not in told]
-    places = {key: n for n, key in enumerate(dict.fromkeys(zip(*_keys(groups), strict=True)))}
+    places = {key: n for n, key in enumerate(groups[KEY].itertuples(index=False, name=None))}
     joined: dict[tuple[Any, ...], Flag] = {}
     for flag in sorted(flags, key=lambda flag: places[flag[:2]]):
         before = joined.get(flag[:4])
@@ -54,8 +58,74 @@ def outlying_table(groups: pd.DataFrame, table: pd.DataFrame, runs: pd.DataFrame
     return pd.DataFrame(list(joined.values()), columns=Flag._fields)
 
 
-def _keys(table: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
-    return table[SUBJECT], table[CONDITION]
+def _unlike_the_others(
+    people: pd.DataFrame,
+    runs: pd.DataFrame,
+    kind: str,
+    find: Callable[[pd.DataFrame], Iterator[tuple[int, str]]],
+) -> Iterator[Flag]:
+    """People among those of the condition, and runs among those of a person who is not flagged."""
+    flagged = set()
+    for condition, part in people.groupby(CONDITION, sort=False):
+        for at, reason in find(part):
+            who = part[SUBJECT].iloc[at], condition
+            flagged.add(who)
+            yield Flag(*who, ALL, kind, reason.format(others="the other people"))
+    for (subject, condition), part in runs.groupby(KEY, sort=False):
+        for at, reason in find(part) if (subject, condition) not in flagged else ():
+            said = reason.format(others="this person's other runs")
+            yield Flag(subject, condition, part[RUN].iloc[at], kind, said)
+
+
+def _opposite(part: pd.DataFrame) -> Iterator[tuple[int, str]]:
+    """Clear gains whose sign is not that of nearly all others."""
+    values, se = (part[name].to_numpy(dtype=float) for name in ("estimate", "se"))
+    if len(values) < RUNS:
+        return
+    clear = np.abs(values) > SURE * np.nan_to_num(se)
+    clear &= np.abs(values) > PART * np.median(np.abs(values))
+    for at in np.flatnonzero(clear):
+        others = np.sign(np.delete(values, at))
+        if np.mean(others == -np.sign(values[at])) >= SAME:
+            sign = "positive" if values[at] < 0 else "negative"
+            yield (
+                int(at),
+                f"{part['name'].iloc[at]} is {values[at]:.3g}, but {sign} for {{others}}: the "
+                "stick may be inverted",
+            )
+
+
+def _far_below(part: pd.DataFrame) -> Iterator[tuple[int, str]]:
+    """A VAF near zero, where that of the others is far above."""
+    vaf = part["vaf"].to_numpy(dtype=float)
+    for at in np.flatnonzero(vaf < FOLLOWS):
+        others = np.delete(vaf, at)
+        others = others[np.isfinite(others)]
+        if others.size >= RUNS - 1 and np.median(others) > FAR_ABOVE:
+            yield (
+                int(at),
+                f"does not follow the error: VAF {vaf[at]:.0f} %, {np.median(others):.0f} % for "
+                "the median of {others}",
+            )
+
+
+def gains(table: pd.DataFrame) -> pd.DataFrame:
+    """K_e of each fit, or else the static gain of its ARX coefficients; ``se`` where known."""
+    keys = [*KEY, RUN]
+    K_e = table[(table["parameter"] == "K_e") & np.isfinite(table["estimate"])]
+    found = K_e[[*keys, "estimate", "se"]].assign(name="K_e")
+    a, b = (
+        table[table["parameter"].str.fullmatch(rf"{letter}\d+")]
+        .groupby(keys, sort=False)["estimate"]
+        .sum()
+        for letter in "ab"
+    )
+    if b.empty:
+        return found.reset_index(drop=True)
+    static = (b / (1 + a.reindex(b.index, fill_value=0.0))).rename("estimate").reset_index()
+    there = pd.MultiIndex.from_frame(static[keys]).isin(pd.MultiIndex.from_frame(found[keys]))
+    rest = static[~there].assign(se=np.nan, name="the static gain")
+    return pd.concat([found, rest], ignore_index=True) if len(found) else rest
 
 
 def robust_scale(values: np.ndarray) -> float:
@@ -64,20 +134,23 @@ def robust_scale(values: np.ndarray) -> float:
     apart = np.sort(np.abs(values[:, None] - values)[np.triu_indices(n, 1)])
     half = n // 2 + 1
     small = n / (n + 1.4) if n % 2 else n / (n + 3.8)
-    return float(NORMAL * small * apart[half * (half - 1) // 2 - 1])
+    return float(2.2219 * small * apart[half * (half - 1) // 2 - 1])
 
 
-def threshold(least: float, n_tests: int, n_values: int | None = None) -> float:
-    """Robust z that chance exceeds with the probability FAMILY in all tests together."""
+def _limit(n_tests: int, n_values: int | None = None) -> float:
+    """Robust z that chance exceeds with the probability FAMILY in all tests together.
+
+    Of few values, by t with the degrees of freedom of their robust scale (0.8 for each value).
+    """
     tail = FAMILY / (2 * max(n_tests, 1))
     if n_values is None:
-        return max(least, float(stats.norm.isf(tail)))
-    return max(least, float(stats.t.isf(tail, max(EFFICIENCY * (n_values - 1), 2.0))))
+        return max(LEAST_Z, float(stats.norm.isf(tail)))
+    return max(LEAST_Z, float(stats.t.isf(tail, max(0.8 * (n_values - 1), 2.0))))
 
 
 def _far(values: np.ndarray, se: np.ndarray) -> np.ndarray:
     """Robust z of each value, with the spread between all and its own standard error."""
-    spread = np.hypot(robust_scale(values), np.where(np.isfinite(se), se, 0.0))
+    spread = np.hypot(robust_scale(values), np.nan_to_num(se))
     apart = values - np.median(values)
     tiny = 1e-9 * max(float(np.abs(values).max()), 1e-300)
     return np.where(np.abs(apart) > tiny, apart / np.maximum(spread, tiny), 0.0)
@@ -98,146 +171,48 @@ def _far_people(groups: pd.DataFrame) -> Iterator[Flag]:
     found: dict[tuple[Any, Any], list[str]] = {}
     for condition, parameter, part in families:
         values, se = (part[name].to_numpy(dtype=float) for name in ("estimate", "se"))
-        z, limit = _far(values, se), threshold(PERSON_Z, n_tests, len(part))
+        z = _far(values, se)
         if (values > 0).all():
             with np.errstate(over="ignore"):
                 ratios = _far(np.log(values), se / values)
             z = np.where(np.abs(ratios) > np.abs(z), ratios, z)
-        others = _number(float(np.median(values)))
-        far = np.flatnonzero(np.abs(z) > limit)
+        far = np.flatnonzero(np.abs(z) > _limit(n_tests, len(part)))
         if far.size > FEW * len(part):  # then people are of two kinds
             continue
         for at in far:
-            unit = f" {part['unit'].iloc[at]}" if part["unit"].iloc[at] else ""
+            value = f"{values[at]:.3g} {part['unit'].iloc[at]}".rstrip()
             found.setdefault((part[SUBJECT].iloc[at], condition), []).append(
-                f"{parameter} is {_number(values[at])}{unit}, {abs(z[at]):.0f} spreads from the "
-                f"{others} of the median person"
+                f"{parameter} is {value}, {abs(z[at]):.0f} spreads from the "
+                f"{np.median(values):.3g} of the median person"
             )
-    for (subject, condition), reasons in found.items():
-        yield Flag(subject, condition, ALL, "parameter", "; ".join(reasons))
-
-
-def gains(table: pd.DataFrame) -> pd.DataFrame:
-    """K_e of each fit, or else the static gain of its ARX coefficients; ``se`` where known."""
-    keys = [SUBJECT, CONDITION, RUN]
-    K_e = table[(table["parameter"] == "K_e") & np.isfinite(table["estimate"])]
-    names = table["parameter"].str
-    found = K_e[[*keys, "estimate", "se"]].assign(name="K_e")
-    if names.fullmatch(r"b\d+").any():
-        b = table[names.fullmatch(r"b\d+")].groupby(keys, sort=False)["estimate"].sum()
-        a = table[names.fullmatch(r"a\d+")].groupby(keys, sort=False)["estimate"].sum()
-        static = (b / (1 + a.reindex(b.index, fill_value=0.0))).rename("estimate").reset_index()
-        there = pd.MultiIndex.from_frame(static[keys]).isin(pd.MultiIndex.from_frame(found[keys]))
-        rest = static[~there].assign(se=np.nan, name="the static gain")
-        found = pd.concat([found, rest], ignore_index=True) if len(found) else rest
-    return found.reset_index(drop=True)
-
-
-def _wrong_sign(groups: pd.DataFrame, table: pd.DataFrame) -> Iterator[Flag]:
-    inverted = set()
-    for condition, part in gains(groups).groupby(CONDITION, sort=False):
-        for at, sign in _opposite(part):
-            row = part.iloc[at]
-            inverted.add((row[SUBJECT], condition))
-            reason = (
-                f"{row['name']} is {_number(row['estimate'])}, but {sign} for the other people: "
-                "the stick may be inverted"
-            )
-            yield Flag(row[SUBJECT], condition, ALL, "sign", reason)
-    of_runs = gains(table[table[RUN] != ALL])
-    for (subject, condition), part in of_runs.groupby([SUBJECT, CONDITION], sort=False):
-        if (subject, condition) in inverted:
-            continue
-        for at, sign in _opposite(part):
-            row = part.iloc[at]
-            reason = (
-                f"{row['name']} is {_number(row['estimate'])}, but {sign} in this person's other "
-                "runs: the stick may be inverted"
-            )
-            yield Flag(subject, condition, row[RUN], "sign", reason)
-
-
-def _opposite(part: pd.DataFrame) -> Iterator[tuple[int, str]]:
-    """Places of clear gains whose sign is not that of nearly all others."""
-    values, se = (part[name].to_numpy(dtype=float) for name in ("estimate", "se"))
-    if len(values) < RUNS:
-        return
-    clear = np.abs(values) > SURE * np.where(np.isfinite(se), se, 0.0)
-    clear &= np.abs(values) > PART * np.median(np.abs(values))
-    for at in np.flatnonzero(clear):
-        others = np.sign(np.delete(values, at))
-        if np.mean(others == -np.sign(values[at])) >= SAME:
-            yield int(at), "positive" if values[at] < 0 else "negative"
+    for who, reasons in found.items():
+        yield Flag(*who, ALL, "parameter", "; ".join(reasons))
 
 
 def _wrong_scale(runs: pd.DataFrame) -> Iterator[Flag]:
     """Outputs several times as large, or as small, as those of others."""
     known = runs[runs["spread"] > 0]
-    of_people = known.groupby([SUBJECT, CONDITION], sort=False)["spread"].median().reset_index()
-    parts = [part for _, part in of_people.groupby(CONDITION, sort=False) if len(part) >= PEOPLE]
-    n_tests = sum(map(len, parts))
+    people = known.groupby(KEY, sort=False)["spread"].median().reset_index()
+    parts = [part for _, part in people.groupby(CONDITION, sort=False) if len(part) >= PEOPLE]
     for part in parts:
         size = np.log(part["spread"].to_numpy(dtype=float))
-        z = _far(size, np.zeros(size.size))
-        limit = threshold(PERSON_Z, n_tests, size.size)
+        far = np.abs(_far(size, np.zeros(size.size))) > _limit(sum(map(len, parts)), size.size)
         ratio = np.exp(size - np.median(size))
-        for at in np.flatnonzero((np.abs(z) > limit) & (np.abs(np.log(ratio)) > np.log(FACTOR))):
+        for at in np.flatnonzero(far & (np.abs(np.log(ratio)) > np.log(FACTOR))):
             row = part.iloc[at]
-            reason = f"the output is {_times(ratio[at])} that of the median person{_SCALE}"
+            reason = _tell_scale(ratio[at], "the median person")
             yield Flag(row[SUBJECT], row[CONDITION], ALL, "scale", reason)
     size = np.log(known["spread"])
-    apart = size - size.groupby([known[SUBJECT], known[CONDITION]]).transform("median")
-    for row, _, times in _outside(known, apart.to_numpy(), np.exp(apart.to_numpy())):
-        if abs(np.log(times)) > np.log(FACTOR):
-            reason = f"the output is {_times(times)} that of this person's other runs{_SCALE}"
-            yield Flag(row[SUBJECT], row[CONDITION], row[RUN], "scale", reason)
+    apart = size - size.groupby([known[name] for name in KEY]).transform("median")
+    for at, _ in _outside(known, apart.to_numpy()):
+        if abs(apart.iloc[at]) > np.log(FACTOR):
+            reason = _tell_scale(np.exp(apart.iloc[at]), "this person's other runs")
+            yield Flag(*known.iloc[at][[*KEY, RUN]], "scale", reason)
 
 
-_SCALE = ": its unit or its scale may be wrong"
-
-
-def _times(ratio: float) -> str:
-    return f"{ratio:.3g} times" if ratio > 1 else f"1/{1 / ratio:.3g} of"
-
-
-def _not_following(groups: pd.DataFrame, runs: pd.DataFrame) -> Iterator[Flag]:
-    people = groups.drop_duplicates([SUBJECT, CONDITION])
-    silent = set()
-    for condition, part in people.groupby(CONDITION, sort=False):
-        for at, others in _far_below(part["vaf"].to_numpy(dtype=float)):
-            row = part.iloc[at]
-            silent.add((row[SUBJECT], condition))
-            yield Flag(
-                row[SUBJECT],
-                condition,
-                ALL,
-                "no response",
-                f"does not follow the error: VAF {row['vaf']:.0f} %, {others:.0f} % for the "
-                "median of the others",
-            )
-    for (subject, condition), part in runs.groupby([SUBJECT, CONDITION], sort=False):
-        if (subject, condition) in silent:
-            continue
-        own = "vaf" if np.isfinite(part["vaf"]).any() else "vaf_group"
-        for at, others in _far_below(part[own].to_numpy(dtype=float)):
-            row = part.iloc[at]
-            yield Flag(
-                subject,
-                condition,
-                row[RUN],
-                "no response",
-                f"does not follow the error: VAF {row[own]:.0f} %, {others:.0f} % for the median "
-                "of this person's other runs",
-            )
-
-
-def _far_below(vaf: np.ndarray) -> Iterator[tuple[int, float]]:
-    """Places near zero, and the median of the others where that is far above."""
-    for at in np.flatnonzero(vaf < FOLLOWS):
-        others = np.delete(vaf, at)
-        others = others[np.isfinite(others)]
-        if others.size >= RUNS - 1 and np.median(others) > FAR_ABOVE:
-            yield int(at), float(np.median(others))
+def _tell_scale(ratio: float, of: str) -> str:
+    times = f"{ratio:.3g} times" if ratio > 1 else f"1/{1 / ratio:.3g} of"
+    return f"the output is {times} that of {of}: its unit or its scale may be wrong"
 
 
 def _bad_runs(runs: pd.DataFrame) -> Iterator[Flag]:
@@ -247,43 +222,30 @@ def _bad_runs(runs: pd.DataFrame) -> Iterator[Flag]:
         ("vaf_group", "by the model of all runs, its VAF is"),
     ):
         known = runs[np.isfinite(runs[column])]
-        lost = np.log(np.maximum(100 - known[column].to_numpy(dtype=float), PERFECT))
-        of = [known[SUBJECT], known[CONDITION]]
-        apart = lost - pd.Series(lost, known.index).groupby(of).transform("median")
-        median = known[column].groupby(of).transform("median").to_numpy()
-        for row, z, others in _outside(known, apart.to_numpy(), median):
-            if z > 0 and others - row[column] >= POINTS:
-                yield Flag(
-                    row[SUBJECT],
-                    row[CONDITION],
-                    row[RUN],
-                    "run",
-                    f"{fitted} {row[column]:.0f} %, that of the median run {others:.0f} %",
-                )
+        of = [known[name] for name in KEY]
+        lost = np.log(np.maximum(100 - known[column].astype(float), PERFECT))
+        apart = lost - lost.groupby(of).transform("median")
+        median = known[column].groupby(of).transform("median")
+        for at, z in _outside(known, apart.to_numpy()):
+            vaf, others = known[column].iloc[at], median.iloc[at]
+            if z > 0 and others - vaf >= POINTS:
+                reason = f"{fitted} {vaf:.0f} %, that of the median run {others:.0f} %"
+                yield Flag(*known.iloc[at][[*KEY, RUN]], "run", reason)
 
 
-def _outside(
-    runs: pd.DataFrame, apart: np.ndarray, beside: np.ndarray
-) -> Iterator[tuple[Any, float, float]]:
-    """Runs too far from the median of their group, with their z and a value of ``beside``.
+def _outside(runs: pd.DataFrame, apart: np.ndarray) -> Iterator[tuple[int, float]]:
+    """Places of runs too far from the median of their group, with their z.
 
     A few runs do not tell their own spread: that of all groups together counts at least.
     """
-    of = [runs[SUBJECT], runs[CONDITION]]
+    of = [runs[name] for name in KEY]
     sizes = runs[RUN].groupby(of).transform("size").to_numpy()
     some = sizes >= RUNS
     if not some.any():
         return
     # Deviations from the median of few values are smaller than those from the truth.
-    scale = 1.4826 * float(
-        np.median(np.abs(apart[some]) * np.sqrt(sizes[some] / (sizes[some] - 1)))
-    )
-    own = 1.4826 * pd.Series(np.abs(apart), runs.index).groupby(of).transform("median").to_numpy()
-    z = apart / np.maximum(np.maximum(scale, own), 1e-6)
-    limit = threshold(RUN_Z, int(some.sum()))
-    for at in np.flatnonzero(some & (np.abs(z) > limit)):
-        yield runs.iloc[at], float(z[at]), float(beside[at])
-
-
-def _number(value: float) -> str:
-    return f"{value:.3g}"
+    scale = np.median(np.abs(apart[some]) * np.sqrt(sizes[some] / (sizes[some] - 1)))
+    own = pd.Series(np.abs(apart), runs.index).groupby(of).transform("median").to_numpy()
+    z = apart / np.maximum(1.4826 * np.maximum(scale, own), 1e-6)
+    for at in np.flatnonzero(some & (np.abs(z) > _limit(int(some.sum())))):
+        yield int(at), float(z[at])

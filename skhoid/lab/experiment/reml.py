@@ -158,27 +158,10 @@ class MixedFit:
 
 
 def fit_reml(y: np.ndarray, X: np.ndarray, group: np.ndarray | None, w: np.ndarray) -> MixedFit:
-    """Fit the model; a variance that would be below 0 is 0.
+    """Fit the model; ``group`` numbers groups from 0, and None means no random effect.
 
-    Parameters
-    ----------
-    y : ndarray of shape (n,)
-        Observations.
-    X : ndarray of shape (n, p)
-        Design matrix of full rank.
-    group : ndarray of int of shape (n,) or None
-        Group of each row, numbered from 0; None means no random effect.
-    w : ndarray of shape (n,)
-        Weights.
-
-    Returns
-    -------
-    fit : MixedFit
-
-    Raises
-    ------
-    ValueError
-        If the rows do not determine the fixed effects and a variance, or do not scatter.
+    A variance that would be below 0 is 0. A ValueError says if the rows do not determine the fixed
+    effects and a variance, or do not scatter.
     """
     sums = _Sums(y, X, group, w)
     ratio = sums.best_ratio()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -11,13 +10,11 @@ import pandas as pd
 from scipy import stats
 
 from ...text import Document, Note, Notes, Paragraph, TextTable, Told, counted, number, p_text
-from .mixed import ADJUSTED, adjusted
-from .rows import Rows, check_reference, select
-
-ALPHA = 0.05
+from .mixed import ALPHA, holm, pairs_of
+from .rows import select
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class RepeatedMeasuresResult(Told):
     """What :func:`repeated_measures` found.
 
@@ -25,69 +22,28 @@ class RepeatedMeasuresResult(Told):
     ----------
     parameter : str
         The parameter.
-    unit : str
-        Its unit, or nothing.
     anova : DataFrame
         One row: ``F``, ``df1``, ``df2``, ``p``; ``epsilon_gg``, ``p_gg`` (Greenhouse and Geisser),
         ``epsilon_hf``, ``p_hf`` (Huynh and Feldt); ``mauchly_W`` and ``mauchly_p``;
         ``generalized_eta2``.
     pairs : DataFrame
-        ``condition``, ``against``, ``difference``, ``se``, ``df``, ``t``, ``p``, ``p_adjusted``,
-        ``low``, ``high`` of paired t tests.
+        ``condition``, ``against``, ``difference``, ``se``, ``df``, ``t``, ``p``, ``p_adjusted``
+        (Holm), and 95 % intervals ``low``, ``high``, of paired t tests.
     means : DataFrame
         Means of runs: a row for each person, a column for each condition.
-    left_out : list
-        People without runs in some condition.
     notes : list of str
-        What was left out.
-    confidence : float
-        Of the intervals.
-    adjust : str
-        How p-values of pairs pay for their number.
-    transform : {None, "log"}
-        Scale of the means.
-
-    See Also
-    --------
-    skhoid.lab.experiment.repeated_measures : Makes it.
+        What was left out, and who has no runs in some condition.
 
     Examples
     --------
-    >>> import pandas as pd
-    >>> from skhoid.lab.experiment import repeated_measures
-    >>> table = pd.DataFrame(
-    ...     {
-    ...         "subject": list("aabbccdd"),
-    ...         "condition": ["C1", "C2"] * 4,
-    ...         "run": 1,
-    ...         "unit": "s",
-    ...         "parameter": "tau_e",
-    ...         "estimate": [0.21, 0.24, 0.25, 0.29, 0.19, 0.23, 0.22, 0.25],
-    ...         "se": 0.01,
-    ...         "outlying": "",
-    ...         "failure": "",
-    ...     }
-    ... )
-    >>> repeated_measures(table, "tau_e")
-    RepeatedMeasuresResult('tau_e', 4 people, 2 conditions)
+    See :func:`repeated_measures`, which makes it.
     """
 
     parameter: str
-    unit: str
     anova: pd.DataFrame
     pairs: pd.DataFrame
     means: pd.DataFrame
-    left_out: list[Any]
     notes: list[str]
-    confidence: float
-    adjust: str
-    transform: str | None
-
-    def __repr__(self) -> str:
-        people, conditions = self.means.shape
-        return (
-            f"RepeatedMeasuresResult({self.parameter!r}, {people} people, {conditions} conditions)"
-        )
 
     def document(self) -> Document:
         """The result in plain words.
@@ -122,8 +78,8 @@ class RepeatedMeasuresResult(Told):
             ]
             for pair in self.pairs.to_dict("records")
         ]
-        caption = f"Paired t tests (p adjusted: {self.adjust})"
-        table = TextTable(caption, ("", "difference", "from", "to", "test", "p"), rows)
+        header = ("", "difference", "from", "to", "test", "p")
+        table = TextTable("Paired t tests (p adjusted: Holm)", header, rows)
         notes = Notes([Note("", note) for note in self.notes])
         return Document(title, [Paragraph(text, "verdict"), table, notes])
 
@@ -135,8 +91,6 @@ def repeated_measures(
     reference: Any = None,
     transform: str | None = None,
     outlying: str = "keep",
-    confidence: float = 0.95,
-    adjust: str = "holm",
 ) -> RepeatedMeasuresResult:
     """Compare the conditions of an experiment by a repeated-measures analysis of variance.
 
@@ -155,10 +109,6 @@ def repeated_measures(
         Scale of the estimates, of which means are taken.
     outlying : {"keep", "leave_out"}, default="keep"
         What becomes of rows that the table calls outlying.
-    confidence : float, default=0.95
-        Of intervals.
-    adjust : {"holm", "bonferroni", "fdr", "none"}, default="holm"
-        How p-values of pairs pay for their number.
 
     Returns
     -------
@@ -180,8 +130,7 @@ def repeated_measures(
     With the covariance S of k conditions over n people, orthonormal contrasts C and λ the
     eigenvalues of CSC', ε = (Σλ)² / ((k-1) Σλ²) [1]_. Huynh and Feldt's is (n(k-1)ε - 2) /
     ((k-1)(n-1-(k-1)ε)), 1 at most [2]_. W = Πλ / (Σλ/(k-1))^(k-1), tested by χ² of
-    -(n-1-(2(k-1)²+k+1)/(6(k-1))) log W [3]_. Generalised η² = SS_condition / (SS_condition +
-    SS_people + SS_rest) [4]_.
+    -(n-1-(2(k-1)²+k+1)/(6(k-1))) log W [3]_. Generalised η² = SS_condition / SS_all [4]_.
 
     References
     ----------
@@ -199,60 +148,37 @@ def repeated_measures(
     ...         "subject": list("aabbccdd"),
     ...         "condition": ["C1", "C2"] * 4,
     ...         "run": 1,
-    ...         "unit": "s",
-    ...         "parameter": "tau_e",
     ...         "estimate": [0.21, 0.24, 0.25, 0.29, 0.19, 0.23, 0.22, 0.25],
-    ...         "se": 0.01,
-    ...         "outlying": "",
-    ...         "failure": "",
     ...     }
-    ... )
+    ... ).assign(parameter="tau_e", unit="s", se=0.01, outlying="", failure="")
     >>> repeated_measures(table, "tau_e").anova[["F", "df1", "df2", "p"]].round(4)
           F  df1  df2       p
     0  147.0  1.0  3.0  0.0012
     """
-    if adjust not in ADJUSTED:
-        raise ValueError(f"adjust is {' or '.join(map(repr, ADJUSTED))}; got {adjust!r}.")
-    rows = select(table, parameter, weighted=False, transform=transform, outlying=outlying)
-    means, left_out = complete_means(rows)
-    conditions = list(means.columns)
-    if len(conditions) < 2:
+    rows = select(table, parameter, transform=transform, outlying=outlying)
+    means = rows.used.pivot_table(
+        index="subject", columns="condition", values="value", aggfunc="mean", sort=False
+    ).loc[rows.subjects, rows.conditions]
+    whole = means.notna().all(axis=1)
+    means, left_out = means[whole], list(means.index[~whole])
+    if len(rows.conditions) < 2:
         raise ValueError(
-            f"{parameter} has one condition only ({conditions[0]}); mixed_model gives its mean."
+            f"{parameter} has one condition only ({rows.conditions[0]}); mixed_model gives its "
+            "mean."
         )
     if len(means) < 2:
         raise ValueError(
             f"{parameter} has {counted(len(means), 'person')} with runs in all of "
-            f"{', '.join(map(str, conditions))}; two are needed. mixed_model uses the others too."
+            f"{', '.join(map(str, rows.conditions))}; two are needed. mixed_model uses the others "
+            "too."
         )
-    check_reference(reference, conditions)
+    pairs = [
+        (rows.conditions[i], rows.conditions[j]) for i, j in pairs_of(rows.conditions, reference)
+    ]
     notes = list(rows.notes)
     if left_out:
         notes.append(f"without runs in some condition, left out: {', '.join(map(str, left_out))}")
-    pairs = [(b, a) for a, b in combinations(conditions, 2)]
-    if reference is not None:
-        pairs = [(name, reference) for name in conditions if name != reference]
-    return RepeatedMeasuresResult(
-        parameter=parameter,
-        unit=rows.unit,
-        anova=_anova(means),
-        pairs=_pairs(means, pairs, confidence, adjust),
-        means=means,
-        left_out=left_out,
-        notes=notes,
-        confidence=confidence,
-        adjust=adjust,
-        transform=transform,
-    )
-
-
-def complete_means(rows: Rows) -> tuple[pd.DataFrame, list[Any]]:
-    """Means of runs of the people who have all conditions, and the others."""
-    means = rows.runs.pivot_table(
-        index="subject", columns="condition", values="value", aggfunc="mean", sort=False
-    ).loc[rows.subjects, rows.conditions]
-    whole = means.notna().all(axis=1)
-    return means[whole], list(means.index[~whole])
+    return RepeatedMeasuresResult(parameter, _anova(means), _compare(means, pairs), means, notes)
 
 
 def sphericity(values: np.ndarray) -> tuple[float, float, float, float]:
@@ -260,9 +186,8 @@ def sphericity(values: np.ndarray) -> tuple[float, float, float, float]:
     n, k = values.shape
     if k == 2:
         return 1.0, 1.0, 1.0, np.nan
-    covariance = np.cov(values, rowvar=False)
     centred = np.eye(k) - 1.0 / k
-    roots = np.linalg.eigvalsh(centred @ covariance @ centred)[1:]
+    roots = np.linalg.eigvalsh(centred @ np.cov(values, rowvar=False) @ centred)[1:]
     roots = np.maximum(roots, 0.0)
     epsilon = float(roots.sum() ** 2 / ((k - 1) * np.sum(roots**2)))
     below = (k - 1) * (n - 1 - (k - 1) * epsilon)
@@ -284,46 +209,23 @@ def _anova(means: pd.DataFrame) -> pd.DataFrame:
     df1, df2 = k - 1.0, (n - 1.0) * (k - 1.0)
     F = float(of_conditions / df1 / (left / df2))
     gg, hf, w, p_w = sphericity(values)
-    total = np.sum((values - values.mean()) ** 2)
-    return pd.DataFrame(
-        {
-            "F": [F],
-            "df1": df1,
-            "df2": df2,
-            "p": float(stats.f.sf(F, df1, df2)),
-            "epsilon_gg": gg,
-            "p_gg": float(stats.f.sf(F, gg * df1, gg * df2)),
-            "epsilon_hf": hf,
-            "p_hf": float(stats.f.sf(F, hf * df1, hf * df2)),
-            "mauchly_W": w,
-            "mauchly_p": p_w,
-            "generalized_eta2": of_conditions / total,
-        }
-    )
+    p, p_gg, p_hf = (float(stats.f.sf(F, e * df1, e * df2)) for e in (1.0, gg, hf))
+    row = {"F": F, "df1": df1, "df2": df2, "p": p}
+    row |= {"epsilon_gg": gg, "p_gg": p_gg, "epsilon_hf": hf, "p_hf": p_hf}
+    row |= {"mauchly_W": w, "mauchly_p": p_w}
+    eta2 = of_conditions / np.sum((values - values.mean()) ** 2)
+    return pd.DataFrame([row | {"generalized_eta2": eta2}])
 
 
-def _pairs(
-    means: pd.DataFrame, pairs: list[tuple[Any, Any]], confidence: float, adjust: str
-) -> pd.DataFrame:
+def _compare(means: pd.DataFrame, pairs: list[tuple[Any, Any]]) -> pd.DataFrame:
     records = []
     for condition, against in pairs:
         found = stats.ttest_rel(means[condition], means[against])
-        difference = float((means[condition] - means[against]).mean())
-        low, high = found.confidence_interval(confidence)
-        records.append(
-            {
-                "condition": condition,
-                "against": against,
-                "difference": difference,
-                "se": difference / found.statistic if found.statistic else np.nan,
-                "df": float(found.df),
-                "t": float(found.statistic),
-                "p": float(found.pvalue),
-                "p_adjusted": np.nan,
-                "low": low,
-                "high": high,
-            }
-        )
+        apart = means[condition] - means[against]
+        row = {"condition": condition, "against": against, "difference": apart.mean()}
+        row |= {"se": stats.sem(apart), "df": float(found.df), "t": float(found.statistic)}
+        low, high = found.confidence_interval(1.0 - ALPHA)
+        records.append(row | {"p": float(found.pvalue), "low": low, "high": high})
     table = pd.DataFrame(records)
-    table["p_adjusted"] = adjusted(table["p"].to_numpy(dtype=float), adjust)
+    table.insert(7, "p_adjusted", holm(table["p"].to_numpy(dtype=float)))
     return table

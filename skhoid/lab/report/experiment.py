@@ -422,8 +422,8 @@ def _next_steps(given: Experiment, check: ExperimentCheck | None) -> Iterator[tu
                 yield "Note", as_sentence(note.text)
     yield (
         "Go on in other programs",
-        "skhoid.lab.experiment.write_long(table, file) writes the rows, and an R script for lme4, "
-        "for them; write_wide a table for SPSS or JASP.",
+        "skhoid.lab.experiment.write_long writes the rows, and an R script for lme4; write_wide a "
+        "table for SPSS or JASP.",
     )
     yield (
         "Look at one person in full",

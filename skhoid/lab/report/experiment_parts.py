@@ -11,9 +11,9 @@ import pandas as pd
 
 from ...effects import title_of, titles_of
 from ...pipelines import prediction_from
-from ...text import DASH, TextTable, as_sentence, number, p_number, p_text, quantity
+from ...text import DASH, TextTable, as_sentence, number, p_number, quantity
 from ..experiment.groups import ALL, Group
-from ..experiment.mixed import MixedModelResult, mixed_model
+from ..experiment.mixed import ALPHA, MixedModelResult, mixed_model
 from .plots import ExperimentGallery, Plot, Stretch
 
 if TYPE_CHECKING:
@@ -153,13 +153,8 @@ def _part(
     part["means"] = TextTable(
         "Means over people, by the mixed model", header, means, left=["condition"]
     )
-    if result.omnibus is not None:
-        test = result.omnibus
-        verdict = "differ" if test.p < 1.0 - result.confidence else "do not differ beyond chance"
-        part["omnibus"] = (
-            f"The conditions {verdict}: F({test.df1:.0f}, {test.df2:.1f}) = {test.F:.2f}, "
-            f"{p_text(test.p)}."
-        )
+    if result.verdict:
+        part["omnibus"] = result.verdict
     spreads = [
         f"{row['source']} {quantity(row['sd'], unit)}"
         for row in result.variances.to_dict("records")
@@ -220,7 +215,7 @@ def _contrasts(statistics: dict[str, MixedModelResult]) -> dict[str, Any]:
                     f"{row['d_low']:.2f} to {row['d_high']:.2f}" if sized else DASH,
                 ]
             )
-            marked.append(bool(row["p_adjusted"] < 1.0 - result.confidence))
+            marked.append(bool(row["p_adjusted"] < ALPHA))
     caption = (
         "Differences between conditions, by linear mixed models; beyond chance ones are marked"
     )
@@ -292,7 +287,7 @@ def _sentences(given: Experiment, who: Any) -> Iterator[str]:
         for row in _of(given.group.people_, who).to_dict("records"):
             text = row["failure"] and f"no search: {row['failure']}"
             if not text:
-                names = [name for name in str(row["effects"]).split(", ") if name]
+                names = list(row["effects"])
                 text = f"has {titles_of(names)}" if names else str(row["verdict"])
             yield f"{_where(row['condition'])}{text.rstrip('.')}."
     for row in _of(given.outlying, who).to_dict("records"):

@@ -3,12 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
-from scipy import stats
 from support.small_experiment import NK, made
 
 from skhoid import ARXRegressor, simulate_experiment
 from skhoid.lab.experiment import identify_people
-from skhoid.lab.experiment.outlying import gains, outlying_table, robust_scale, threshold
+from skhoid.lab.experiment.outlying import outlying_table
 
 ARX = ARXRegressor(nk=NK)
 
@@ -136,8 +135,6 @@ def test_signs():
 
 def test_without_K_e_the_static_gain_has_the_sign():
     groups = groups_table(a1=[-0.5] * 4, b0=[1.0, 1.1, 0.9, -1.0], b1=[1.0, 1.0, 1.0, -1.0])
-    found = gains(groups)
-    assert found["estimate"].tolist() == pytest.approx([4.0, 4.2, 3.8, -4.0])
     (flag,) = flags(groups).itertuples(index=False)
     assert flag.reason.startswith("the static gain is -4, but positive")
 
@@ -148,7 +145,7 @@ def test_a_single_inverted_run():
     groups = groups_table(K_e=[0.6])
     (flag,) = flags(groups, runs_table([85.0] * 4), table).itertuples(index=False)
     assert (flag.run, flag.kind) == (2, "sign")
-    assert "in this person's other runs" in flag.reason
+    assert "for this person's other runs" in flag.reason
 
 
 def test_people_and_runs_whose_output_has_another_scale():
@@ -169,20 +166,6 @@ def test_a_person_who_does_not_follow():
     assert flag[:4] == ("P2", "A", "all", "no response")
     assert "VAF 3 %, 85 % for the median" in flag.reason
     assert flags(groups.assign(vaf=[30.0, 20.0, 3.0, 40.0])).empty
-
-
-@pytest.mark.parametrize("n", [5, 8, 9, 20])
-def test_the_robust_scale_is_that_of_normal_errors(n):
-    """Bias below 10 %: 4 standard errors of 2000 draws are 4 % for n = 5."""
-    rng = np.random.default_rng(n)
-    found = np.mean([robust_scale(rng.standard_normal(n)) for _ in range(2000)])
-    assert found == pytest.approx(1.0, abs=0.15)
-
-
-def test_limits_grow_with_the_number_of_comparisons():
-    assert threshold(3.5, 10) == 3.5
-    assert threshold(3.5, 1000) == pytest.approx(stats.norm.isf(0.05 / 2000))
-    assert threshold(4.0, 100, 8) > threshold(4.0, 100, 30) > 4.0
 
 
 @pytest.mark.whole
