@@ -27,7 +27,6 @@ from .exceptions import RemnantIntensityError as RemnantIntensityError
 from .exceptions import RunCutWarning as RunCutWarning
 from .exceptions import RunIndexError as RunIndexError
 from .exceptions import RunTimeWarning as RunTimeWarning
-from .exceptions import SamplingJitterWarning as SamplingJitterWarning
 from .exceptions import ShortRunError as ShortRunError
 from .exceptions import SlowClockWarning as SlowClockWarning
 from .exceptions import StudyFolderError as StudyFolderError

@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from ._sklearn import FittedDisplay, SharedDocs, fill_docs
-from .exceptions import MissingDataWarning, RunIndexError, SamplingJitterWarning
+from .exceptions import MissingDataWarning, RunIndexError, RunTimeWarning
 from .metrics import scored_rows, vaf_of_rows, warn_of_unscored
 from .preprocessing.base import Reading, RemembersParameters, read_table
 from .preprocessing.gate import (
@@ -135,7 +135,7 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         self.jitter_ = grid.layout.jitter
         if self.jitter_ > NOTED_JITTER:
             warnings.warn(
-                SamplingJitterWarning(
+                RunTimeWarning(
                     f"The sampling instants jitter by up to {100 * self.jitter_:.1f} % of "
                     f"{grid.layout.dt:.6g} s. The model treats them as regular.",
                     hint="skhoid.resample_runs(X, y) puts them on a regular grid.",

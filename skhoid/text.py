@@ -18,21 +18,9 @@ import pandas as pd
 
 WIDTH = 88  # columns
 LABEL = 16  # columns of a label in the header
-IN_SHORT = (
-    "Model",
-    "Effects",
-    "Method",
-    "Memory",
-    "Delay, nk",
-    "Rows",
-    "Runs",
-    "Residual sd",
-    "VAF, fit",
-)
 DASH = "-"
 VAF_RULE = "VAF is about zero and not clipped unless it says otherwise."
 LONGEST_UNIT = 16  # columns
-TITLES = {"": "parameter", "[0.025": "95 % from", "0.975]": "to"}  # of columns, in HTML
 STYLE = """<style>
 .skhoid-summary {color: inherit; font-size: 0.9em; margin-top: 0.5em; overflow-x: auto}
 .skhoid-summary p {margin: 0.4em 0}
@@ -51,18 +39,8 @@ pre.skhoid-summary {background: none; line-height: 1.4; margin: 0.5em 0; padding
 class TextTable:
     """Cells of text under a header; the first column names the rows.
 
-    Parameters
-    ----------
-    caption : str
-        What the table shows.
-    header : sequence of str
-        Titles of the columns.
-    rows : sequence of sequences of str
-        Cells.
-    left : sequence of str, default=("", "unit")
-        Titles of the columns that are aligned left.
-    kind : str, default=""
-        What it is, such as ``"parameters"``, for who shows it in a way of their own.
+    ``left`` are titles of columns that are aligned left; ``kind`` says what it is, such as
+    ``"parameters"``, for who shows it in a way of their own.
     """
 
     caption: str
@@ -70,13 +48,6 @@ class TextTable:
     rows: Sequence[Sequence[str]]
     left: Sequence[str] = ("", "unit")
     kind: str = ""
-
-    @classmethod
-    def of(cls, frame: pd.DataFrame, caption: str, **options: Any) -> TextTable:
-        """The rows of a frame, its index named in the first column; numbers to four digits."""
-        header = ["", *map(str, frame.columns)]
-        rows = [[str(label), *map(_cell, row)] for label, *row in frame.itertuples(name=None)]
-        return cls(caption, header, rows, **options)
 
     def lines(self, width: int = WIDTH) -> list[str]:
         """Lines of at most ``width`` columns, for which the widest cells are cut in the middle."""
@@ -95,10 +66,10 @@ class TextTable:
             for row in (self.header, *self.rows)
         ]
 
-    def html(self, of: str = "") -> str:
+    def html(self) -> str:
         left = ["left" if title in self.left else "" for title in self.header]
         head = "".join(
-            f'<th scope="col" class="{side}">{escape(TITLES.get(title, title))}</th>'
+            f'<th scope="col" class="{side}">{escape(title)}</th>'
             for title, side in zip(self.header, left, strict=True)
         )
         body = "".join(
@@ -110,25 +81,14 @@ class TextTable:
             + "</tr>"
             for row in self.rows
         )
-        caption = escape(self.caption) + (f" of {escape(of)}" if of else "")
         return (
-            f"<table><caption>{caption}</caption>"
+            f"<table><caption>{escape(self.caption)}</caption>"
             f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
         )
 
 
 class Summary(str):
-    """Text shown line by line, also as the last expression of a notebook cell.
-
-    Otherwise it is an ordinary string.
-
-    Examples
-    --------
-    >>> from skhoid.text import Summary
-    >>> Summary("first line\\nsecond line")
-    first line
-    second line
-    """
+    """A string that is shown line by line, also as the last expression of a notebook cell."""
 
     __slots__ = ()
 
@@ -157,13 +117,6 @@ class Note:
         What one writes in Python about it.
     options : sequence of str or of (str, str), default=()
         Options of the command line that do the same, some with their values.
-
-    Examples
-    --------
-    >>> from skhoid.text import Note
-    >>> note = Note("settling", "the first 2 s are left out", hint="run_in=0 keeps them")
-    >>> note.kind, str(note)
-    ('settling', 'the first 2 s are left out')
     """
 
     kind: str
@@ -179,9 +132,6 @@ class Note:
         """The text and what one writes in Python about it."""
         return self.text + (f" ({self.hint})" if self.hint else "")
 
-    def as_dict(self) -> dict[str, str]:
-        return {"kind": self.kind, "text": self.text}
-
 
 @dataclass(frozen=True)
 class Heading:
@@ -192,10 +142,9 @@ class Heading:
 
 @dataclass(frozen=True)
 class Paragraph:
-    """A paragraph; ``role`` is what it is there for, such as ``"verdict"``, "" for nothing more."""
+    """A paragraph."""
 
     text: str
-    role: str = ""
 
 
 @dataclass(frozen=True)
@@ -251,27 +200,17 @@ class Document:
 
     Examples
     --------
-    >>> from skhoid.text import Document, Note, Notes, Paragraph, TextTable
-    >>> document = Document(
-    ...     "Two runs",
-    ...     [
-    ...         Paragraph("The second is better."),
-    ...         TextTable("", ["run", "VAF"], [["1", "61.0"], ["2", "74.5"]]),
-    ...         Notes([Note("settling", "the first 2 s are left out")]),
-    ...     ],
-    ... )
-    >>> document.text()
+    >>> from skhoid.text import Document, Note, Notes, TextTable
+    >>> table = TextTable("", ["run", "VAF"], [["1", "61.0"], ["2", "74.5"]])
+    >>> notes = Notes([Note("settling", "the first 2 s are left out")])
+    >>> Document("Two runs", [table, notes]).text()
     Two runs
-    <BLANKLINE>
-    The second is better.
     <BLANKLINE>
     run   VAF
       1  61.0
       2  74.5
     <BLANKLINE>
     Note: the first 2 s are left out.
-    >>> document.as_dict()["blocks"][0]
-    {'kind': 'paragraph', 'text': 'The second is better.', 'role': ''}
     """
 
     title: str
@@ -285,8 +224,7 @@ class Document:
         """
         say = say or (lambda note: note.with_hint)
         if not self.ruled:
-            lines = wrapped(self.title, width=width)
-            after: Any = None
+            lines, after = wrapped(self.title, width=width), None
             for block in self.blocks:
                 lines += [] if isinstance(after, Heading) else [""]
                 lines += _lines(block, width, say)
@@ -310,10 +248,6 @@ class Document:
             f"{body}</div>"
         )
 
-    def as_dict(self) -> dict[str, Any]:
-        """What can be written as JSON."""
-        return {"title": self.title, "blocks": list(map(_dict, self.blocks))}
-
 
 @dataclass(frozen=True)
 class ModelSummary:
@@ -325,21 +259,18 @@ class ModelSummary:
     notes: Sequence[str] = ()
     more: Sequence[TextTable] = field(default=())
 
-    def text(self) -> Summary:
+    def document(self, above: str = "") -> Document:
+        """All of it, below a line on what found the model."""
         notes = Notes([Note("", note) for note in self.notes], numbered=True)
-        estimates = replace(self.estimates, caption="")
-        blocks: list[Block] = [Facts(self.facts), estimates, *self.more, notes]
-        return Document(self.title, blocks, ruled=True).text()
+        blocks: list[Block] = [Facts(self.facts), replace(self.estimates, caption="")]
+        first: list[Block] = [Paragraph(above)] if above else []
+        return Document(self.title, [*first, *blocks, *self.more, notes], ruled=True)
+
+    def text(self) -> Summary:
+        return self.document().text()
 
     def html(self, above: str = "") -> str:
-        """A table and a line of facts, below a line on what found the model."""
-        facts = " · ".join(f"{k}: {v}" for k, v in self.facts.items() if k in IN_SHORT)
-        before = f"<p>{escape(above)}</p>" if above else ""
-        return (
-            f'{STYLE}<div class="skhoid-summary" role="region" tabindex="0" '
-            f'aria-label="{escape(self.title)}">{before}{self.estimates.html(self.title)}'
-            f"<p>{escape(facts)}</p></div>"
-        )
+        return self.document(above).html()
 
 
 class Told:
@@ -474,27 +405,13 @@ def quantity(value: float, unit: str | None) -> str:
 
 
 def vaf_name(*, centered: bool = False, clipped: bool = False) -> str:
-    """Name of a VAF: the plain word means about zero and not clipped (``VAF_RULE``).
-
-    Examples
-    --------
-    >>> from skhoid.text import vaf_name
-    >>> vaf_name(), vaf_name(centered=True), vaf_name(clipped=True)
-    ('VAF', 'VAF (about the mean)', 'VAF (clipped at 0)')
-    """
+    """Name of a VAF: the plain word means about zero and not clipped (``VAF_RULE``)."""
     kinds = ["about the mean"] * centered + ["clipped at 0"] * clipped
     return f"VAF ({', '.join(kinds)})" if kinds else "VAF"
 
 
 def p_text(p: float) -> str:
-    """A p-value: two digits, and a bound where it is tiny.
-
-    Examples
-    --------
-    >>> from skhoid.text import p_text
-    >>> p_text(0.00321), p_text(1e-303)
-    ('p = 0.0032', 'p < 1e-6')
-    """
+    """A p-value: two digits, and a bound where it is tiny."""
     return f"p {p_number(p)}" if p < 1e-6 else f"p = {p_number(p)}"
 
 
@@ -504,16 +421,7 @@ def p_number(p: float) -> str:
 
 
 def gap_text(gap: float) -> str:
-    """What is left to explain, never less than nothing.
-
-    Chance may take the VAF of a model above the estimated ceiling.
-
-    Examples
-    --------
-    >>> from skhoid.text import gap_text
-    >>> gap_text(34.6), gap_text(-0.3)
-    ('34.6 VAF points', 'nothing')
-    """
+    """What is left to explain: by chance a VAF may be above the estimated ceiling."""
     if not np.isfinite(gap):
         return "not known"
     return f"{gap:.1f} VAF points" if gap >= 0.05 else "nothing"
@@ -560,9 +468,8 @@ def _html(block: Block) -> str:
     match block:
         case Heading(text):
             return f"<p><strong>{escape(text)}</strong></p>"
-        case Paragraph(text, role):
-            text = f"<strong>{escape(text)}</strong>" if role else escape(text)
-            return f"<p>{text}</p>"
+        case Paragraph(text):
+            return f"<p>{escape(text)}</p>"
         case Facts(facts, beside):
             if beside:
                 return f"<p>{escape(' · '.join(f'{k}: {v}' for k, v in facts.items()))}</p>"
@@ -572,37 +479,20 @@ def _html(block: Block) -> str:
                 for label, value in facts.items()
             )
             return f"<table><tbody>{rows}</tbody></table>"
-        case Items(items):
+        case Items(items, numbered):
+            tag = "ol" if numbered else "ul"
             listed = "".join(
                 f"<li><strong>{escape(item.title)}</strong>"
                 + "".join(f"<br>{escape(text)}" for text in item.parts.values())
                 + "</li>"
                 for item in items
             )
-            return f"<ol>{listed}</ol>"
+            return f"<{tag}>{listed}</{tag}>"
         case TextTable():
             return block.html()
         case Notes(notes):
             listed = "".join(f"<li>{escape(as_sentence(note.with_hint))}</li>" for note in notes)
             return f"<ul>{listed}</ul>" if notes else ""
-
-
-def _dict(block: Block) -> dict[str, Any]:
-    match block:
-        case Heading(text):
-            return {"kind": "heading", "text": text}
-        case Paragraph(text, role):
-            return {"kind": "paragraph", "text": text, "role": role}
-        case Facts(facts):
-            return {"kind": "facts", "facts": dict(facts)}
-        case Items(items):
-            listed = [{"title": item.title, **item.parts} for item in items]
-            return {"kind": "items", "items": listed}
-        case TextTable(caption, header, rows, _, kind):
-            cells = [list(row) for row in rows]
-            return {"kind": kind or "table", "caption": caption, "header": [*header], "rows": cells}
-        case Notes(notes):
-            return {"kind": "notes", "notes": [note.as_dict() for note in notes]}
 
 
 def _labelled(facts: Mapping[str, str], width: int) -> list[str]:
@@ -613,12 +503,6 @@ def _labelled(facts: Mapping[str, str], width: int) -> list[str]:
         for label, value in facts.items()
         for line in wrapped(f"{label + ':':<{longest}}{value}", " " * longest, width)
     ]
-
-
-def _cell(value: Any) -> str:
-    if isinstance(value, float):
-        return number(value)
-    return "" if value is None else str(value)
 
 
 def _in_two_columns(facts: Mapping[str, str], width: int) -> list[str]:

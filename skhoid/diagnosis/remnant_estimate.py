@@ -156,7 +156,7 @@ class RemnantEstimate(Told):
             )
             blocks.append(Paragraph(text))
         if self.warning:
-            blocks.append(Paragraph(f"Warning: {self.warning}", role="warning"))
+            blocks.append(Paragraph(f"Warning: {self.warning}"))
         return Document(
             f"Remnant in {self.output}, from {ROUTES[self.route]} "
             f"({counted(self.n_runs, 'run')}). Intervals are 95 %.",

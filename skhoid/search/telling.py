@@ -71,7 +71,7 @@ def tell_verdict(found: SearchResult) -> list[Block]:
         text += f"; the noise ceiling is not known: {found.ceiling_note}"
     elif np.isfinite(path["ceiling"].iloc[-1]):
         text += f"; any model could reach {path['ceiling'].iloc[-1]:.1f} % (the noise ceiling)"
-    return [Paragraph(f"Verdict: {found.verdict}{names}", "verdict"), Paragraph(text)]
+    return [Paragraph(f"Verdict: {found.verdict}{names}"), Paragraph(text)]
 
 
 def tell_notes(found: SearchResult) -> list[Block]:

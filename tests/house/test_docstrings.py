@@ -107,10 +107,12 @@ def test_documented_parameters_are_the_real_ones():
 
 def test_everything_public_has_a_running_example():
     # That the examples run and are right, `--doctest-modules` tests.
+    # What raises an exception stands in docs/troubleshooting.md.
     without = [
         name
         for name, obj in OBJECTS.items()
-        if ">>> " not in "\n".join(FunctionDoc(obj)["Examples"])
+        if not (inspect.isclass(obj) and issubclass(obj, BaseException))
+        and ">>> " not in "\n".join(FunctionDoc(obj)["Examples"])
     ]
     assert without == []
 

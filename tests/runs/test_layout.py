@@ -24,7 +24,7 @@ from skhoid import (
     RecursiveARX,
     RecursiveARXCV,
     RunInTrimmer,
-    SamplingJitterWarning,
+    RunTimeWarning,
     run_labels,
     sampling_time,
     select_runs,
@@ -361,7 +361,7 @@ def test_jitter_is_warned_of_and_measured():
     X, y = arx_runs()
     jitter = 2e-4 * np.sin(1.7 * np.arange(len(X)))
     shaken = with_levels(X, time=X.index.get_level_values("time") + jitter)
-    with pytest.warns(SamplingJitterWarning, match=r"jitter by up to .* % of .*resample_runs"):
+    with pytest.warns(RunTimeWarning, match=r"jitter by up to .* % of .*resample_runs"):
         model = ARXRegressor(2, 2, 3).fit(shaken, y.to_numpy())
     assert 0.02 < model.jitter_ < 0.05
     assert model.dt_ == pytest.approx(DT, rel=1e-3)
