@@ -10,7 +10,7 @@ from support.synthetic import arx_runs
 from skhoid import RecursiveARX, RecursiveARXCV, RecursiveIV
 
 DATA = arx_runs(3, 200)
-LONGER = arx_runs(2, 1200)  # for windows
+LONGER = arx_runs(1, 700)  # for windows
 
 
 @pytest.mark.fuzz

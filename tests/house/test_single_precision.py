@@ -192,7 +192,7 @@ FEW = 10
 MORE = {
     "effect": lambda X, y: SimulatedARX(2, 2, 7, effects=["bias"]).fit(X, y),
     "operator": lambda X, y: OperatorRegressor().fit(X, y),
-    "search": lambda X, y: EffectSearchCV(ARXRegressor(2, 2, 7), effects=["bias"]).fit(X, y),
+    "search": lambda X, y: EffectSearchCV(OperatorRegressor(), ["bias"], max_effects=0).fit(X, y),
     "stream": lambda X, y: RecursiveARX(2, 2, 7, init="zeros", p0=1.0, memory_time=5.0).partial_fit(
         X, y
     ),
@@ -220,9 +220,7 @@ def moving(tmp_path_factory):
     return *frames, y
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(m, marks=pytest.mark.slow) if m == "search" else m for m in MORE]
-)
+@pytest.mark.parametrize("name", MORE)
 def test_channels_that_nobody_asks_for_take_no_room(name, moving):
     """All of them are looked at by a check or a search, but one after the other."""
     few, many, y = moving

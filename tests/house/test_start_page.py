@@ -32,6 +32,12 @@ def test_three_outcomes():
     assert len(CARDS) == 3
 
 
+def test_readme_has_the_same_lines():
+    pages = [PAGE, (ROOT / "README.md").read_text(encoding="utf-8")]
+    code, same = (re.search(r"^```python\n(.*?)^```$", p, re.M | re.S)[1] for p in pages)
+    assert re.sub(r"  #.*", "", same) == re.sub(r"  #.*", "", code)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("card", "search"),
