@@ -8,7 +8,7 @@ from __future__ import annotations
 import multiprocessing
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -91,24 +91,18 @@ def read(file: File) -> None:
     read_runs(file.path, **roads)
 
 
-def without_pyarrow(file: File) -> None:
-    sys.modules["pyarrow.csv"] = None  # type: ignore[assignment]
-    read(file)
-
-
-def work(name: str, run: Callable[[File], None] = read, seconds: float | None = None) -> Work:
+def work(name: str, seconds: float | None = None) -> Work:
     return Work(
-        run,
+        read,
         seconds=seconds,
-        memory=2.5 if name.endswith(".csv") else 3.0,
+        memory=5.0,
         make=lambda rows: written(name, rows),
         size=lambda file: SIZE * file.rows,
     )
 
 
 WORKS = {
-    "read_runs, CSV": work("runs.csv", seconds=10.0),
-    "read_runs, CSV by pandas": work("runs.csv", without_pyarrow),
+    "read_runs, CSV": work("runs.csv", seconds=30.0),
     "read_runs, Parquet": work("runs.parquet"),
     "read_runs, MAT 5": work("runs.mat"),
     "read_runs, MAT 7.3": work("runs-7.3.mat"),

@@ -122,10 +122,10 @@ class FileTable:
 
     ``names`` may repeat; ``load`` takes positions in it, and that of a column of labels.
     ``unreadable`` says what a name holds instead of numbers, and ``note`` is added to the error
-    about a name that is not there. ``peek`` gives the first rows of every column, quickly.
-    ``raw`` gives a column as its file has it, where ``load`` may refuse it. ``run_name`` is the
-    column that numbers runs where the format itself has them; ``remarks`` tell how the file is
-    built, and ``faults`` what is wrong with that. ``aliases`` are other names of columns.
+    about a name that is not there. ``first_rows`` gives those of all columns where ``load`` is
+    slow. ``run_name`` is the column that numbers runs where the format itself has them; ``remarks``
+    tell how the file is built, and ``faults`` what is wrong with that. ``aliases`` are other names
+    of columns.
     """
 
     path: Path
@@ -135,12 +135,21 @@ class FileTable:
     unreadable: dict[str, str] = field(default_factory=dict)
     note: str = ""
     kind: str = "column"
-    peek: Callable[[int], list[Any]] = field(default=lambda n: [])
-    raw: Callable[[int], Any] | None = None
+    first_rows: Callable[[int], list[Any]] | None = None
     run_name: str | None = None
     remarks: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
     aliases: dict[str, str] = field(default_factory=dict)
+
+    def peek(self, count: int) -> list[Any]:
+        """The first samples of each column, or of its first run if its columns are runs."""
+        if self.first_rows is not None:
+            return self.first_rows(count)
+        columns, _ = self.load(range(len(self.names)), None)
+        return [
+            (values if isinstance(values, pd.Series) else first_run(values))[:count]
+            for values in columns
+        ]
 
     def where(self, name: str) -> str:
         """Name a column for an error message."""
@@ -201,6 +210,26 @@ def _same_field(asked: str, name: str) -> bool:
     """Whether fields of structs are alike by their own names; in one struct all share its name."""
     one, other = (text.casefold().rpartition(".")[2] for text in (asked, name))
     return difflib.SequenceMatcher(None, one, other).ratio() >= _CLOSE
+
+
+def first_run(values: Any, axis: int = 0) -> np.ndarray:
+    """Samples, which lie along ``axis``, of the first run of an array that has numbers."""
+    values = squeezed(np.asarray(values))
+    if values.ndim == 1:
+        return values
+    runs = np.moveaxis(values, min(axis, values.ndim - 1), 0)
+    runs = runs.reshape(len(runs), -1)
+    measured = np.isfinite(runs).any(axis=0) if runs.dtype.kind == "f" else [True]
+    return runs[:, int(np.argmax(measured))]
+
+
+def squeezed(values: np.ndarray) -> np.ndarray:
+    """Without dimensions of one at the end, as MATLAB has them; a row or column is a vector."""
+    while values.ndim > 1 and values.shape[-1] == 1:
+        values = values[..., 0]
+    if values.ndim == 2 and values.shape[0] == 1:
+        values = values[0]
+    return np.atleast_1d(values)
 
 
 def one_by_one(load: Callable[[int], Any]) -> Callable[[Sequence[int], int | None], Columns]:

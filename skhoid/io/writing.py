@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from itertools import pairwise
 from pathlib import Path
@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from scipy import io as scipy_io
 
 from .._sklearn import checked
-from ..runs import check_alignment, read_layout
+from ..runs import RunLayout, check_alignment, read_layout
 from .files import require
 
 if TYPE_CHECKING:
@@ -22,42 +23,32 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def written_whole(path: str | Path, *, sync: bool = False) -> Iterator[Path]:
+def written_whole(path: str | Path) -> Iterator[Path]:
     """Give a hidden name in the folder of ``path`` to write to, and move the result to ``path``.
 
     After an error ``path`` is unchanged, and nothing else is left behind. A symbolic link is
-    followed: its target is replaced. With ``sync`` the file is on the disk before it is moved.
+    followed: its target is replaced. The file is on the disk before it is moved.
     """
     path = Path(os.path.realpath(path))
-    if path.is_symlink():
-        raise OSError(f"{path} is a link to itself.")
     if path.is_dir():
         raise IsADirectoryError(f"{path} is a folder; name a file in it.")
-    if path.exists() and not path.is_file():
+    if path.is_symlink() or (path.exists() and not path.is_file()):
         raise OSError(f"{path} is not a regular file and is not replaced.")  # a device, a pipe
     # Writers look at the last ending, or at two (.csv.gz).
     aside = path.with_name(f".{token_hex(8)}.tmp{''.join(path.suffixes[-2:])}")
     try:
-        with failing_as(path):
-            yield aside
-            if sync:
-                with open(aside, "rb+") as file:
-                    os.fsync(file.fileno())
-            aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
-
-
-@contextmanager
-def failing_as(path: Path) -> Iterator[None]:
-    """Let disk errors name the intended file, not the hidden one or none."""
-    try:
-        yield
+        yield aside
+        with open(aside, "rb+") as file:
+            os.fsync(file.fileno())
+        aside.replace(path)
     except OSError as error:
         named = error.filename is not None and not is_left_over(Path(error.filename))
         if named or error.errno is None:
             raise
+        # The error names the intended file, not the hidden one or none.
         raise OSError(error.errno, os.strerror(error.errno), os.fspath(path)) from error
+    finally:
+        aside.unlink(missing_ok=True)
 
 
 def is_left_over(path: Path) -> bool:
@@ -65,8 +56,8 @@ def is_left_over(path: Path) -> bool:
     return path.name.startswith(".") and ".tmp" in path.suffixes
 
 
+_LISTS = (list, tuple, np.ndarray)
 TABLE_FORMATS = ("tsv", "csv", "parquet")
-_SEPARATORS = {".tsv": "\t", ".csv": ","}
 
 
 def check_table_format(form: str) -> None:
@@ -82,17 +73,15 @@ def write_tables(tables: Mapping[str, pd.DataFrame], folder: str | Path) -> list
 
     Names end in ``.tsv`` or ``.csv``, with or without ``.gz``, or in ``.parquet``. Named row
     indexes become columns, and lists become text; the second of two columns of the same name gets
-    the suffix ``_2``. The files are written under temporary names and moved into place when all are
-    complete.
+    the suffix ``_2``. The files are moved into place when all are complete.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / name for name in tables]
     with ExitStack() as moves:
         parts = [moves.enter_context(written_whole(path)) for path in paths]
-        for table, path, part in zip(tables.values(), paths, parts, strict=True):
-            with failing_as(path):
-                _write(_plain(table), part)
+        for table, part in zip(tables.values(), parts, strict=True):
+            _write(_plain(table), part)
     return paths
 
 
@@ -100,8 +89,7 @@ def _write(table: pd.DataFrame, path: Path) -> None:
     if path.suffix == ".parquet":
         table.to_parquet(path, engine="pyarrow", index=False)
     else:
-        suffixes = [suffix for suffix in path.suffixes if suffix != ".gz"]
-        table.to_csv(path, sep=_SEPARATORS[suffixes[-1]], index=False)
+        table.to_csv(path, sep="\t" if ".tsv" in path.suffixes else ",", index=False)
 
 
 def _plain(frame: pd.DataFrame) -> pd.DataFrame:
@@ -120,19 +108,16 @@ def _plain(frame: pd.DataFrame) -> pd.DataFrame:
     for name in table.columns:
         if table[name].dtype != object:
             continue
-        cells = table[name].map(_as_text)
+        cells = table[name].map(
+            lambda cell: ", ".join(map(str, cell)) if isinstance(cell, _LISTS) else cell
+        )
         if pd.api.types.infer_dtype(cells, skipna=True).startswith("mixed"):
             cells = cells.map(str, na_action="ignore")
         table[name] = cells
     return table
 
 
-def _as_text(value: Any) -> Any:
-    if isinstance(value, list | tuple | np.ndarray):
-        return ", ".join(map(str, value))
-    return value
-
-
+_RUN_FORMATS = (".csv", ".tsv", ".parquet", ".mat")
 DPI = 120
 EMBEDDED: Any = {"pdf.fonttype": 42, "ps.fonttype": 42}  # TrueType: journals refuse type 3
 
@@ -203,10 +188,10 @@ def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bo
     True
     """
     path = Path(path)
-    write = _WRITERS.get(path.suffix.lower())
-    if write is None:
+    suffix = path.suffix.lower()
+    if suffix not in _RUN_FORMATS:
         raise ValueError(
-            f"{path} has the extension {path.suffix!r}; skhoid writes {', '.join(_WRITERS)}."
+            f"{path} has the extension {path.suffix!r}; skhoid writes {', '.join(_RUN_FORMATS)}."
         )
     if os.path.lexists(path) and not overwrite:  # a link that leads nowhere, too
         raise FileExistsError(f"{path} exists. Choose another name, or give overwrite=True.")
@@ -223,29 +208,18 @@ def write_runs(X: pd.DataFrame, y: pd.Series, path: str | Path, *, overwrite: bo
     layout = read_layout(X)
     table = X.assign(**{str(y.name): y})
     table.attrs = {}
+    if suffix == ".parquet":
+        require("pyarrow", f"Writing the Parquet file {path.name}")
     with written_whole(path) as aside:
-        write(table, layout, aside)
+        if suffix == ".mat":
+            _write_mat(table, layout, aside)
+        else:
+            _write(table.reset_index(), aside)
     return path
 
 
-def _write_csv(table: pd.DataFrame, layout: Any, path: Path) -> None:
-    table.to_csv(path)
-
-
-def _write_tsv(table: pd.DataFrame, layout: Any, path: Path) -> None:
-    table.to_csv(path, sep="\t")
-
-
-def _write_parquet(table: pd.DataFrame, layout: Any, path: Path) -> None:
-    require("pyarrow", f"Writing the Parquet file {path.name}")
-    table.reset_index().to_parquet(path, engine="pyarrow", index=False)
-
-
-def _write_mat(table: pd.DataFrame, layout: Any, path: Path) -> None:
-    from scipy.io import savemat
-
-    starts = layout.run_starts
-    times = [layout.time[a:b] for a, b in pairwise(starts)]
+def _write_mat(table: pd.DataFrame, layout: RunLayout, path: Path) -> None:
+    times = [layout.time[a:b] for a, b in pairwise(layout.run_starts)]
     if any(not np.array_equal(times[0], other) for other in times[1:]):
         raise ValueError(
             "Runs with different lengths or times do not fit into one matrix per channel: write "
@@ -260,12 +234,4 @@ def _write_mat(table: pd.DataFrame, layout: Any, path: Path) -> None:
     matrices = {"time": times[0][:, None]}
     for name in table.columns:
         matrices[str(name)] = table[name].to_numpy().reshape(len(times), -1).T
-    savemat(path, matrices)
-
-
-_WRITERS: dict[str, Callable[[pd.DataFrame, Any, Path], None]] = {
-    ".csv": _write_csv,
-    ".parquet": _write_parquet,
-    ".mat": _write_mat,
-    ".tsv": _write_tsv,
-}
+    scipy_io.savemat(path, matrices)

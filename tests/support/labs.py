@@ -316,7 +316,7 @@ BROKEN: dict[str, tuple[list[Callable[[pd.DataFrame], pd.DataFrame]], list[str]]
     ),
     "frame": (
         [twice("command", "stick"), backwards("t"), again("rep")],
-        ['"command".*"stick"|"stick".*"command"', "backwards", "Run 1 .* comes back"],
+        ['"command".*"stick"|"stick".*"command"', "backwards", "do not lie together"],
     ),
     "restarts": (
         [backwards("TIME"), constant("CONTROL")],
@@ -332,7 +332,7 @@ BROKEN: dict[str, tuple[list[Callable[[pd.DataFrame], pd.DataFrame]], list[str]]
     ),
     "simulator": (
         [without("Time"), twice("sidestick_pitch", "throttle"), again("Trial No.")],
-        ["the time", "sidestick_pitch.*throttle", "Run 1 .* comes back"],
+        ["the time", "sidestick_pitch.*throttle", "do not lie together"],
     ),
 }
 

@@ -356,7 +356,7 @@ class Folder:
         table, content = found
         if content:
             self.models.mkdir(exist_ok=True)
-            with written_whole(self._path(number), sync=True) as path:
+            with written_whole(self._path(number)) as path:
                 path.write_bytes(content)
         self.store.write(number, table)
 

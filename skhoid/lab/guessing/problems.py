@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...exceptions import ColumnError, IrregularSamplingError
-from ...io.assembling import per_second_of, restarts_of
+from ...exceptions import ColumnError, IrregularSamplingError, RunIndexError
+from ...io.assembling import per_second_of, plain_labels, restarts_of
 from ...io.files import FileTable, as_numbers, numbers_of, shown
-from ...runs import RUN, read_layout
-from ...runs.clock import JITTER_TOLERANCE
+from ...runs import GAP, RUN, TIME, contiguous_runs, read_layout
 from ...runs.roles import role_of
 
 MEANING = {
@@ -196,117 +195,42 @@ def where_of(paths: list[Path]) -> str:
     return shown(paths[0]) if len(paths) == 1 else f"{shown(paths[0])} and {len(paths) - 1} more"
 
 
-_FILLS = (999.0, 9999.0, 99999.0, 999999.0, 32767.0, 32768.0, 65535.0)
+_FILLS = (999.0, 9999.0, 99999.0, 999999.0, 32767.0, 32768.0, 65535.0)  # for missing numbers
 _FAR = 10.0  # times beyond all other values
-_COMMA = r"^\s*([+-]?\d*),(\d+(?:[eE][+-]?\d+)?)\s*$"
-_POINT = _COMMA.replace(",", r"\.", 1)
-_SHOWN = 5
+_OFTEN = 0.01  # share of the steps of a clock
+_SIGNAL = "a signal that never changes tells nothing"
 
 
-def columns_of(
-    table: FileTable, names: Iterable[str], found: list[Problem]
-) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Numbers of columns, NaN in place of other cells, and which rows of the file they are.
-
-    Rows that repeat the header are left out. What is wrong is added to ``found``.
-    """
-    raw: dict[str, Any] = {}
-    for name in names:
-        try:
-            at = table.find(name)
-            raw[name] = table.load([at], None)[0][0] if table.raw is None else table.raw(at)
-        except ValueError as error:
-            found.append(Problem(said_alone(error)))
-    n_rows = max((np.size(values) for values in raw.values()), default=0)
-    again = _repeated_header(raw, n_rows, found)
-    kept = np.setdiff1d(np.arange(n_rows), again)
-    if again.size:
-        raw = {name: pd.Series(values).iloc[kept] for name, values in raw.items()}
-    _mixed_decimals(raw, found)
-    columns = {}
-    for name, values in raw.items():
-        shape = np.shape(values)
-        numbers = numbers_of(values)
-        columns[name] = numbers.reshape(shape) if len(shape) == 2 and 1 not in shape else numbers
-        try:
-            as_numbers(_with_points(values), f"{table.kind.capitalize()} {quoted(name)}")
-        except ValueError as error:
-            found.append(Problem(str(error)))
-    return columns, kept
+def problems_of_runs(X: pd.DataFrame, y: pd.Series, *, irregular: bool = False) -> list[Problem]:
+    """What is wrong with runs that could be read."""
+    found = _problems_of_clock(X, irregular=irregular)
+    for signal in (*(X[name] for name in X.columns if name == "e"), y):
+        values = signal.to_numpy()
+        if _is_constant(values):
+            found.append(Problem(f"{signal.name} is constant"))
+        found += _filled(str(signal.name), values)
+    return found
 
 
-def _texts(values: Any) -> pd.Series | None:
-    """Cells of a column that holds texts; None if they are numbers."""
-    series = values if isinstance(values, pd.Series) else pd.Series(np.ravel(values))
-    if series.dtype.kind in "biufcmM" or pd.api.types.is_numeric_dtype(series.dtype):
-        return None
-    return series
+def _problems_of_clock(X: pd.DataFrame, *, irregular: bool = False) -> list[Problem]:
+    try:
+        read_layout(X)
+    except IrregularSamplingError as error:
+        return [] if irregular else [Problem(error.message, (("resample", ""),))]
+    except ValueError as error:
+        return [Problem(str(error))]
+    return []
 
 
-def _with_points(values: Any) -> Any:
-    texts = _texts(values)
-    if texts is None:
-        return values
-    return texts.where(texts.isna(), texts.astype(str).str.replace(_COMMA, r"\1.\2", regex=True))
-
-
-def _repeated_header(raw: dict[str, Any], n_rows: int, found: list[Problem]) -> np.ndarray:
-    """Rows in which a column holds its own name."""
-    again: set[int] = set()
-    for name, values in raw.items():
-        texts = _texts(values)
-        if texts is not None and len(texts) == n_rows:
-            again |= set(np.flatnonzero(texts.astype(str).str.strip() == name).tolist())
-    rows = np.array(sorted(again), dtype=int)
-    if rows.size:
-        places = ", ".join(str(row + 1) for row in rows[:_SHOWN])
-        more = ", ..." if rows.size > _SHOWN else ""
-        found.append(
-            Problem(
-                f"The header stands again below itself (row{'s' if rows.size > 1 else ''} "
-                f"{places}{more} of the data), as where files were put one after another: delete "
-                "it there."
-            )
-        )
-    return rows
-
-
-def _mixed_decimals(raw: dict[str, Any], found: list[Problem]) -> None:
-    commas: list[tuple[str, str]] = []
-    points: list[tuple[str, str]] = []
-    for name, values in raw.items():
-        texts = _texts(values)
-        if texts is None:
-            if pd.Series(np.ravel(values)).dtype.kind == "f":
-                points.append((name, ""))
-            continue
-        texts = texts.astype(str).reset_index(drop=True)
-        for pattern, columns in ((_COMMA, commas), (_POINT, points)):
-            rows = np.flatnonzero(texts.str.match(pattern))
-            if rows.size:
-                columns.append((name, f" (row {rows[0] + 1}: {texts[rows[0]].strip()})"))
-    if commas and points:
-        with_commas = ", ".join(quoted(name) for name, _ in commas)
-        with_points = ", ".join(f"{quoted(name)}{first}" for name, first in points)
-        found.append(
-            Problem(
-                f"Numbers have decimal commas in {with_commas}, and decimal points in "
-                f"{with_points}. Write all numbers of the file with one sign, and without "
-                "separators of thousands."
-            )
-        )
-
-
-def filled(name: str, values: np.ndarray) -> list[Problem]:
+def _filled(name: str, values: np.ndarray) -> list[Problem]:
     """Numbers such as -9999 that stand for missing ones."""
     there = values[np.isfinite(values)]
     if there.size < 3:
         return []
     for fill in (there.min(), there.max()):
-        if abs(fill) not in _FILLS and abs(fill) < 1e30:
-            continue
         rest = there[there != fill]
-        if rest.size and np.abs(rest).max() * _FAR < abs(fill):
+        is_fill = abs(fill) in _FILLS or abs(fill) >= 1e30
+        if is_fill and rest.size and np.abs(rest).max() * _FAR < abs(fill):
             rows = np.flatnonzero(values == fill)
             return [
                 Problem(
@@ -318,63 +242,6 @@ def filled(name: str, values: np.ndarray) -> list[Problem]:
     return []
 
 
-def shapes_differ(table: FileTable, columns: dict[str, np.ndarray]) -> list[Problem]:
-    """Variables that have not as many samples, or not as many runs, as the others."""
-    shapes = {name: values.shape for name, values in columns.items() if values.size > 1}
-    if table.kind != "variable" or len(set(shapes.values())) < 2:
-        return []
-    of_runs = [shape for shape in shapes.values() if len(shape) == 2]
-    all_shapes = of_runs or list(shapes.values())
-    usual = max(all_shapes, key=all_shapes.count)
-    wrong = []
-    for name, shape in shapes.items():
-        if shape not in (usual, usual[:1]):
-            advice = " and lies transposed" if shape == usual[::-1] else ""
-            wrong.append(f"{quoted(name)} is {_by(shape)}{advice}")
-    if not wrong:
-        return []
-    return [
-        Problem(
-            f"{'; '.join(wrong)}: the other variables are {_by(usual)}, samples down and runs "
-            "across. Save all alike."
-        )
-    ]
-
-
-def _by(shape: tuple[int, ...]) -> str:
-    return " x ".join(map(str, shape)) if len(shape) > 1 else f"{shape[0]} samples"
-
-
-def more_of(count: int) -> str:
-    """How often else."""
-    return "" if count < 2 else f", and in {count - 1} place{'s' if count > 2 else ''} more"
-
-
-_SIGNAL = "a signal that never changes tells nothing"
-_STRETCHES = 20  # of a run, from where on its rows lie among those of others
-_NEARLY = 0.99
-_OFTEN = 0.01  # of the rows
-
-
-def problems_of_runs(X: pd.DataFrame, y: pd.Series, *, irregular: bool = False) -> list[Problem]:
-    """What is wrong with runs that could be read."""
-    found = []
-    try:
-        read_layout(X)
-    except IrregularSamplingError as error:
-        if not irregular:
-            found.append(Problem(error.message, (("resample", ""),)))
-    except ValueError as error:
-        found.append(Problem(str(error)))
-    inputs = [X[name] for name in X.columns if name == "e"]
-    for signal in (*inputs, y):
-        values = signal.to_numpy()
-        if _is_constant(values):
-            found.append(Problem(f"{signal.name} is constant"))
-        found += filled(str(signal.name), values)
-    return found
-
-
 def problems_of_files(tables: list[FileTable], guess: ColumnGuess) -> list[Problem]:
     """What is wrong with the columns of files, column by column."""
     found: list[Problem] = []
@@ -382,37 +249,32 @@ def problems_of_files(tables: list[FileTable], guess: ColumnGuess) -> list[Probl
         before = f"{table.path.name}: " if len(tables) > 1 else ""
         found += [
             Problem(f"{before}{problem.text}", problem.options)
-            for problem in _of_file(table, guess)
+            for problem in _problems_of(table, guess)
         ]
     return list(dict.fromkeys(found))
 
 
-def _of_file(table: FileTable, guess: ColumnGuess) -> list[Problem]:
+def _problems_of(table: FileTable, guess: ColumnGuess) -> list[Problem]:
     found: list[Problem] = []
     asked = dict(guess.channels)
     if guess.output is not None:
         asked[guess.output[0]] = "u"
     names = [*asked, *([] if guess.time is None else [guess.time])]
-    columns, kept = columns_of(table, names, found)
-    found += shapes_differ(table, columns)
-    codes, labels = _labels(table, guess, found, kept)
+    columns = {name: _numbers(table, name, found) for name in names}
+    codes, labels = _runs(table, guess, found)
     signals: dict[str, tuple[str, np.ndarray]] = {}
     for name, channel in asked.items():
-        if name not in columns:
+        values = columns[name]
+        if values is None:
             continue
-        values = columns[name].ravel(order="F")
         signals[role_of(channel, guess.roles) or channel] = name, values
         if not np.isfinite(values).any():
             found.append(Problem(f"Column {quoted(name)} has no numbers."))
         elif channel in ("e", "u") and _is_constant(values):
             found.append(Problem(_constant(name, channel, values, asked)))
-        elif channel in ("e", "u"):
+        elif channel in ("e", "u") and len(labels) > 1 and codes.size == values.size:
             found += _dead_runs(name, values, codes, labels)
-        found += filled(name, values)
-        missing = np.count_nonzero(np.isnan(values))
-        if channel in ("e", "u") and missing and not any(quoted(name) in p.text for p in found):
-            rows = f"{missing} of {values.size} rows"
-            guess.remarks.append(f"{quoted(name)} has no number in {rows}, which are not measured")
+        found += _filled(name, values)
     if guess.error_from == "f_t - x" and {"f_t", "x"} <= signals.keys():
         (target, one), (place, other) = signals["f_t"], signals["x"]
         if np.array_equal(one, other, equal_nan=True):
@@ -422,9 +284,24 @@ def _of_file(table: FileTable, guess: ColumnGuess) -> list[Problem]:
                     "that the error f_t - x is 0 in every row: save them anew."
                 )
             )
-    if guess.time is not None and guess.time in columns:
-        found += _of_time(table, guess, columns[guess.time].ravel(order="F"), codes, labels, kept)
-    return found
+    time = None if guess.time is None else columns[guess.time]
+    return (
+        found if time is None else [*found, *_problems_of_time(table, guess, time, codes, labels)]
+    )
+
+
+def _numbers(table: FileTable, name: str, found: list[Problem]) -> np.ndarray | None:
+    """Numbers of a column, NaN in place of other cells; what is wrong is added to ``found``."""
+    try:
+        values = table.load([table.find(name)], None)[0][0]
+    except ValueError as error:
+        found.append(Problem(said_alone(error)))
+        return None
+    try:
+        as_numbers(values, f"{table.kind.capitalize()} {quoted(name)}")
+    except ValueError as error:
+        found.append(Problem(str(error)))
+    return numbers_of(values).ravel(order="F")
 
 
 def _constant(name: str, channel: str, values: np.ndarray, asked: dict[str, str]) -> str:
@@ -436,201 +313,97 @@ def _constant(name: str, channel: str, values: np.ndarray, asked: dict[str, str]
 
 
 def _dead_runs(
-    name: str, values: np.ndarray, codes: np.ndarray | None, labels: list[Any]
+    name: str, values: np.ndarray, codes: np.ndarray, labels: list[Any]
 ) -> list[Problem]:
     """Runs in which a signal has no numbers, or never changes."""
-    if codes is None or codes.size != values.size or len(labels) < 2:
-        return []
-    empty, still = [], []
+    found = []
     for code, label in enumerate(labels):
         own = values[codes == code]
-        own = own[np.isfinite(own)]
-        if not own.size:
-            empty.append(label)
-        elif own.size > 2 and np.ptp(own) == 0:
-            still.append(label)
-    found = []
-    for runs, what in ((empty, "has no numbers"), (still, "never changes")):
-        if runs:
-            text = ", ".join(map(repr, runs[:5])) + (", ..." if len(runs) > 5 else "")
-            plural = "s" if len(runs) > 1 else ""
-            found.append(
-                Problem(
-                    f"Column {quoted(name)} {what} in run{plural} {text}: leave the run{plural} "
-                    "out."
-                )
-            )
+        empty = not np.isfinite(own).any()
+        if empty or (own.size > 2 and _is_constant(own)):
+            what = "has no numbers" if empty else "never changes"
+            text = f"Column {quoted(name)} {what} in run {label!r}: leave the run out."
+            found.append(Problem(text))
     return found
 
 
-def _labels(
-    table: FileTable, guess: ColumnGuess, found: list[Problem], kept: np.ndarray
-) -> tuple[np.ndarray | None, list[Any]]:
-    """Codes of the runs of rows, and their labels."""
-    names = [*guess.levels, *([] if guess.run is None else [guess.run])]
+def _runs(
+    table: FileTable, guess: ColumnGuess, found: list[Problem]
+) -> tuple[np.ndarray, list[Any]]:
+    """Which run each row belongs to, counted from 0, and the labels of the runs."""
     parts = []
-    for name in names:
+    for name in [*guess.levels, *([] if guess.run is None else [guess.run])]:
         try:
             coded = table.load([], table.find(name))[1]
+            assert coded is not None
+            parts.append(plain_labels(coded, table.where(name)))
         except ValueError as error:
-            found.append(Problem(str(error)))
-            continue
-        if coded is None:
-            continue
-        codes, labels = coded
-        empty_labels = [k for k, label in enumerate(labels) if label == "" or pd.isna(label)]
-        codes = np.where(np.isin(codes, empty_labels), -1, codes)[kept[kept < codes.size]]
-        empty = np.flatnonzero(codes < 0)
-        if empty.size:
-            found.append(
-                Problem(
-                    f"Column {quoted(name)} has no label in row {empty[0] + 1} "
-                    f"({empty.size} of {codes.size} rows)."
-                )
-            )
-        parts.append((codes, labels))
-    if not parts or len({len(codes) for codes, _ in parts}) > 1:
-        return None, []
-    frame = pd.DataFrame({k: codes for k, (codes, _) in enumerate(parts)})
-    codes = frame.groupby(list(frame.columns), sort=False).ngroup().to_numpy()
-    changes = np.append(0, np.flatnonzero(np.diff(codes)) + 1)
-    order = codes[changes]
-    last = parts[-1]
-    named = {c: last[1][last[0][row]] for row, c in zip(changes, order, strict=True)}
-    n_runs = len(set(order.tolist()))
-    own = last[0][last[0] >= 0]
-    if guess.run is not None and order.size > _STRETCHES * n_runs:
+            found.append(Problem(said_alone(error)))
+    if not parts or len({codes.size for codes, _ in parts}) > 1:
+        return np.zeros(0, dtype=int), []
+    codes, first = pd.factorize(pd.MultiIndex.from_arrays([codes for codes, _ in parts]))
+    labels = [parts[-1][1][each[-1]] for each in first]
+    try:
+        contiguous_runs(codes, labels)
+    except RunIndexError:
         found.append(
             Problem(
-                f"The rows of the {np.unique(own).size} runs of column {quoted(guess.run)} lie "
-                "through one another: sort the file by run, and then by time."
+                f"The rows of the runs of column {quoted(str(guess.run))} do not lie together: "
+                "sort the file by run and time."
             )
         )
-        return last[0], []
-    if guess.run is not None and n_runs < order.size:
-        seen: set[int] = set()
-        for row, code in zip(changes.tolist(), order.tolist(), strict=True):
-            if code in seen:
-                found.append(
-                    Problem(
-                        f"Run {named[code]!r} in column {quoted(guess.run)} comes back at row "
-                        f"{row + 1}, after another run: sort the file by run and time."
-                    )
-                )
-                break
-            seen.add(code)
-    return codes, [named[code] for code in range(len(named))]
+        return codes, []
+    return codes, labels
 
 
-def _of_time(
-    table: FileTable,
-    guess: ColumnGuess,
-    time: np.ndarray,
-    codes: np.ndarray | None,
-    labels: list[Any],
-    kept: np.ndarray,
+def _problems_of_time(
+    table: FileTable, guess: ColumnGuess, time: np.ndarray, codes: np.ndarray, labels: list[Any]
 ) -> list[Problem]:
-    found = []
     name = quoted(guess.time or "")
-    instants = np.unique(time[np.isfinite(time)]).size
-    if time.size > 100 * max(instants, len(labels)):
-        return [
-            Problem(
-                f"The time {name} has {instants} different values in {time.size} rows: it was "
-                "rounded when it was stored, as Unix time is in 32 bits. Store it in 64 bits, or "
-                "drop the column and give the sampling time.",
-                (("dt", "SECONDS"),),
-            )
-        ]
     missing = np.flatnonzero(~np.isfinite(time))
     if missing.size:
-        found.append(
-            Problem(
-                f"The time {name} is missing in row {missing[0] + 1} "
-                f"({missing.size} of {time.size} rows)."
-            )
-        )
-    if codes is not None and not labels:  # rows of runs lie through one another
-        return found
-    if codes is None:
+        text = f"The time {name} is missing in row {missing[0] + 1}"
+        return [Problem(f"{text} ({missing.size} of {time.size} rows).")]
+    apart = codes.size == time.size and not labels  # runs whose rows do not lie together
+    if codes.size != time.size:
         again = restarts_of(time)
         codes = np.zeros(time.size, dtype=int) if again is None else again[0]
-        labels = list(again[1]) if again is not None else []
-    if len(codes) != time.size:
-        return found
+        labels = [] if again is None else list(again[1])
     step, within = np.diff(time), codes[1:] == codes[:-1]
-    typical = float(np.nanmedian(np.abs(step))) if step.size else 0.0
+    found = []
     for bad, what in ((step < 0, "runs backwards"), (step == 0, "stands still")):
         rows = np.flatnonzero(bad & within)
         if not rows.size:
             continue
         row = int(rows[0])
         run = f" in run {labels[codes[row]]!r}" if len(labels) > 1 else ""
-        values = f"{time[row]:.10g} is followed by {time[row + 1]:.10g}"
-        if what == "stands still":
-            values = "its value is that of the row before"
-        place = f"{run} at row {kept[row + 1] + 1}: {values}{more_of(rows.size)}."
-        text = f"The time {name} {what}{place}"
-        full = _full_counter(time[rows]) if what == "runs backwards" else 0
-        if full:
-            text = f"The time {name} rolls over at {full}{place} Add {full} to the rows behind."
-            found.append(Problem(text))
-            continue
-        back = time[rows + 1] <= time[0] + 2 * typical
-        if guess.run is None and what == "runs backwards" and back.mean() > 0.5:
+        text = (
+            f"The time {name} {what}{run} at row {row + 2}: {time[row]:.10g} is followed by "
+            f"{time[row + 1]:.10g} ({rows.size} such rows)."
+        )
+        if guess.run is None and what == "runs backwards":
             text += " If runs begin there, a column has to label them."
             found.append(Problem(text, (("run", "NAME"),)))
         else:
             found.append(Problem(text))
-    if found or not typical:
-        return found + _uneven(name, step[within & (step > 0)], bool(guess.time))
+    if found or apart:
+        return found
     try:
         per_second = per_second_of(table, guess.time or "", guess.units.get("time"))
     except ValueError as error:
         return [Problem(str(error))]
-    known = len(set(map(str, labels))) == len(labels) > 0
-    runs = pd.Categorical.from_codes(codes, [str(label) for label in labels]) if known else codes
-    index = pd.MultiIndex.from_arrays([runs, time / per_second], names=[RUN, "time"])
-    try:
-        read_layout(pd.DataFrame({"e": np.zeros(time.size)}, index=index))
-    except IrregularSamplingError as error:
-        found.append(Problem(error.message, (("resample", ""),)))
-    except ValueError as error:
-        found.append(Problem(str(error)))
-    return found or _uneven(name, step[within], False)
-
-
-def _uneven(name: str, steps: np.ndarray, also_jitter: bool) -> list[Problem]:
-    """Steps of a clock that are so often too long or short that it is no regular one."""
-    if steps.size < 100:
-        return []
-    apart = steps / np.median(steps) - 1
-    gaps, off = np.mean(apart > 0.5), np.mean(np.abs(apart) > JITTER_TOLERANCE)
-    if also_jitter and off - gaps > _OFTEN:
-        return [
-            Problem(
-                f"The time {name} is irregular: {off:.0%} of its steps are more than "
-                f"{JITTER_TOLERANCE:.0%} off the usual one.",
-                (("resample", ""),),
-            )
-        ]
-    if gaps > _OFTEN:
-        return [
-            Problem(
-                f"The time {name} has {int(gaps * steps.size)} gaps, steps of at least 1.5 times "
-                "the usual one, at each of which a model starts anew: too many to be pauses. "
-                "Find out why the clock hangs."
-            )
-        ]
-    return []
-
-
-def _full_counter(last: np.ndarray) -> int:
-    """The number at which a counter of some bits begins anew, if its last values are just below."""
-    for full in (2**15, 2**16, 2**31, 2**32):
-        if np.all((last > _NEARLY * full) & (last < full)):
-            return int(full)
-    return 0
+    index = pd.MultiIndex.from_arrays([codes, time / per_second], names=[RUN, TIME])
+    steps = step[within]
+    gaps = int(np.count_nonzero(steps > GAP * np.median(steps))) if steps.size else 0
+    irregular = _problems_of_clock(pd.DataFrame({"e": np.zeros(time.size)}, index=index))
+    if irregular or gaps <= _OFTEN * steps.size:
+        return irregular
+    return [
+        Problem(
+            f"The time {name} has {gaps} gaps, at each of which a model starts anew: too many to "
+            "be pauses. Find out why the clock hangs."
+        )
+    ]
 
 
 def _is_constant(values: np.ndarray) -> bool:

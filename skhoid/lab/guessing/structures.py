@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...io.files import FileTable, as_numbers, one_by_one, read_as
+from ...io.files import FileTable, as_numbers, first_run, one_by_one, read_as, squeezed
 from ...io.matlab import content_of, is_hdf5
 from ...runs import TIME
 from .names import LEVELS, labelled
@@ -97,7 +97,7 @@ def runs_of_arrays(
         raise ValueError(f"In {table.path} {table.faults[0]}")
     positions = [table.find(name) for name in names]
     raw = table.load(positions, None)[0]
-    arrays = {name: _squeezed(np.asarray(values)) for name, values in zip(names, raw, strict=True)}
+    arrays = {name: squeezed(np.asarray(values)) for name, values in zip(names, raw, strict=True)}
     shapes = {name: arrays[name].shape for name in asked}
     shape = max(shapes.values(), key=len)
     if len(shape) == 1:
@@ -154,34 +154,15 @@ def _each_run(
 
 def first_slices(table: FileTable, dims: Dims | None) -> FileTable:
     """The table with the first run that has numbers as its first rows, for a guess."""
-    axis = 0 if dims is None else dims.names.index(TIME)
+    if dims is None:
+        return table
+    axis = dims.names.index(TIME)
 
     def peek(count: int) -> list[Any]:
-        found = []
-        for position in range(len(table.names)):
-            values = _squeezed(np.asarray(table.load([position], None)[0][0]))
-            if values.ndim > 1:
-                columns = np.moveaxis(values, min(axis, values.ndim - 1), 0)
-                columns = columns.reshape(columns.shape[0], -1)
-                there = np.flatnonzero(
-                    np.isfinite(columns).any(axis=0)
-                    if columns.dtype.kind == "f"
-                    else np.ones(columns.shape[1])
-                )
-                values = columns[:, there[0] if there.size else 0]
-            found.append(values[:count])
-        return found
+        arrays, _ = table.load(range(len(table.names)), None)
+        return [first_run(values, axis)[:count] for values in arrays]
 
-    return replace(table, peek=peek)
-
-
-def _squeezed(values: np.ndarray) -> np.ndarray:
-    """Without dimensions of one at the end, as MATLAB has them; a row or column is a vector."""
-    while values.ndim > 1 and values.shape[-1] == 1:
-        values = values[..., 0]
-    if values.ndim == 2 and values.shape[0] == 1:
-        values = values[0]
-    return np.atleast_1d(values)
+    return replace(table, first_rows=peek)
 
 
 def _check_fit(
@@ -404,7 +385,6 @@ def read_motion(path: Path) -> FileTable:
         names,
         one_by_one(lambda position: columns[position]),
         units=units,
-        peek=lambda count: [column[:count] for column in columns],
     )
 
 

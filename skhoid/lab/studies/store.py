@@ -62,7 +62,7 @@ class Store:
                 )
             self.folder.mkdir(parents=True, exist_ok=True)
             text = json.dumps(self.description, indent=1)
-            with written_whole(manifest, sync=True) as path:
+            with written_whole(manifest) as path:
                 path.write_text(text, encoding="utf-8")
         blocks = self.folder / BLOCKS
         _check_folder(blocks)
@@ -118,7 +118,7 @@ class Store:
         """Write one block, completely or not at all."""
         arrow = self.pyarrow.Table.from_pandas(table, preserve_index=False)
         arrow = arrow.replace_schema_metadata({KEY: self._stamp(number, table)})
-        with written_whole(self.folder / BLOCKS / f"block-{number:06d}.parquet", sync=True) as path:
+        with written_whole(self.folder / BLOCKS / f"block-{number:06d}.parquet") as path:
             self.parquet.write_table(arrow, path, write_page_checksum=True)
 
 

@@ -1,18 +1,12 @@
 """read_runs: what comes out is what was written, in every format."""
 
-import tempfile
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from pandas.testing import assert_frame_equal, assert_series_equal
 from scipy.io import savemat
 
-from skhoid import read_runs
+from skhoid import read_runs, write_runs
 
 KINDS = ["csv", "semicolon", "parquet", "mat5", "hdf5"]
 T = np.arange(5) / 100
@@ -54,18 +48,16 @@ def test_run_column(tmp_path, write, kind):
     assert X.index.get_level_values("time").to_list() == [0, 0.5, 0, 0.5, 1.0]
 
 
-finite = st.floats(allow_infinity=False, allow_nan=True, width=64)
-
-
-@pytest.mark.slow
-@given(data=arrays(np.float64, st.tuples(st.integers(2, 12), st.just(2)), elements=finite))
-@settings(deadline=None, max_examples=40)
-def test_formats_agree(write, data):
-    columns = {"t": np.arange(len(data)) / 100, "e": data[:, 0], "u": data[:, 1]}
-    with tempfile.TemporaryDirectory() as folder:
-        read = [read_runs(write(Path(folder), kind, columns), **ROLES) for kind in KINDS]
-    np.testing.assert_array_equal(read[0][0]["e"], data[:, 0])
-    np.testing.assert_array_equal(read[0][1], data[:, 1])
+def test_numbers_are_those_of_python_in_every_format(tmp_path, write):
+    rng = np.random.default_rng(0)
+    half_way = [
+        float(f"{int(m) * 2 + 1}e{e}")  # half way between two floats, or nearly so
+        for m, e in zip(rng.integers(2**52, 2**53, 50), rng.integers(-40, 40, 50), strict=True)
+    ]
+    values = np.array([*half_way, 5e-324, 1.7976931348623157e308, -0.0, 1e23, np.nan, 0.1 + 0.2])
+    columns = {"t": np.arange(values.size) / 100, "e": values, "u": -values}
+    read = [read_runs(write(tmp_path, kind, columns), **ROLES) for kind in KINDS]
+    np.testing.assert_array_equal(read[0][0]["e"], values)
     for other in read[1:]:
         assert_same(other, read[0])
 
@@ -87,6 +79,14 @@ def test_parquet_types(tmp_path):
     assert X.index.to_list() == [("b", 0), ("b", 1), ("a", 0)]
     np.testing.assert_array_equal(X["e"], [1, np.nan, 2.5])
     np.testing.assert_array_equal(y, [1, np.nan, 3])
+
+
+def test_a_named_regular_index_of_parquet(tmp_path):
+    frame = pd.DataFrame({"e": [1.0, 2.0], "u": [3.0, 4.0]}, pd.RangeIndex(0, 20, 10, name="time"))
+    frame.to_parquet(tmp_path / "run.parquet")
+    units = {"time": "ms"}
+    X, _ = read_runs(tmp_path / "run.parquet", inputs="e", output="u", time="time", units=units)
+    assert X.index.get_level_values("time").to_list() == [0.0, 0.01]
 
 
 def test_several_files_patterns_and_order(tmp_path, write):
@@ -172,16 +172,10 @@ class TestText:
         np.testing.assert_array_equal(X["e"], [1.5, -0.225, np.nan])
         assert y.to_list() == [1, 2, 0.5]
 
-    def test_exponent_without_point_is_not_ambiguous(self, tmp_path):
-        X, y = self.read(tmp_path, "e;u\n1,5;1e-06\n2e-3;2\n")
-        assert X["e"].to_list() == [1.5, 0.002]
-        assert y.to_list() == [1e-6, 2]
-
     def test_commas_and_points_are_ambiguous(self, tmp_path):
-        with pytest.raises(ValueError, match=r"'e' has commas .*'1,5'.* 'e' has points"):
-            self.read(tmp_path, "e;u\n1,5;1\n2.5;2\n")
-        with pytest.raises(ValueError, match=r"'e' has commas .*'1,234'.* 'u' has points"):
-            self.read(tmp_path, "e;u\n1,234;0.5\n2,345;0.25\n")
+        for rows in ("1,5;1\n2.5;2\n", "1,234;0.5\n2,345;0.25\n"):
+            with pytest.raises(ValueError, match=r"decimal commas, and those of .* have points"):
+                self.read(tmp_path, "e;u\n" + rows)
 
     @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252", "utf-16"])
     def test_encodings(self, tmp_path, encoding):
@@ -189,14 +183,54 @@ class TestText:
         assert X.attrs["units"] == {"e": "°"}
 
     @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
-    def test_newlines(self, tmp_path, newline):
-        X, _ = self.read(tmp_path, newline.join(["e,u", "1,2", "3,4", ""]))
-        assert X["e"].to_list() == [1, 3]
-
-    def test_blank_lines_and_quotes(self, tmp_path):
-        X, y = self.read(tmp_path, '\n\n"e","u"\n1,2\n\n3,4\n\n')
+    @pytest.mark.parametrize(
+        "text",
+        [
+            '\n\n"e","u"\n1,2\n\n3,4\n\n',
+            'e,u,note\n1,2,"a"\n3,4,"b, ""c"""\n',
+            'e,u,note\n1,2,a 5" screen\n3,4,b\n',
+            'e,u,"note\n[text, free]"\n1,2,a\n3,4,a',
+        ],
+    )
+    def test_ends_of_lines_blank_lines_and_quotes(self, tmp_path, text, newline):
+        X, y = self.read(tmp_path, text.replace("\n", newline).encode())
         assert X["e"].to_list() == [1, 3]
         assert y.to_list() == [2, 4]
+
+    @pytest.mark.parametrize(
+        ("cells", "labels"),
+        [
+            (["1", "1", "02"], [1, 1, 2]),
+            (["b", " b ", "a"], ["b", "b", "a"]),
+            (["1", "a", "x y"], ["1", "a", "x y"]),
+        ],
+    )
+    def test_labels(self, tmp_path, cells, labels):
+        rows = "".join(f"{cell},{i},1,2\n" for i, cell in enumerate(cells))
+        X, _ = self.read(tmp_path, "r,t,e,u\n" + rows, run="r")
+        found = X.index.get_level_values("run").to_list()
+        assert found == labels
+        assert list(map(type, found)) == list(map(type, labels))
+
+    @pytest.mark.parametrize("header", ["run", "Run"])
+    def test_runs_are_not_taken_for_one(self, tmp_path, header):
+        rows = f"{header},e,u\n0,1,2\n1,3,4\n"
+        with pytest.raises(ValueError, match=f"'{header}' of .*csv has 2 labels.*run='{header}'"):
+            self.read(tmp_path, rows)
+        assert len(self.read(tmp_path, rows, run=header)[0]) == 2
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mat"])
+def test_names_that_are_not_utf_8(tmp_path, write, suffix):
+    path = tmp_path / f"r\udcff{suffix}"
+    try:
+        path.touch()
+    except (OSError, UnicodeEncodeError):
+        pytest.skip("this file system has no such names")
+    runs = read_runs(write(tmp_path, "csv", {"t": T, "e": E, "u": U}), **ROLES)
+    write_runs(*runs, path, overwrite=True)
+    again, _ = read_runs(path, inputs="e", output="u", time="time")
+    assert again.index.get_level_values("run")[0] == r"r\xff"
 
 
 class TestMatlab:
