@@ -2,7 +2,7 @@
 
 from .controlled_element import ELEMENT, ControlledElement
 from .linear_element import LinearElement
-from .operator import HumanOperator, crossover, delay_samples, pade, zoh_parameters
+from .operator import HumanOperator, crossover, delay_samples, zoh_parameters
 from .variation import Mixture, Ramp, Sigmoid, Step
 
 # What the lab uses, and no user needs.
@@ -19,6 +19,5 @@ __all__ = [
     "Step",
     "crossover",
     "delay_samples",
-    "pade",
     "zoh_parameters",
 ]

@@ -68,9 +68,9 @@ class ControlledElement:
     ) -> Any:
         """An element of this form, or a ``LinearElement`` for any other."""
         if isinstance(K_c, str) and not is_number(K_c):
-            return LinearElement.from_text(K_c, dt)
+            return LinearElement.of(K_c, dt)
         if numerator is not None and denominator is not None:
-            return cls.from_polynomials(numerator, denominator, dt)
+            return LinearElement(tuple(numerator), tuple(denominator), dt)
         if numerator is not None or denominator is not None:
             raise ValueError("ControlledElement: give numerator and denominator together.")
         if dt is not None:
@@ -94,40 +94,6 @@ class ControlledElement:
 
     def __post_init__(self) -> None:
         check_parameters(self, "K_c", "omega_b")
-
-    @classmethod
-    def from_polynomials(
-        cls, numerator: Sequence[float], denominator: Sequence[float], dt: float | None = None
-    ) -> LinearElement:
-        """An element of any form, by its coefficients.
-
-        Parameters
-        ----------
-        numerator, denominator : sequence of float
-            Coefficients in falling powers of s, or of z where ``dt`` is given.
-        dt : float or None, default=None
-            Sampling time in seconds of a discrete element.
-
-        Returns
-        -------
-        element : LinearElement
-        """
-        return LinearElement(tuple(numerator), tuple(denominator), dt)
-
-    @classmethod
-    def of(cls, system: Any) -> LinearElement:
-        """An element from a python-control or SciPy object, or from a string.
-
-        Parameters
-        ----------
-        system : object
-            As for :meth:`skhoid.LinearElement.of`.
-
-        Returns
-        -------
-        element : LinearElement
-        """
-        return LinearElement.of(system)
 
     def at(self, t: float) -> ControlledElement:
         """The controlled element frozen at one instant.

@@ -244,7 +244,6 @@ def _read_state_space(system: Any) -> Coefficients:
 
 
 SAME_CLOCK = 1e-6  # relative difference of two sampling times that are the same
-CLOSE_TO_ONE = 1e-5  # of a pole in z that is an integrator
 ON_AXIS = 1e-9  # real part of a zero, relative to its size, that is on the stability limit
 
 
@@ -282,8 +281,8 @@ class LinearElement:
     >>> element = LinearElement.of("90/(s^2 + 6s)")
     >>> element
     LinearElement(numerator=(90.0,), denominator=(1.0, 6.0, 0.0))
-    >>> print(element, element.n_integrators)
-    90/(s (s + 6)) 1
+    >>> print(element)
+    90/(s (s + 6))
     >>> b, a = LinearElement.of("1/s").discrete(dt=0.01)
     >>> b, a
     (array([0.  , 0.01]), array([ 1., -1.]))
@@ -354,54 +353,15 @@ class LinearElement:
             If it does not describe an element.
         """
         if isinstance(system, str):
-            return cls.from_text(system, dt)
-        if dt is not None:
-            raise ValueError(
-                "dt is for a controlled element given as a string; others have their own."
-            )
+            return _read_text(system, dt)
         if isinstance(system, LinearElement):
             return system
         return cls(*read_coefficients(system))
-
-    @classmethod
-    def from_text(cls, text: str, dt: float | None = None) -> LinearElement:
-        """An element from a ratio of polynomials in s, or in z.
-
-        Parameters
-        ----------
-        text : str
-            ``"2(s+3)/(s^2 (s+0.5))"``.
-        dt : float or None, default=None
-            Sampling time in seconds, if the text is in z.
-
-        Returns
-        -------
-        element : LinearElement
-        """
-        top, bottom, variable = parse(text)
-        if (variable == "z") != (dt is not None) and variable:
-            raise ValueError(
-                f"The controlled element {text!r} is in {variable}: "
-                + (
-                    "give its sampling time too, dt=... in seconds."
-                    if variable == "z"
-                    else f"dt={dt!r} is for elements in z. Leave dt out."
-                )
-            )
-        return cls(tuple(top), tuple(bottom), dt)
 
     @property
     def order(self) -> int:
         """Number of poles."""
         return len(self.denominator) - 1
-
-    @property
-    def n_integrators(self) -> int:
-        """Number of poles at zero (of a discrete element: at one)."""
-        if self.dt is None:
-            return int((self.poles == 0).sum())
-        # Double poles at one come out of roots() apart by the square root of the rounding.
-        return int((np.abs(self.poles - 1.0) < CLOSE_TO_ONE).sum())
 
     @property
     def poles(self) -> np.ndarray:
@@ -575,6 +535,21 @@ class LinearElement:
             return moved / below[0]
         start = lfilter_zi([1.0], below)[:, None] * moved[:1]
         return lfilter([1.0], below, moved, axis=0, zi=start)[0]
+
+
+def _read_text(text: str, dt: float | None) -> LinearElement:
+    """An element from a ratio of polynomials in s, or in z with its sampling time (s)."""
+    top, bottom, variable = parse(text)
+    if (variable == "z") != (dt is not None) and variable:
+        raise ValueError(
+            f"The controlled element {text!r} is in {variable}: "
+            + (
+                "give its sampling time too, dt=... in seconds."
+                if variable == "z"
+                else f"dt={dt!r} is for elements in z. Leave dt out."
+            )
+        )
+    return LinearElement(tuple(top), tuple(bottom), dt)
 
 
 def _check_coefficients(values: Any) -> np.ndarray:

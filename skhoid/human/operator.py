@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from math import comb, factorial
 from numbers import Real
 from typing import Any
 
@@ -338,89 +337,10 @@ def delay_samples(operator: HumanOperator, dt: float, *, nearest: bool = False) 
     return round(samples) + 1
 
 
-def pade(delay: float, order: int) -> tuple[np.ndarray, np.ndarray]:
-    """Padé approximant of a pure time delay.
-
-    exp(-s tau) is about (1 - h_1 s tau + h_2 (s tau)² - ...) / (1 + h_1 s tau + h_2 (s tau)² + ...)
-    with h_k = C(n, k) (2n - k)! / (2n)! for order n (Eq. 5.17; Eq. 5.18 is order 1, h_1 = 1/2).
-
-    Parameters
-    ----------
-    delay : float
-        Delay tau in seconds.
-    order : int
-        Order n; 0 is no delay at all.
-
-    Returns
-    -------
-    numerator, denominator : ndarray of shape (order + 1,)
-        Polynomials in s, highest power first, as in SciPy.
-
-    Raises
-    ------
-    ValueError
-        If ``order`` is not a whole number, at least 0.
-
-    Examples
-    --------
-    >>> from skhoid.human import pade
-    >>> numerator, denominator = pade(0.28, order=1)
-    >>> numerator
-    array([-0.14,  1.  ])
-    >>> denominator
-    array([0.14, 1.  ])
-    """
-    check_order(order)
-    # In closed form; scipy.interpolate.pade solves a system that loses digits as the order grows.
-    n = int(order)
-    h = [comb(n, k) * factorial(2 * n - k) / factorial(2 * n) for k in range(n, -1, -1)]
-    powers = np.arange(n, -1, -1)
-    return np.array(h) * (-delay) ** powers, np.array(h) * delay**powers
-
-
-def respond_pade(delay: float, order: int, omega: Any) -> np.ndarray:
-    """Frequency response of a Padé approximant of a time delay.
-
-    Its gain is 1 at every frequency, like that of the delay; its phase falls short of -omega tau
-    from about omega tau = 2 n on.
-
-    Parameters
-    ----------
-    delay : float
-        Delay in seconds.
-    order : int
-        Order n of the approximant, see :func:`pade`.
-    omega : array-like of shape (n_frequencies,)
-        Frequencies in rad/s.
-
-    Returns
-    -------
-    H : ndarray of complex, shape (n_frequencies,)
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from skhoid.human.operator import respond_pade
-    >>> np.angle(respond_pade(0.28, 1, [1.0, 5.0])).round(3)
-    array([-0.278, -1.221])
-    """
-    numerator, denominator = pade(delay, order)
-    s = 1j * np.asarray(omega, dtype=float)
-    return np.polyval(numerator, s) / np.polyval(denominator, s)
-
-
 def check_dt(dt: Any) -> None:
     """Refuse a sampling time that is not a positive number."""
     if np.ndim(dt) or not 0 < float(dt) < np.inf:
         raise ValueError(f"dt must be a positive sampling time in seconds; got {dt!r}.")
-
-
-def check_order(order: Any) -> None:
-    """Refuse an order of a Padé approximant that is not a whole number."""
-    if isinstance(order, bool) or not isinstance(order, (int, np.integer)) or order < 0:
-        raise ValueError(
-            f"The order of a Padé approximant must be a whole number, at least 0; got {order!r}."
-        )
 
 
 # The grid only brackets the crossing; gains of operators are smooth on this scale.

@@ -61,61 +61,12 @@ class Transition:
     final: float
 
     def __call__(self, t: Any) -> np.ndarray:
-        return self.along(self.progress(t))
-
-    def along(self, progress: np.ndarray) -> np.ndarray:
-        """Values where this share of the transition has happened.
-
-        Parameters
-        ----------
-        progress : ndarray of shape (n_instants,)
-            From :meth:`progress`.
-
-        Returns
-        -------
-        values : ndarray of shape (n_instants,)
-        """
+        progress = self._progress(np.asarray(t, dtype=float))
         return (1.0 - progress) * self.initial + progress * self.final
 
-    def progress(self, t: Any) -> np.ndarray:
-        """How much of the transition has happened, 0 to 1.
-
-        Parameters
-        ----------
-        t : array-like of shape (n_instants,)
-            Instants in s.
-
-        Returns
-        -------
-        progress : ndarray of shape (n_instants,)
-        """
-        return self._progress(np.asarray(t, dtype=float))
-
-    def unit(self) -> Any:
-        """The same transition from 0 to 1.
-
-        Returns
-        -------
-        transition : Transition
-        """
-        return replace(self, initial=0.0, final=1.0)
-
     def _progress(self, t: np.ndarray) -> np.ndarray:
+        """How much of the transition has happened, 0 to 1."""
         raise NotImplementedError
-
-    def later(self, lag: float) -> Any:
-        """The same transition, moved in time.
-
-        Parameters
-        ----------
-        lag : float
-            How much later, in s.
-
-        Returns
-        -------
-        transition : Transition
-        """
-        return replace(self, **{n: getattr(self, n) + lag for n in INSTANTS if hasattr(self, n)})
 
 
 @dataclass(frozen=True)
@@ -346,9 +297,10 @@ def find_transition(*parameters: Parameter | None) -> Any:
     """The transition from 0 to 1 that the first varying parameter follows; None without any."""
     for parameter in parameters:
         if isinstance(parameter, Transition) and parameter.initial != parameter.final:
-            return parameter.unit()
+            return replace(parameter, initial=0.0, final=1.0)
         if isinstance(parameter, Shifted) and (own := find_transition(parameter.function)):
-            return own.later(parameter.lag)
+            times = {n: getattr(own, n) for n in INSTANTS if hasattr(own, n)}
+            return replace(own, **{name: time + parameter.lag for name, time in times.items()})
         if isinstance(parameter, Mixture) and isinstance(parameter.weight, Transition):
             return find_transition(parameter.weight)
     return None

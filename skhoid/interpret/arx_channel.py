@@ -170,19 +170,12 @@ def arx_response(
 
 
 def arx_response_covariance(
-    theta: Any,
-    covariance: Any,
-    omega: Any,
-    dt: float,
-    *,
-    na: int,
-    nk: int = 0,
-    delay: float = 0.0,
+    theta: Any, covariance: Any, omega: Any, dt: float, *, na: int, nk: float = 0
 ) -> np.ndarray:
     """Covariance of the real and imaginary parts of an ARX frequency response.
 
     By Gauss's approximation C = J P J', with J the real and imaginary parts of the gradient
-    dH/da_i = -H z^-i / A and dH/db_i = z^-(nk+i) e^(-j omega delay) / A (Eqs. H.11-H.17).
+    dH/da_i = -H z^-i / A and dH/db_i = z^-(nk+i) / A (Eqs. H.11-H.17).
 
     Parameters
     ----------
@@ -196,10 +189,8 @@ def arx_response_covariance(
         Sampling time of the model in seconds.
     na : int
         Number of output lags.
-    nk : int, default=0
+    nk : float, default=0
         Input delay in samples.
-    delay : float, default=0.0
-        Further delay in seconds.
 
     Returns
     -------
@@ -219,7 +210,7 @@ def arx_response_covariance(
     (2, 2, 2)
     """
     omega, theta = _check_below_nyquist(omega, dt), np.asarray(theta, dtype=float)
-    _, gradient = differentiate_response(theta, omega, dt, na, nk * dt + delay)
+    _, gradient = differentiate_response(theta, omega, dt, na, nk * dt)
     parts = np.stack([gradient.real, gradient.imag], axis=-2)
     P = np.asarray(covariance, dtype=float)[..., None, :, :]
     return parts @ P @ np.swapaxes(parts, -1, -2)
@@ -238,12 +229,13 @@ def describe_response(model: Any, omega: np.ndarray, name: str | None) -> dict[s
             "The model's parameters vary in time: use arx_response(model.coef_path_, ...) or "
             "crossover_path from skhoid.interpret."
         )
-    grid: dict[str, Any] = {"na": arx.na, "nk": arx.nk, "delay": arx.shift}
     covariance = arx.covariance
     if covariance is not None:
-        covariance = arx_response_covariance(arx.theta, covariance, omega, arx.dt, **grid)
+        covariance = arx_response_covariance(
+            arx.theta, covariance, omega, arx.dt, na=arx.na, nk=arx.delay / arx.dt
+        )
     return {
-        "response": arx_response(arx.theta, omega, arx.dt, **grid),
+        "response": arx_response(arx.theta, omega, arx.dt, na=arx.na, delay=arx.delay),
         "covariance": covariance,
         "input": arx.input,
         "output": arx.output,

@@ -5,14 +5,14 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from itertools import product
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from .._sklearn import Interval, StrOptions, checked
-from ..human.operator import check_dt, check_order, held_filter, pade
+from ..human.operator import held_filter
 from ..human.variation import as_floats
 from ..pipelines import taken_apart
 from .arx_channel import ARXChannel, differentiate_response, find_delay_before
@@ -28,104 +28,36 @@ DIFFERENCE = 1e-6  # of logarithms, for derivatives of the neuromuscular filter
 
 
 def fit_operator(
-    theta: Any,
+    theta: np.ndarray,
     dt: float,
     *,
     na: int,
     delay: float,
-    covariance: Any = None,
+    covariance: np.ndarray | None = None,
     dt_recording: float | None = None,
     band: tuple[float, float] = (0.2, 18.0),
-    pade_order: int | None = None,
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray, int]:
-    """Fit an operator to the frequency response of ARX parameters of any order.
+    """Values, deviations and misfit of operators fitted to ARX responses, and how many failed.
 
     Minimises the sum of |H(j omega; p) / G(j omega; theta) - 1|² over 60 frequencies, evenly
     spaced on a log scale, for K_e, K_edot, log omega_nm, log zeta_nm and tau_e. G is the ARX
-    model's response with its delay; H is that of the operator under the zero-order hold of the
-    recording, exactly (:func:`~skhoid.human.operator.zoh_parameters`).
-
-    Parameters
-    ----------
-    theta : array-like of shape (n_params,) or (n_instants, n_params)
-        [a_1 ... a_na, b_0 ... b_{nb-1}].
-    dt : float
-        Sampling time of the model in seconds.
-    na : int
-        Number of output lags.
-    delay : float
-        Delay of the model in s: ``nk`` and a delay shift, with the sample of zero-order hold.
-    covariance : array-like of shape (..., n_params, n_params) or None, default=None
-        Covariance of ``theta``.
-    dt_recording : float or None, default=None
-        Sampling time of the recording in seconds, over which e is held. None means ``dt``.
-    band : (float, float), default=(0.2, 18.0)
-        Lowest and highest frequency in rad/s.
-    pade_order : int or None, default=None
-        None uses the exact delay; with a number, the part of it beyond ``delay`` is a Padé
-        approximant of that order (Eqs. 5.17-5.18).
-
-    Returns
-    -------
-    values : dict of ndarray
-        K_e, T_L (s), K_edot (s), tau_e (s), omega_nm (rad/s), zeta_nm, each of the leading shape of
-        ``theta``. NaN where there is no fit: omega_nm or zeta_nm at a bound (half the lower and
-        twice the upper end of the band; 0.02 and 5). A tau_e below 0 means that the model leads
-        where an operator lags.
-    deviations : dict of ndarray
-        Standard deviations by the delta method, dp = (J'J)^-1 J' dG: exact where the misfit is
-        zero. NaN without ``covariance``.
-    misfit : ndarray
-        Root mean square of the remaining relative error.
-    n_failed : int
-        Number of finite parameter sets without a fit.
-
-    Raises
-    ------
-    ValueError
-        If the band is not below the Nyquist frequency of the model, or shapes do not fit.
-
-    Notes
-    -----
-    The relative error weighs gain and phase, and every octave, equally: the neuromuscular peak
-    counts as much as low frequencies where the gain is ten times lower. (An absolute error would
-    hardly see anything but the peak.) The gains enter linearly, so only delay and neuromuscular
-    filter need starting values: 36 are tried and the best three refined, for all instants of a path
-    side by side.
-
-    References
-    ----------
-    Van Grootheest, thesis, Section III-C (orders other than 2) and Eqs. 5.15-5.18.
-
-    Examples
-    --------
-    >>> from skhoid import HumanOperator
-    >>> from skhoid import zoh_parameters
-    >>> from skhoid.interpret.conversion import fit_operator
-    >>> theta = zoh_parameters(HumanOperator(), dt=0.01)
-    >>> values, _, _, _ = fit_operator(theta, 0.01, na=2, delay=0.29)
-    >>> {name: round(float(value), 4) for name, value in values.items()}
-    {'K_e': 0.09, 'T_L': 0.4, 'K_edot': 0.036, 'tau_e': 0.28, 'omega_nm': 11.25, 'zeta_nm': 0.35}
+    model's response with its ``delay`` (with the sample of zero-order hold); H is that of the
+    operator under the hold of the recording, exactly. The relative error weighs gain and phase, and
+    every octave, equally; an absolute one would hardly see anything but the neuromuscular peak.
+    ``theta`` is (n_params,) or (n_instants, n_params). NaN where omega_nm or zeta_nm is at a bound
+    (half the lower and twice the upper end of the band; 0.02 and 5). Deviations are by the delta
+    method, dp = (J'J)^-1 J' dG.
     """
-    check_dt(dt)
-    theta = np.asarray(theta, dtype=float)
-    if theta.ndim not in (1, 2) or theta.shape[-1] <= na:
-        raise ValueError(
-            "theta must have the shape (n_params,) or (n_instants, n_params), with more than na "
-            f"parameters; got {theta.shape} and na={na}."
-        )
-    if pade_order is not None:
-        check_order(pade_order)
     omega = _choose_frequencies(band, dt)
-    hold = OperatorUnderHold(omega, delay, dt if dt_recording is None else dt_recording, pade_order)
+    hold = OperatorUnderHold(omega, delay, dt if dt_recording is None else dt_recording)
     rows = np.atleast_2d(theta)
     response, slopes = differentiate_response(rows, omega, dt, na, delay)
     P = None
     if covariance is not None:
-        P = np.broadcast_to(np.asarray(covariance, dtype=float), (*rows.shape, rows.shape[-1]))
+        P = np.broadcast_to(covariance, (*rows.shape, rows.shape[-1]))
     table, deviations, misfit = _fit_path(hold, response, slopes, P, band)
     n_failed = int((np.isnan(table[:, 0]) & np.isfinite(rows).all(axis=1)).sum())
-    shape = theta.shape[:-1]
+    shape = np.shape(theta)[:-1]
     return (
         {name: table[:, i].reshape(shape) for i, name in enumerate(NAMES)},
         {name: deviations[:, i].reshape(shape) for i, name in enumerate(NAMES)},
@@ -172,29 +104,15 @@ class OperatorUnderHold:
     omega: np.ndarray
     known_delay: float
     dt: float
-    pade_order: int | None
 
     def gains(self, p: np.ndarray) -> np.ndarray:
         """Responses to which K_e and K_edot are the gains; two columns."""
         z = np.exp(-1j * self.omega * self.dt)
         a1, a2, step, rate = held_filter(np.exp(p[:, 2:3]), np.exp(p[:, 3:4]), self.dt)
-        filtered = self.lag(p[:, 4:5])[0] / (1 + a1 * z + a2 * z**2)
+        lag = np.exp(-1j * self.omega * (p[:, 4:5] + self.dt))  # with the sample of the hold
+        filtered = lag / (1 + a1 * z + a2 * z**2)
         columns = [step + (1 + a1 + a2 - step) * z, rate * (1 - z)]
         return np.stack(columns, -1) * filtered[..., None]
-
-    def lag(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Response of the delay with the sample of zero-order hold, and its derivative to tau."""
-        s = 1j * self.omega
-        total = tau + self.dt
-        if self.pade_order is None:
-            response = np.exp(-s * total)
-            return response, -s * response
-        x = s * (total - self.known_delay)
-        numerator, denominator = (np.poly1d(part) for part in pade(1.0, self.pade_order))
-        n, d = numerator(x), denominator(x)
-        slope = (numerator.deriv()(x) * d - n * denominator.deriv()(x)) / d**2
-        whole = np.exp(-s * self.known_delay)
-        return whole * n / d, whole * s * slope
 
     def slopes(self, p: np.ndarray) -> np.ndarray:
         """Derivatives to p, of shape (n, n_frequencies, 5)."""
@@ -206,8 +124,7 @@ class OperatorUnderHold:
         columns = [gains[..., 0], gains[..., 1]]
         for step in DIFFERENCE * np.eye(5)[FILTER]:
             columns.append((response(p + step) - response(p - step)) / (2 * DIFFERENCE))
-        value, slope = self.lag(p[:, 4:5])
-        columns.append(response(p) * slope / value)
+        columns.append(-1j * self.omega * response(p))
         return np.stack(columns, axis=-1)
 
 
@@ -345,8 +262,7 @@ def _invert_hold(theta: np.ndarray, dt: float) -> np.ndarray:
 
 @checked(
     method=[StrOptions({"poles", "fit"})],
-    input=[str, Integral, None],
-    pade_order=[Interval(Integral, 0, None, closed="left"), None],
+    input=[str, None],
 )
 def operator_parameters(
     model: Any,
@@ -354,7 +270,6 @@ def operator_parameters(
     method: str = "poles",
     input: str | None = None,
     band: tuple[float, float] = (0.2, 18.0),
-    pade_order: int | None = None,
 ) -> pd.DataFrame:
     """Operator parameters of a fitted ARX model, over time if its parameters vary.
 
@@ -364,17 +279,13 @@ def operator_parameters(
         Fitted. If it has parameters over time (``coef_path_``), each instant is converted.
     method : {"poles", "fit"}, default="poles"
         ``"poles"`` inverts zero-order hold (Eqs. 22-23, :func:`arx_to_operator`) and needs ``na =
-        nb = 2``. ``"fit"`` fits the operator to the model's frequency response
-        (:func:`fit_operator`): any orders, and it estimates the
-        delay.
+        nb = 2``. ``"fit"`` fits the operator to the model's frequency response, with the same
+        relative error at all frequencies: any orders, and it estimates the delay.
     input : str or None, default=None
         Input whose response is converted. None means the only one, or the one of role ``e``.
     band : (float, float), default=(0.2, 18.0)
         Frequency range in rad/s for ``method="fit"``, by default that of the thesis's forcing
         function.
-    pade_order : int or None, default=None
-        For ``method="fit"``: None uses the exact delay; with a number, the part of it beyond the
-        model's whole samples is a Padé approximant of that order (Eqs. 5.17-5.18).
 
     Returns
     -------
@@ -445,7 +356,6 @@ def operator_parameters(
             covariance=arx.covariance,
             dt_recording=arx.dt_recording,
             band=band,
-            pade_order=pade_order,
         )
         reason = "have a response that does not fit an operator"
     columns = {name: values[name] for name in NAMES}

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import periodogram
 from sklearn.utils.validation import check_consistent_length
 
-from .._sklearn import DT, ROLES, WINDOW, checked
+from .._sklearn import DT, WINDOW, checked
 from ..metrics import scored_rows
 from ..preprocessing.gate import as_output, as_table, check_numbers
 from ..runs import (
@@ -24,7 +24,6 @@ from ..runs import (
     run_column,
     run_name,
 )
-from ..runs.roles import columns_of_role
 from .response import FrequencyResponse, find_aligning_delay, unwrap_phase
 
 BIN_TOLERANCE = 0.01  # of a bin; so far off, one percent of a line leaks into its neighbours
@@ -38,9 +37,7 @@ class Lines:
     period: float | None
 
     @classmethod
-    def of(cls, forcing: Any, period: float | None) -> Lines:
-        if period is None:
-            period = getattr(forcing, "period", None)
+    def of(cls, forcing: Any) -> Lines:
         try:
             omega = np.atleast_1d(np.asarray(getattr(forcing, "omega", forcing), dtype=float))
         except (TypeError, ValueError):  # no numbers
@@ -50,9 +47,7 @@ class Lines:
                 "forcing must be a Multisine, its frequencies in rad/s (positive numbers), or a "
                 f"dict of these; got {forcing!r}."
             )
-        if period is not None and not period > 0:
-            raise ValueError(f"period must be the base period in seconds; got {period!r}.")
-        return cls(np.sort(omega), period)
+        return cls(np.sort(omega), getattr(forcing, "period", None))
 
     def off(self, n_samples: Any, dt: float) -> np.ndarray:
         """Distance in bins of the worst line from a whole number of periods, by window length."""
@@ -102,13 +97,13 @@ class Lines:
         )
 
 
-def read_lines(forcing: Any, period: float | None = None) -> dict[str | None, Lines]:
+def read_lines(forcing: Any) -> dict[str | None, Lines]:
     """Lines of every forcing function; the only one has no name."""
     if not isinstance(forcing, dict):
-        return {None: Lines.of(forcing, period)}
+        return {None: Lines.of(forcing)}
     if not forcing:
         raise ValueError("forcing is an empty dict; give at least one forcing function.")
-    return {name: Lines.of(part, period) for name, part in forcing.items()}
+    return {name: Lines.of(part) for name, part in forcing.items()}
 
 
 def collect_bins(lines: dict[Any, Lines], windows: Windows, number: int) -> dict[Any, np.ndarray]:
@@ -206,7 +201,7 @@ DOF = 2 * N_NEIGHBOURS  # of the remnant: real and imaginary parts
 ABSENT = 1e-6  # of the strongest bin of a forcing function; weaker lines are rounding
 
 
-@checked(y=["array-like"], window=WINDOW, period=DT, roles=ROLES, dt=DT)
+@checked(y=["array-like"], window=WINDOW, dt=DT)
 def fourier_coefficients(
     X: Any,
     y: Any,
@@ -214,8 +209,6 @@ def fourier_coefficients(
     forcing: Any,
     inputs: Any = None,
     window: tuple[float, float] | None = None,
-    period: float | None = None,
-    roles: dict | None = None,
     dt: float | None = None,
     run: Any = None,
 ) -> Any:
@@ -240,10 +233,6 @@ def fourier_coefficients(
     window : (float, float) or None, default=None
         Use only rows with ``window[0] <= time < window[1]``, in seconds. None means whole runs.
         A window must hold a whole number of periods of every line.
-    period : float or None, default=None
-        Base period in seconds, if ``forcing`` does not have its own.
-    roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where their names do not give them.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
@@ -300,11 +289,11 @@ def fourier_coefficients(
     names = list(frame.columns)
     windows = Windows.of(frame, window, dt, run)
     label = windows.layout.run_column if run is None else run
-    positions = input_columns(names, len(names), inputs, label, roles)
-    lines = read_lines(forcing, period)
+    positions = input_columns(names, len(names), inputs, label, None)
+    lines = read_lines(forcing)
     _check_numbers([names[p] for p in positions], lines)
     several = len(positions) > 1
-    columns = positions + [_find_column(names, name, roles) for name in lines if several]
+    columns = positions + [_find_column(names, name) for name in lines if several]
     table = frame.iloc[:, columns].copy()
     table.insert(len(positions), "", as_output(y), allow_duplicates=True)
     output = output_name(y)
@@ -376,18 +365,15 @@ def _estimate_several(
     }
 
 
-def _find_column(names: list[Any], name: Any, roles: dict | None) -> int:
+def _find_column(names: list[Any], name: Any) -> int:
     """Column that holds the signal of a forcing function."""
-    if name in names:
-        return names.index(name)
-    by_role = columns_of_role(names, name, roles)
-    if len(by_role) != 1:
+    if name not in names:
         raise ValueError(
             f"The signal of the forcing function {name!r} is needed to tell several inputs apart, "
             f"but X has no column of that name; its columns are {names}. Use the columns of X as "
-            "keys of forcing, or give roles={column: key}."
+            "keys of forcing."
         )
-    return by_role[0]
+    return names.index(name)
 
 
 class _Spectra:
@@ -510,31 +496,25 @@ def _interpolate(omega: np.ndarray, ratios: np.ndarray, wanted: np.ndarray) -> n
     return result.reshape(*ratios.shape[:-1], wanted.size)
 
 
-@checked(window=WINDOW, period=DT, dt=DT)
+@checked(dt=DT)
 def auto_psd(
     X: Any,
     *,
     forcing: Any = None,
-    window: tuple[float, float] | None = None,
-    period: float | None = None,
     dt: float | None = None,
     run: Any = None,
 ) -> pd.DataFrame:
     """Auto-power-spectral density of every channel of every run.
 
     One-sided, per rad/s: the sum of S over the frequencies, times their spacing, is the mean square
-    of the signal. Uses the DFT of the whole window, without a taper; means are kept, at omega = 0.
+    of the signal. Uses the DFT of the whole run, without a taper; means are kept, at omega = 0.
 
     Parameters
     ----------
     X : DataFrame, Series or array of shape (n_rows, n_channels) or (n_rows,)
         Channels, one row per sample; runs and time are read from its index.
     forcing : Multisine, array-like of frequencies in rad/s, dict of these or None, default=None
-        Marks the excited lines, which must be bins of the window.
-    window : (float, float) or None, default=None
-        Use only rows with ``window[0] <= time < window[1]``, in seconds. None means whole runs.
-    period : float or None, default=None
-        Base period in seconds, if ``forcing`` does not have its own.
+        Marks the excited lines, of which a run must hold whole periods.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
@@ -559,7 +539,7 @@ def auto_psd(
     [6.283]
     """
     frame = read_signals(X)
-    windows = Windows.of(frame, window, dt, run)
+    windows = Windows.of(frame, None, dt, run)
     if run is not None:
         keep = np.arange(frame.shape[1]) != run_column(list(frame.columns), run)
         frame = frame.loc[:, keep]
@@ -575,7 +555,7 @@ def auto_psd(
             "psd": density.T.ravel(),
         }
         if forcing is not None:
-            bins = collect_bins(read_lines(forcing, period), windows, number)
+            bins = collect_bins(read_lines(forcing), windows, number)
             excited = np.isin(np.arange(omega.size), np.concatenate(list(bins.values())))
             columns["excited"] = np.tile(excited, frame.shape[1])
         tables.append(pd.DataFrame(columns))

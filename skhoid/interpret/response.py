@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -79,9 +79,7 @@ def find_crossover_at_lines(
     dt=DT,
     nk=[Integral, None],
     na=[Integral],
-    delay=[Real],
     time=["array-like", None],
-    omega=["array-like", None],
 )
 def crossover_path(
     theta: Any,
@@ -90,14 +88,13 @@ def crossover_path(
     dt: float | None = None,
     nk: int | None = None,
     na: int = 2,
-    delay: float = 0.0,
     time: Any = None,
-    omega: Any = None,
 ) -> pd.DataFrame:
     """Crossover frequency and phase margin over time, from a path of ARX parameters.
 
     At every instant, the last downward crossing of one by H_OL = H_ARX(j omega; theta(t)) H_CE(j
-    omega, t) is found on a grid and refined by bisection to rounding.
+    omega, t) is found on a grid of 160 frequencies, from 0.1 rad/s to Nyquist, and refined by
+    bisection to rounding.
 
     Parameters
     ----------
@@ -113,14 +110,8 @@ def crossover_path(
         Input delay in samples; needed with an array.
     na : int, default=2
         Number of output lags.
-    delay : float, default=0.0
-        Further delay in seconds, such as that of a :class:`~skhoid.DelayShift`.
     time : array-like of shape (n_instants,) or None, default=None
         Instants in seconds. None means 0, dt, 2 dt ...
-    omega : array-like of shape (n_lines,) or None, default=None
-        Grid in rad/s on which crossings are searched. None means 160 frequencies, evenly spaced on
-        a log scale, from 0.1 rad/s to Nyquist. Two crossings between neighbouring frequencies are
-        missed.
 
     Returns
     -------
@@ -140,6 +131,7 @@ def crossover_path(
     0.00      1.57         75.94
     81.92     0.96         82.65
     """
+    delay = 0.0
     if is_arx(theta):
         arx = ARXChannel.of(theta, None, "crossover_path")
         dt, nk, na, delay = arx.dt, arx.nk, arx.na, arx.shift
@@ -156,12 +148,7 @@ def crossover_path(
             f"time holds {instants.size} instants but theta {len(theta)}; give one time per "
             "instant."
         )
-    if omega is None:
-        grid = np.geomspace(min(0.1, 0.01 * np.pi / dt), np.pi / dt, 160)
-    else:
-        grid = as_floats(omega, "omega")
-        if grid.ndim != 1 or grid.size < 2 or not np.all(np.isfinite(grid) & (grid > 0)):
-            raise ValueError("omega must be a grid of at least two frequencies in rad/s, above 0.")
+    grid = np.geomspace(min(0.1, 0.01 * np.pi / dt), np.pi / dt, 160)
     K_c = evaluate(controlled_element.K_c, instants)
     omega_b = evaluate(controlled_element.omega_b, instants)
 
@@ -229,10 +216,6 @@ class FrequencyResponse:
         sparse. None estimates one from the response.
     dt : float or None, default=None
         Sampling time in seconds of a discrete-time model, which ends at Nyquist, pi / dt.
-    unit : str or None, default=None
-        Unit of the magnitude.
-    label : str or None, default=None
-        Name in plots.
     dof : int or None, default=None
         Degrees of freedom of a covariance estimated from few samples; intervals then use Student's
         t.
@@ -275,8 +258,6 @@ class FrequencyResponse:
     coefficients: tuple[np.ndarray, np.ndarray] | None = None
     delay: float | None = None
     dt: float | None = None
-    unit: str | None = None
-    label: str | None = None
     dof: int | None = None
 
     # NumPy arrays hand the product over to __rmul__.
@@ -377,8 +358,14 @@ class FrequencyResponse:
 
     @property
     def phase(self) -> np.ndarray:
-        """Unwrapped phase in degrees, see :meth:`unwrapped_phase`."""
-        return self.unwrapped_phase()
+        """Phase in degrees without jumps of 360 degrees, of the shape of ``response``.
+
+        A delay of 0.3 s alone turns the phase by 110 degrees between the last two lines of the
+        thesis's forcing function, so the delay (known, or the one up to 1 s that aligns
+        neighbouring lines best) is removed before unwrapping and then restored. Runs are unwrapped
+        together: each is within 180 degrees of their mean, whose lowest line is in (-180, 180].
+        """
+        return np.degrees(unwrap_phase(self.omega, self.response, self._delay()))
 
     @property
     def magnitude_sd(self) -> np.ndarray | None:
@@ -420,35 +407,9 @@ class FrequencyResponse:
         variance = np.einsum("...i,...ij,...j->...", row, self.covariance, row)
         return np.sqrt(np.maximum(variance, 0.0))
 
-    def unwrapped_phase(self, delay: float | None = None, reference: Any = None) -> np.ndarray:
-        """Phase in degrees without jumps of 360 degrees.
-
-        A delay of 0.3 s alone turns the phase by 110 degrees between the last two lines of the
-        thesis's forcing function, so a delay is removed before unwrapping and then restored. Runs
-        are unwrapped together: each is within 180 degrees of their mean, whose lowest line is in
-        (-180, 180].
-
-        Parameters
-        ----------
-        delay : float or None, default=None
-            Delay in seconds to remove. None means the attribute ``delay``; without one, the delay
-            up to 1 s that aligns neighbouring lines best.
-        reference : FrequencyResponse, object with ``frequency_response`` or None, default=None
-            Unwrap towards its phase instead: every line comes within 180 degrees of it.
-
-        Returns
-        -------
-        phase : ndarray of the shape of ``response``
-        """
-        if reference is not None:
-            other = self._at_own_lines(reference)
-            return other.phase + np.degrees(np.angle(self.response / other.response))
-        return np.degrees(unwrap_phase(self.omega, self.response, self._delay(delay)))
-
-    def _delay(self, given: float | None = None) -> float:
-        for delay in (given, self.delay):
-            if delay is not None:
-                return delay
+    def _delay(self) -> float:
+        if self.delay is not None:
+            return self.delay
         return find_aligning_delay(self.omega, self.response)
 
     def select_run(self, run: Any) -> FrequencyResponse:
@@ -644,7 +605,6 @@ class FrequencyResponse:
             delay=None if None in delays else sum(d for d in delays if d is not None),
             dt=max(known, default=None),
             dof=min(freedom, default=None),
-            unit=None,
         )
 
     __rmul__ = __mul__

@@ -1,9 +1,8 @@
 """The operator fitted to frequency responses: one residual with weights, and one minimiser.
 
-Reference fits and paths of ARX models (:func:`~skhoid.interpret.conversion.fit_operator`) and
-responses that wavelets estimate are fitted here, thousands of responses side by side: SciPy's
-``least_squares``, one response at a time, took 2 to 4 times as long along paths, for the same
-minima to 1e-7.
+Paths of ARX models and responses that wavelets estimate are fitted here, thousands side by side:
+SciPy's ``least_squares``, one at a time, took 2 to 4 times as long along paths, for the same minima
+to 1e-7.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.signal import lfilter
@@ -14,24 +14,19 @@ from ..arx.base import ESTIMATE, REST, pays
 from ..effects.record import Record
 from .initial import fit_states, make_free_responses
 
+if TYPE_CHECKING:
+    from .cores import ARXCore
+
 Filter = Callable[[np.ndarray], np.ndarray]
 LARGEST_POLE = 0.999  # radius of a start
 FASTEST = 2.5  # rad per sample, of poles that are tried
 DAMPING = 0.05, 2.0  # ratios, the same
+N_SPREAD = 24  # systems with different poles that are tried beside least squares
 N_TOLD = 3  # rounds that tell how runs begin
 
 
-class HasOrders(Protocol):
-    """Orders of an ARX model of one input."""
-
-    na: int
-    nb: int
-    nk: int
-    intercept: bool
-
-
 def find_arx_starts(
-    core: HasOrders, record: Record, x: np.ndarray, n_rounds: int
+    core: ARXCore, record: Record, x: np.ndarray, n_rounds: int
 ) -> list[np.ndarray]:
     """Coefficients by ordinary least squares, and by Steiglitz and McBride's iteration.
 
@@ -43,14 +38,14 @@ def find_arx_starts(
     a = np.zeros(core.na)
     for _ in range(n_rounds if core.na else 1):
         a = _stabilise(_filter_by_denominator(core, record, x, a))
-        found.append(np.r_[a, _estimate_numerator(core, record, x, a)])
+        found.append(np.r_[a, _solve(*_make_regression(core, record, x, a))])
     return found
 
 
-def list_spread_starts(core: HasOrders, record: Record, x: np.ndarray, n: int) -> list[np.ndarray]:
+def list_spread_starts(core: ARXCore, record: Record, x: np.ndarray) -> list[np.ndarray]:
     """Coefficients of systems of spread poles with their best numerators, best first."""
     tried = []
-    for a in draw_spread_poles(core, record, n):
+    for a in draw_spread_poles(core, record):
         table, y = _make_regression(core, record, x, a)
         b = _solve(table, y)
         error = y - table @ b
@@ -59,7 +54,7 @@ def list_spread_starts(core: HasOrders, record: Record, x: np.ndarray, n: int) -
     return [theta for _, theta in tried]
 
 
-def list_blind_starts(core: HasOrders, record: Record, x: np.ndarray, n: int) -> list[np.ndarray]:
+def list_blind_starts(core: ARXCore, record: Record, x: np.ndarray) -> list[np.ndarray]:
     """Coefficients of systems of spread poles with outputs of the size of the measured one.
 
     For cases that least squares cannot start from because a map hides the output.
@@ -67,24 +62,24 @@ def list_blind_starts(core: HasOrders, record: Record, x: np.ndarray, n: int) ->
     assert record.y is not None
     size = float(np.sqrt(np.mean(record.y[record.known] ** 2)))
     found = []
-    for a in draw_spread_poles(core, record, n):
+    for a in draw_spread_poles(core, record):
         answer = lfilter([1.0], np.r_[1.0, a], _delay(x, core.nk), axis=0)[record.known]
         gain = size / max(float(np.sqrt(np.mean(answer**2))), 1e-300)
         found.append(np.r_[a, gain, np.zeros(core.nb - 1 + core.intercept)])
     return found
 
 
-def draw_spread_poles(core: HasOrders, record: Record, n: int) -> list[np.ndarray]:
+def draw_spread_poles(core: ARXCore, record: Record) -> list[np.ndarray]:
     """a_1 ... of systems whose poles are spread over what a record can show.
 
     Frequencies lie between one period a run and nearly half the sampling rate, on a logarithmic
     scale, and damping ratios between 0.05 and 2. The sequence is fixed.
     """
-    if not core.na or not n:
+    if not core.na:
         return []
     slowest = np.log(2 * np.pi / len(record.known))
     pairs = -(-core.na // 2)
-    points = Halton(2 * pairs, scramble=False, seed=0).random(n + 1)[1:]
+    points = Halton(2 * pairs, scramble=False, seed=0).random(N_SPREAD + 1)[1:]
     found = []
     for point in points:
         omega = np.exp(slowest + point[:pairs] * (np.log(FASTEST) - slowest))
@@ -97,7 +92,7 @@ def draw_spread_poles(core: HasOrders, record: Record, n: int) -> list[np.ndarra
     return found
 
 
-def begins_at_rest(core: HasOrders, record: Record) -> bool:
+def begins_at_rest(core: ARXCore, record: Record) -> bool:
     """Whether runs begin at rest, as far as a linear model without effects can tell."""
     assert record.y is not None
     least = []
@@ -107,14 +102,11 @@ def begins_at_rest(core: HasOrders, record: Record) -> bool:
         left = []
         for _ in range(N_TOLD if core.na else 1):
             a = _stabilise(_filter_by_denominator(core, begun, begun.input, a))
-            left.append(_find_residual_power(*_make_regression(core, begun, begun.input, a)))
+            table, y = _make_regression(core, begun, begun.input, a)
+            error = y - table @ _solve(table, y)
+            left.append(float(error @ error))
         least.append(min(left))
     return not pays(least[0], least[1], record.y[record.known])
-
-
-def _find_residual_power(table: np.ndarray, y: np.ndarray) -> float:
-    error = y - table @ _solve(table, y)
-    return float(error @ error)
 
 
 def _solve(table: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -125,7 +117,7 @@ def _solve(table: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _filter_by_denominator(
-    core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray
+    core: ARXCore, record: Record, x: np.ndarray, a: np.ndarray
 ) -> np.ndarray:
     """a_1 ... by least squares on signals filtered by 1 / A for the last a."""
     assert record.y is not None
@@ -145,15 +137,8 @@ def _filter_by_denominator(
     return _solve(table, y[usable])[: core.na]
 
 
-def _estimate_numerator(
-    core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray
-) -> np.ndarray:
-    """b_0 ... and the intercept that simulate best with a given denominator."""
-    return _solve(*_make_regression(core, record, x, a))
-
-
 def _make_regression(
-    core: HasOrders, record: Record, x: np.ndarray, a: np.ndarray
+    core: ARXCore, record: Record, x: np.ndarray, a: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Signals that b_0 ... and the intercept weigh, and the output, on known rows."""
     assert record.y is not None
@@ -173,7 +158,7 @@ def _remove_start(
 
 
 def _stack_inputs(
-    core: HasOrders, record: Record, signal: np.ndarray, filtered: Filter
+    core: ARXCore, record: Record, signal: np.ndarray, filtered: Filter
 ) -> list[np.ndarray]:
     lags = [core.nk + i for i in range(core.nb)]
     if record.initial == REST:

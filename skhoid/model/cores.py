@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from .. import _kernels
 from ..arx.base import held_level
@@ -95,8 +94,8 @@ class Ratio:
     meaning: str
 
 
-class Core(Protocol):
-    """What simulation, search and tables need to know of the linear core.
+class Core:
+    """What simulation, search and tables ask of the linear core; without states of its own.
 
     Attributes
     ----------
@@ -111,7 +110,7 @@ class Core(Protocol):
         Names of the parameters that ``delay`` takes.
     ordinary : mapping of str to float
         Usual values of the response's parameters, from which a search starts where missing effects
-        have distorted the estimates; empty where nothing is usual.
+        have distorted the estimates.
     usual : mapping of str to Usual
         What is known about parameters before any data; it counts where the data say little.
     ratios : tuple of Ratio
@@ -120,7 +119,7 @@ class Core(Protocol):
         Changes of parameters that would change the output by its own size, where the values of the
         parameters do not show it.
     has_states : bool
-        Whether ``denominator`` and ``held_start`` are those of the response; runs begin at rest
+        Whether ``denominator`` and ``held_pulses`` are those of the response; runs begin at rest
         otherwise.
     memory : int
         Samples of the command that the response remembers besides its states.
@@ -128,39 +127,48 @@ class Core(Protocol):
 
     kind: CoreKind
     parameters: tuple[Parameter, ...]
-    gains: tuple[str, ...]
-    delays: tuple[str, ...]
-    ordinary: Mapping[str, float]
-    usual: Mapping[str, Usual]
-    ratios: tuple[Ratio, ...]
-    sizes: Mapping[str, float]
-    has_states: bool
-    memory: int
+    gains: tuple[str, ...] = ()
+    delays: tuple[str, ...] = ()
+    ordinary: Mapping[str, float] = {}
+    usual: Mapping[str, Usual] = {}
+    ratios: tuple[Ratio, ...] = ()
+    sizes: Mapping[str, float] = {}
+    has_states: bool = False
+    memory: int = 0
 
     def on(self, record: Record) -> Record:
         """The record, with what effects must know about the core added."""
+        return record
 
     def least_delay(self, dt: float) -> float:
         """Least delay of the input in seconds that the core can take."""
+        return 0.0
 
     def delay(self, values: dict[str, float]) -> float:
         """Delay of the response to the input in seconds, without effects."""
+        return 0.0
 
-    def command(self, error: np.ndarray, gains: Gains, values: dict[str, float]) -> tuple:
+    def command(
+        self, error: np.ndarray, gains: Gains, values: dict[str, float]
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Position and rate command for a delayed error and gains delayed alike."""
+        raise NotImplementedError
 
     def response(
         self, command: Command, gains: Gains, spring: Spring, values: dict[str, float], dt: float
     ) -> np.ndarray:
         """Output for a command."""
+        raise NotImplementedError
 
     def denominator(self, values: dict[str, float], dt: float) -> np.ndarray:
         """Coefficients [1, a_1, ...] of the difference equation of the core's free response."""
+        raise NotImplementedError
 
     def at_rest(self, record: Record) -> bool:
         """Whether runs begin at rest, as far as a linear model can tell."""
+        return False
 
-    def held_start(
+    def held_pulses(
         self,
         command: Command,
         values: dict[str, float],
@@ -168,25 +176,31 @@ class Core(Protocol):
         n: int,
         levels: tuple[float, float],
     ) -> np.ndarray:
-        """What to add to the output (n, n_runs) if the command was always as in the first sample.
+        """What to add to the first samples (n, n_runs) of the recursion for another beginning.
 
-        The output was then at rest at a level within ``levels``.
+        As if the command was always as in the first sample, and the output at rest at a level
+        within ``levels``.
         """
+        raise NotImplementedError
 
     def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
         """Changes of parameters for a response that much earlier; none if that is impossible."""
+        return {}
 
     def second_order(self, values: dict[str, float]) -> tuple[float, float] | None:
         """Natural frequency and damping ratio of the response; None if it is another system."""
+        return None
 
     def starts_for(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
         """Least-squares parameters for what reaches the core; none if it is not linear in them."""
+        return []
 
     def spread(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
         """Parameters spread over what is possible, where a map hides the output; none if unused."""
+        return []
 
 
-class OperatorCore:
+class OperatorCore(Core):
     """Human operator: K_e e + K_edot de/dt, delayed, through the neuromuscular system (Eqs. 3-5).
 
     ``fixed_delay`` in seconds, or None to estimate it; ``least`` is the least delay in seconds with
@@ -194,9 +208,7 @@ class OperatorCore:
     """
 
     kind = CoreKind.OPERATOR
-    memory = 0
-    gains: tuple[str, ...] = ("K_e", "K_edot")
-    delays: tuple[str, ...] = ()
+    gains = ("K_e", "K_edot")
     ordinary: Mapping[str, float] = {"omega_nm": 11.0, "zeta_nm": 0.35}
     # Of people in tracking tasks: McRuer and Jex (1967), Van Paassen (1994), Zaal et al. (2009).
     usual: Mapping[str, Usual] = {
@@ -204,12 +216,11 @@ class OperatorCore:
         "zeta_nm": Usual(0.45, 0.5, relative=True),
         "tau_e": Usual(0.22, 0.1),
     }
-    ratios: tuple[Ratio, ...] = (Ratio("T_L", "K_edot", "K_e", S, "lead time constant"),)
+    ratios = (Ratio("T_L", "K_edot", "K_e", S, "lead time constant"),)
 
     def __init__(self, fixed_delay: float | None, least: float = LEAST_DELAY):
         self.fixed_delay, self.least = fixed_delay, least
         self.has_states = type(self).response is OperatorCore.response  # not of a subclass
-        self.sizes: Mapping[str, float] = {}
         free = (
             Parameter("K_e", U / E, -50.0, 50.0, (0.5,), "gain on the error"),
             Parameter("K_edot", U * S / E, 0.0, 50.0, (0.2,), "gain on the error rate"),
@@ -217,7 +228,7 @@ class OperatorCore:
             Parameter("zeta_nm", ONE, 0.02, 3.0, (0.4,), "neuromuscular damping ratio"),
         )
         delay = Parameter("tau_e", S, least, 1.5, (0.25,), "effective time delay")
-        self.parameters: tuple[Parameter, ...] = free
+        self.parameters = free
         if fixed_delay is None:
             self.parameters = (*free, delay)
             self.delays = (delay.name,)
@@ -275,9 +286,6 @@ class OperatorCore:
             BOUND,
         )
 
-    def at_rest(self, record: Record) -> bool:
-        return False
-
     def _matrices(self, values: dict[str, float], dt: float) -> np.ndarray:
         omega, zeta = (np.array([values[name]]) for name in ("omega_nm", "zeta_nm"))
         return _kernels.greybox.held_linearly(omega, zeta, dt)[0]
@@ -286,7 +294,7 @@ class OperatorCore:
         a, b, c, d = self._matrices(values, dt)[:4]
         return np.array([1.0, -(a + d), a * d - b * c])
 
-    def held_start(
+    def held_pulses(
         self,
         command: Command,
         values: dict[str, float],
@@ -301,7 +309,7 @@ class OperatorCore:
         pulses = np.zeros((n, position.size))
         pulses[:2] = first[:n]
         pulses[1:2] -= (q[0] + q[3]) * first[:1]
-        return lfilter([1.0], self.denominator(values, dt), pulses, axis=0)
+        return pulses
 
     def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
         if self.fixed_delay is None:
@@ -311,14 +319,8 @@ class OperatorCore:
     def second_order(self, values: dict[str, float]) -> tuple[float, float]:
         return values["omega_nm"], values["zeta_nm"]
 
-    def starts_for(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
-        return []
 
-    def spread(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
-        return []
-
-
-class ARXCore:
+class ARXCore(Core):
     """A(q) y = B(q) x(t - nk) + c with orders of one input (Eq. 6), c only with ``intercept``.
 
     ``sizes``: changes of the coefficients that would change the output by its own size.
@@ -328,11 +330,6 @@ class ARXCore:
 
     kind = CoreKind.ARX
     has_states = True
-    gains: tuple[str, ...] = ()
-    delays: tuple[str, ...] = ()
-    ordinary: Mapping[str, float] = {}
-    usual: Mapping[str, Usual] = {}
-    ratios: tuple[Ratio, ...] = ()
 
     def __init__(
         self,
@@ -341,21 +338,15 @@ class ARXCore:
         nk: int,
         intercept: bool = False,
         sizes: Mapping[str, float] | None = None,
-        n_starts: int = 24,
     ):
         self.na, self.nb, self.nk, self.intercept = na, nb, nk, intercept
-        self.n_starts = n_starts
         self.memory = nk + nb
-        self.sizes: Mapping[str, float] = sizes or {}
-        self.parameters: tuple[Parameter, ...] = (
+        self.sizes = sizes or {}
+        self.parameters = (
             *(Parameter(f"a{i + 1}", ONE, meaning="of the output") for i in range(na)),
             *(Parameter(f"b{i}", U / E, meaning="of the input", scale=ONE) for i in range(nb)),
             *[Parameter("intercept", U, meaning="constant", scale=ONE)] * intercept,
         )
-
-    def sized(self, sizes: Mapping[str, float]) -> ARXCore:
-        """The same with other sizes."""
-        return ARXCore(self.na, self.nb, self.nk, self.intercept, sizes, self.n_starts)
 
     def on(self, record: Record) -> Record:
         return replace(
@@ -369,9 +360,6 @@ class ARXCore:
 
     def least_delay(self, dt: float) -> float:
         return -self.nk * dt  # because nk delays as well
-
-    def delay(self, values: dict[str, float]) -> float:
-        return 0.0
 
     def command(
         self, error: np.ndarray, gains: Gains, values: dict[str, float]
@@ -412,17 +400,6 @@ class ARXCore:
     def at_rest(self, record: Record) -> bool:
         return begins_at_rest(self, record)
 
-    def held_start(
-        self,
-        command: Command,
-        values: dict[str, float],
-        dt: float,
-        n: int,
-        levels: tuple[float, float],
-    ) -> np.ndarray:
-        pulses = self.held_pulses(command, values, dt, n, levels)
-        return lfilter([1.0], self.denominator(values, dt), pulses, axis=0)
-
     def held_pulses(
         self,
         command: Command,
@@ -431,7 +408,6 @@ class ARXCore:
         n: int,
         levels: tuple[float, float],
     ) -> np.ndarray:
-        """What to add to the first samples of the recursion for the start of ``held_start``."""
         a = self.denominator(values, dt)
         b = np.r_[np.zeros(self.nk), [values[f"b{i}"] for i in range(self.nb)]]
         x = command.position[0]
@@ -444,17 +420,11 @@ class ARXCore:
             before[:m] += np.outer(polynomial.sum() - np.cumsum(polynomial)[:m], signal)
         return before
 
-    def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
-        return {}
-
-    def second_order(self, values: dict[str, float]) -> None:
-        return None
-
     def starts_for(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
         return find_arx_starts(self, record, command, N_ROUNDS)
 
     def spread(self, record: Record, command: np.ndarray) -> list[np.ndarray]:
-        return list_blind_starts(self, record, command, self.n_starts)
+        return list_blind_starts(self, record, command)
 
 
 def find_pace(record: Record) -> float:

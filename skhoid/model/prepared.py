@@ -80,7 +80,7 @@ class Prepared:
 
 def choose_beginning(core: Core, record: Record, initial: str | None, settling: float) -> str:
     """How the simulations of a fit begin, according to the user's choice."""
-    if initial == REST or not getattr(core, "has_states", False):
+    if initial == REST or not core.has_states:
         return REST
     if core.kind.is_operator and settling >= FORGOTTEN:
         return REST if initial is None else HELD

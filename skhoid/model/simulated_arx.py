@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from numbers import Integral
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
 from .._sklearn import Interval
 from ..arx.base import ESTIMATE, REST, BaseARX, check_lengths
 from ..arx.batch import ARXRegressor
 from ..arx.model_summary import orders_text
 from ..arx.orders import Orders
+from ..effects.composition import Effects
+from ..effects.record import Record
 from ..preprocessing.grid import ModelGrid
 from ..regression import segments
-from .arx_core import fit_arx, forecast
+from .arx_starts import find_arx_starts, list_spread_starts
 from .cores import ARXCore
 from .estimator import GreyBox
-from .fitting import RemnantModel
-from .model import Model
+from .fitting import Criterion, RemnantModel
+from .model import Model, find_scaled_sse, fit_by_halving
 from .prepared import Prepared, SimulatedCore, check_simulated_model
+from .simulator import Simulator
 
 SHARED = ("na", "nb", "nk", "inputs", "fit_intercept", "initial", "roles", "dt", "run")
 
@@ -56,9 +61,6 @@ class SimulatedARX(GreyBox, BaseARX):
     start : dict or None, default=None
         Starting values of the fit, ``{parameter: value}`` by the names of ``parameters_``, in
         addition to the model's own starts.
-    n_starts : int, default=24
-        How many systems with different poles are tried as starts, in addition to those from least
-        squares; they are fixed, so a fit is repeatable.
     {roles, dt, run}
 
     Attributes
@@ -130,7 +132,6 @@ class SimulatedARX(GreyBox, BaseARX):
         "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
         "inputs": "no_validation",
         "fit_intercept": ["boolean"],
-        "n_starts": [Interval(Integral, 0, None, closed="left")],
     }
 
     def __init__(
@@ -146,7 +147,6 @@ class SimulatedARX(GreyBox, BaseARX):
         settling: float = 0.0,
         initial: str | None = None,
         start: dict | None = None,
-        n_starts: int = 24,
         roles: dict | None = None,
         dt: float | None = None,
         run: Any = None,
@@ -161,7 +161,6 @@ class SimulatedARX(GreyBox, BaseARX):
         self.settling = settling
         self.initial = initial
         self.start = start
-        self.n_starts = n_starts
         self.roles = roles
         self.dt = dt
         self.run = run
@@ -193,9 +192,7 @@ class SimulatedARX(GreyBox, BaseARX):
     def _simulated_core(self) -> SimulatedCore:
         orders = self._orders()
         return SimulatedCore(
-            core=ARXCore(
-                orders.na, orders.nb[0], orders.nk[0], orders.intercept, n_starts=self.n_starts
-            ),
+            core=ARXCore(orders.na, orders.nb[0], orders.nk[0], orders.intercept),
             estimated=fit_arx,
             description=orders_text(orders),
             errors_note="Standard errors assume that the AR model whitens the residual.",
@@ -239,3 +236,64 @@ def simulated_model(estimator: Any, purpose: str) -> Any:
         return SimulatedARX.like(estimator)
     check_simulated_model(estimator, purpose)
     return estimator
+
+
+N_ROUNDS = 5  # of Steiglitz and McBride
+N_LEAST_SQUARES = 3  # of these, best first, that are followed
+N_SPREAD = 4  # of the spread starts, the same
+
+
+def fit_arx(core: ARXCore, record: Record, criterion: Criterion) -> Model:
+    """The core without effects at its smallest simulation error, never worse than its starts."""
+    simulator = Simulator(core, Effects([]), record)
+    starts = find_arx_starts(core, record, record.input, N_ROUNDS)
+    starts.sort(key=lambda theta: criterion.sse(simulator.run(theta)))
+    starts = starts[:N_LEAST_SQUARES]
+    starts += list_spread_starts(core, record, record.input)[:N_SPREAD]
+    best = min(starts, key=lambda theta: find_scaled_sse(simulator, criterion, theta))
+    sized = ARXCore(core.na, core.nb, core.nk, core.intercept, find_sizes(core, record, best))
+    simulator = Simulator(sized, Effects([]), record)
+    return fit_by_halving(simulator, criterion, starts)
+
+
+def find_sizes(core: ARXCore, record: Record, theta: np.ndarray) -> dict[str, float]:
+    """Changes of the coefficients that would change the output by its own size (linearised)."""
+    assert record.y is not None
+    denominator = np.r_[1.0, theta[: core.na]]
+    b = np.r_[np.zeros(core.nk), theta[core.na : core.na + core.nb]]
+    answers = {
+        "a": lfilter(b, np.polymul(denominator, denominator), record.input, axis=0),
+        "b": lfilter([1.0], denominator, record.input, axis=0),
+        "intercept": lfilter([1.0], denominator, np.ones_like(record.input), axis=0),
+    }
+    known = record.known
+    size = float(np.sqrt(np.mean(record.y[known] ** 2)))
+    rms = {k: max(float(np.sqrt(np.mean(v[known] ** 2))), 1e-300) for k, v in answers.items()}
+    names = [p.name for p in core.parameters]
+    return {n: size / rms[n if n == "intercept" else n[0]] for n in names}
+
+
+def forecast(
+    simulated: np.ndarray,
+    output: np.ndarray,
+    segments: Sequence[tuple[int, int]],
+    ar: np.ndarray,
+    horizon: int,
+) -> np.ndarray:
+    """Simulated output, and the residual as an AR model foresees it some rows ahead.
+
+    A residual that was not measured, or lies before its segment, is taken as zero.
+    """
+    if all(end - begin <= horizon for begin, end in segments):
+        return simulated.copy()
+    companion = np.eye(ar.size, k=-1)
+    companion[:1] = -ar
+    weights = np.linalg.matrix_power(companion, horizon)[:1].ravel()
+    residual = np.nan_to_num(output - simulated)
+    ahead = simulated.copy()
+    for begin, end in segments:
+        for i, weight in enumerate(weights):
+            lag = horizon + i
+            if begin + lag < end:
+                ahead[begin + lag : end] += weight * residual[begin : end - lag]
+    return ahead

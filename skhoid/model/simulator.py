@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 
 from ..arx.base import HELD, REST
 from ..effects.base import Effect
@@ -197,7 +198,8 @@ class Simulator:
             if isinstance(core, ARXCore) and s.spring.terms:
                 return s._replace(output=begun_inside(core, s, theta, reach, denominator.size - 1))
             answer = s.answer.copy()
-            answer[:reach] += core.held_start(s.command, given, record.dt, reach, record.levels)
+            held = core.held_pulses(s.command, given, record.dt, reach, record.levels)
+            answer[:reach] += lfilter([1.0], denominator, held, axis=0)
 
             def last(signal: np.ndarray) -> np.ndarray:
                 return passed_on(s, theta, signal)

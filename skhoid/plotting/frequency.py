@@ -14,7 +14,7 @@ from scipy.stats import t as student
 
 from ..interpret import FrequencyResponse
 from ..pipelines import taken_apart
-from ._axes import draw_band, legend_entries, phase_ticks, with_unit
+from ._axes import draw_band, legend_entries, phase_ticks
 from ._display import Display, check_option
 from ._roles import GREY, PALETTE, ROLES, scaled, sized, veil
 
@@ -211,8 +211,7 @@ class BodeDisplay(Display):
         self._limit()
         self._draw_nyquist()
         self.crossover_ = self._draw_crossovers() if self.view == "open_loop" else None
-        first = next(iter(self.responses.values()))
-        top.set_ylabel(with_unit("magnitude", first.unit))
+        top.set_ylabel("magnitude")
         bottom.set_ylabel("phase, deg")
         bottom.set_xlabel("frequency, rad/s")
         if self._own or top.get_shared_x_axes().joined(top, bottom):

@@ -87,9 +87,9 @@ def tracking_condition(name: str) -> Condition:
     return _mix_conditions(name, Condition("", *begin), Condition("", *end), progress)
 
 
-@checked(weight=[Interval(Real, 0, 1, closed="both"), callable], name=[str, None])
+@checked(weight=[Interval(Real, 0, 1, closed="both"), callable])
 def mixed_condition(
-    first: str | Condition, second: str | Condition, weight: Parameter, name: str | None = None
+    first: str | Condition, second: str | Condition, weight: Parameter
 ) -> Condition:
     """Mix two conditions, parameter by parameter, with a weight that may vary over time.
 
@@ -103,12 +103,11 @@ def mixed_condition(
         Conditions, or names of those of the thesis.
     weight : float or callable
         w: a number from 0 to 1, or a function of time (s), such as ``Ramp(0, 1, 20, 60)``.
-    name : str or None, default=None
-        Name of the mixture; None makes one from the two names.
 
     Returns
     -------
     condition : Condition
+        Called "C1 to C2", for example.
 
     Raises
     ------
@@ -123,7 +122,7 @@ def mixed_condition(
     Sigmoid(initial=0.09, final=0.07, rate=2.0, time=30.0)
     """
     one, two = (c if isinstance(c, Condition) else tracking_condition(c) for c in (first, second))
-    return _mix_conditions(name or f"{one.name} to {two.name}", one, two, weight)
+    return _mix_conditions(f"{one.name} to {two.name}", one, two, weight)
 
 
 def _mix_conditions(name: str, one: Condition, two: Condition, weight: Parameter) -> Condition:
@@ -155,6 +154,7 @@ def known_name(name: Any) -> str:
 
 
 ORDERS = (1, 2, 3, 4, "nm")
+OMEGA_NM, ZETA_NM = 11.25, 0.35  # rad/s; of Eq. 28, Table II
 # Table G.1: K_n for P_n = 0.05, 0.10 ... 0.30, with T_n = 0.06 s at 100 Hz.
 _INTENSITIES = (0.05, 0.10, 0.15, 0.20, 0.25, 0.30)
 _TABLE_G1: dict[Any, dict[str, tuple[float, ...]]] = {
@@ -175,8 +175,9 @@ _TABLE_G1: dict[Any, dict[str, tuple[float, ...]]] = {
 class Remnant:
     """Filtered white noise added to the operator's output (Eqs. 27-28).
 
-    H_n(s) = K_n / (T_n s + 1)^m, or K_n H_nm(s) for ``order="nm"``, driven by white noise of unit
-    intensity. A gain that varies in time acts before the filter.
+    H_n(s) = K_n / (T_n s + 1)^m, or K_n H_nm(s) with 11.25 rad/s and a damping ratio of 0.35 for
+    ``order="nm"``, driven by white noise of unit intensity. A gain that varies in time acts before
+    the filter.
 
     Parameters
     ----------
@@ -190,8 +191,6 @@ class Remnant:
         of times (s).
     time_constant : float, default=0.06
         T_n in s.
-    omega_nm, zeta_nm : float, default=11.25 and 0.35
-        Frequency (rad/s) and damping of the neuromuscular filter, for ``order="nm"``.
 
     Raises
     ------
@@ -211,8 +210,6 @@ class Remnant:
     intensity: float | None = None
     gain: Parameter | None = None
     time_constant: float = 0.06
-    omega_nm: float = 11.25
-    zeta_nm: float = 0.35
 
     def __post_init__(self) -> None:
         whole = isinstance(self.order, (str, int, np.integer)) and not isinstance(self.order, bool)
@@ -233,11 +230,11 @@ class Remnant:
                 )
         elif not callable(self.gain):
             check_positive(self, "gain", zero=True)
-        check_positive(self, "time_constant", "omega_nm", "zeta_nm")
+        check_positive(self, "time_constant")
 
     def __repr__(self) -> str:
         names = ["order", "intensity" if self.gain is None else "gain"]
-        names += ["omega_nm", "zeta_nm"] if self.order == "nm" else ["time_constant"]
+        names += [] if self.order == "nm" else ["time_constant"]
         return f"Remnant({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
 
     @classmethod
@@ -295,16 +292,16 @@ class Remnant:
         s = 1j * np.asarray(omega, dtype=float)
         K_n = evaluate(self.gain, np.asarray(t, dtype=float))
         if isinstance(self.order, str):
-            return K_n * respond_neuromuscular(s, self.omega_nm, self.zeta_nm)
+            return K_n * respond_neuromuscular(s, OMEGA_NM, ZETA_NM)
         return K_n / (self.time_constant * s + 1) ** self.order
 
     def filter_coefficients(self) -> np.ndarray:
         """Coefficients of the filter's state equations, as the kernel takes them."""
         output = np.zeros(4)
         if isinstance(self.order, str):
-            w = self.omega_nm
+            w = OMEGA_NM
             output[1] = 1.0
-            return np.array([-2 * self.zeta_nm * w, -(w**2), w**2, 1.0, 0.0, 0.0, *output])
+            return np.array([-2 * ZETA_NM * w, -(w**2), w**2, 1.0, 0.0, 0.0, *output])
         a = 1 / self.time_constant
         output[self.order - 1] = 1.0
         return np.array([-a, 0.0, a, a, -a, a, *output])

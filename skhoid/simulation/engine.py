@@ -25,13 +25,14 @@ from ..effects.record import Record
 from ..exceptions import UnstableLoopError
 from ..human import HumanOperator, LinearElement
 from ..human.operator import PURSUIT
-from ..human.variation import Transition, as_floats, evaluate, find_span
+from ..human.variation import as_floats, evaluate, find_span
 from ..interpret.arx_channel import ARXChannel
 from ..model.cores import OperatorCore
 from ..model.simulator import Simulator
 from ..pipelines import taken_apart
 from ..preprocessing.base import as_fitted
 from ..runs.roles import role_of
+from .conditions import OMEGA_NM
 from .forcing import Multisine
 
 if TYPE_CHECKING:
@@ -170,9 +171,8 @@ def physics_rows(task: CompensatoryTask) -> tuple[np.ndarray, int]:
     end = int(np.clip(np.ceil(varies[1]) + 1, begin, n_steps))
     half_steps = np.arange(1 if task.is_constant else 2 * (end - begin) + 1)
     t = (half_steps / 2 + begin - task.n_run_in) / task.sampling_rate
-    # Constants stay scalars, which broadcast; parameters with one transition share its progress.
-    progress: dict[Any, np.ndarray] = {}
-    p = {name: _check_values(name, value, t, progress) for name, value in parameters.items()}
+    # Constants stay scalars, which broadcast.
+    p = {name: _check_values(name, value, t) for name, value in parameters.items()}
     _check_rate(task, p)
     rows = np.zeros((t.size, _kernels.loop.N_PHYSICS))
     rows[:, 6], rows[:, 7], rows[:, 8] = p["K_c"], p["omega_b"], p["K_n"]
@@ -189,16 +189,10 @@ def physics_rows(task: CompensatoryTask) -> tuple[np.ndarray, int]:
     return rows, begin
 
 
-def _check_values(name: str, parameter: Any, t: np.ndarray, progress: dict[Any, np.ndarray]) -> Any:
+def _check_values(name: str, parameter: Any, t: np.ndarray) -> Any:
     if not callable(parameter):
         return float(parameter)
-    if isinstance(parameter, Transition):
-        key = parameter.unit()
-        if key not in progress:
-            progress[key] = key.progress(t)
-        values = parameter.along(progress[key])
-    else:
-        values = evaluate(parameter, t)
+    values = evaluate(parameter, t)
     wrong = ~np.isfinite(values)
     if name not in SIGNED:
         wrong |= values <= 0 if name in ("omega_nm", "zeta_nm") else values < 0
@@ -225,7 +219,7 @@ def _check_rate(task: CompensatoryTask, p: dict[str, Any]) -> None:
         modes["neuromuscular mode (omega_nm, zeta_nm)"] = speed.max()
     if (remnant := task.remnant) is not None:
         is_nm = isinstance(remnant.order, str)
-        modes["remnant filter"] = remnant.omega_nm if is_nm else 1 / remnant.time_constant
+        modes["remnant filter"] = OMEGA_NM if is_nm else 1 / remnant.time_constant
     what = max(modes, key=lambda name: modes[name])
     if modes[what] > COARSEST * task.sampling_rate:
         raise ValueError(
@@ -452,7 +446,6 @@ class RunOptions:
     open_loop: bool = False
     keep_run_in: float = 0.0
     n_jobs: int | None = None
-    progress: bool = False
     stream: int = 0
     first_run: int = 0
 
@@ -537,10 +530,6 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
         done = Parallel(n_jobs=options.n_jobs, prefer="threads", return_as="generator")(
             delayed(block)(runs) for runs in blocks
         )
-    if options.progress:
-        from rich.progress import track as track_progress
-
-        done = track_progress(done, description="simulating", total=len(blocks), transient=True)
     signals = np.empty((4, n_distinct, n_total - first))
     targets, disturbances = [], []
     suspected = False

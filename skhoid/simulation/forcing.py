@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -125,22 +126,15 @@ class Multisine:
             return self(np.arange(first, first + n_samples) / sampling_rate)
         return np.resize(np.roll(_sample_period(self, whole), -first), n_samples)
 
-    def crest_factor(self, sampling_rate: float | None = None) -> float:
-        """Peak over root mean square, in one period.
-
-        Parameters
-        ----------
-        sampling_rate : float or None, default=None
-            Rate in Hz at which the peak is sought; None means 100 Hz, or 20 times the highest line
-            if that is more.
+    def crest_factor(self) -> float:
+        """Peak over root mean square, in one period at 100 Hz or 20 times the highest line.
 
         Returns
         -------
         crest_factor : float
         """
-        if sampling_rate is None:
-            sampling_rate = max(100.0, 20 * self.omega.max() / (2 * np.pi))
-        f = self(np.arange(round(self.period * sampling_rate)) / sampling_rate)
+        rate = max(100.0, 20 * self.omega.max() / (2 * np.pi))
+        f = self(np.arange(round(self.period * rate)) / rate)
         return float(np.abs(f).max() / np.sqrt(np.mean(f**2)))
 
     def with_random_phases(
@@ -177,18 +171,14 @@ class Multisine:
             f"less; the lowest is {lowest:.2f}. Allow a larger one, or add lines."
         )
 
-    def interleaved(
-        self, *, offset: int = 1, scale: float = 1.0, random_state: Any = None
-    ) -> Multisine:
-        """A second forcing function on lines between these, with random phases.
+    def interleaved(self, *, scale: float = 1.0, random_state: Any = None) -> Multisine:
+        """A second forcing function on lines just above these, with random phases.
 
         Two responses of an operator, say to e and x, need two forcing functions, each with its own
         lines close to those of the other.
 
         Parameters
         ----------
-        offset : int, default=1
-            Distance of the new lines from these, in multiples of the base frequency.
         scale : float, default=1.0
             Factor on the amplitudes.
         random_state : int, RandomState, Generator or None, default=None
@@ -197,11 +187,7 @@ class Multisine:
         Returns
         -------
         multisine : Multisine
-
-        Raises
-        ------
-        ValueError
-            If a new line falls on one of these.
+            With the smallest distance at which no line falls on one of these.
 
         Examples
         --------
@@ -209,30 +195,14 @@ class Multisine:
         >>> Multisine().interleaved(random_state=0).multiples
         (4, 6, 9, 14, 23, 35, 54, 87, 140, 230)
         """
-        if offset != int(offset):
-            raise ValueError(
-                f"Multisine.interleaved: offset must be a whole number; got {offset!r}."
-            )
-        multiples = tuple(n + int(offset) for n in self.multiples)
-        if shared := find_shared_lines(self.multiples, int(offset)):
-            free = next(
-                d
-                for d in range(1, 2 + max(self.multiples))
-                if not find_shared_lines(self.multiples, d)
-            )
-            raise ValueError(
-                f"Multisine.interleaved: with offset={offset} the lines {shared} coincide with "
-                f"those of the first forcing function; the smallest offset that keeps them apart "
-                f"is {free}."
-            )
-        amplitudes = tuple(scale * a for a in self.amplitudes)
-        second = replace(self, multiples=multiples, amplitudes=amplitudes)
+        own = set(self.multiples)
+        offset = next(d for d in count(1) if own.isdisjoint(n + d for n in own))
+        second = replace(
+            self,
+            multiples=tuple(n + offset for n in self.multiples),
+            amplitudes=tuple(scale * a for a in self.amplitudes),
+        )
         return second.with_random_phases(random_state)
-
-
-def find_shared_lines(multiples: tuple[int, ...], offset: int) -> list[int]:
-    """Lines that would fall on others when shifted."""
-    return sorted({n + offset for n in multiples} & set(multiples))
 
 
 class Samples:

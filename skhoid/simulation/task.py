@@ -254,7 +254,6 @@ class CompensatoryTask:
         open_loop: bool = False,
         keep_run_in: float = 0.0,
         n_jobs: int | None = None,
-        progress: bool = False,
     ) -> TrackingRecord:
         """Simulate runs.
 
@@ -274,8 +273,6 @@ class CompensatoryTask:
             Also return this much of the run-in, in s, at negative time.
         n_jobs : int or None, default=None
             Number of threads, as in joblib.
-        progress : bool, default=False
-            Show a progress bar.
 
         Returns
         -------
@@ -293,7 +290,6 @@ class CompensatoryTask:
             open_loop=open_loop,
             keep_run_in=keep_run_in,
             n_jobs=n_jobs,
-            progress=progress,
         )
         return simulate(self, n_runs, options)
 
@@ -321,6 +317,7 @@ def change_times(task: CompensatoryTask) -> tuple[float, float, float] | None:
     return early, middle, late
 
 
+N_REALISATIONS = 10  # as in the thesis
 # Relative standard error of the gain above which realisations no longer determine it.
 LARGEST_ERROR = 0.5
 DOUBTFUL, MANY = 0.1, 400  # above this error, this many realisations decide
@@ -331,16 +328,14 @@ STREAM = 1  # of random numbers, apart from those of the runs
 def tune_remnant(
     task: CompensatoryTask,
     *,
-    n_realisations: int = 10,
     random_state: Any = None,
     noise: Any = None,
     open_loop: bool = False,
     n_jobs: int | None = None,
-    progress: bool = False,
 ) -> CompensatoryTask:
     """Find the remnant gain K_n that gives a desired intensity P_n.
 
-    The mean of P_n = var(n) / var(u) in the measurement window, over realisations of the noise,
+    The mean of P_n = var(n) / var(u) in the measurement window, over ten realisations of the noise,
     equals ``task.remnant.intensity``. The loop is linear, so u is the sum of the response to the
     forcing functions and K_n times the response to the noise: each is simulated once, and K_n is
     the root of an explicit function. Where the operator's gains (or else the controlled element)
@@ -351,18 +346,14 @@ def tune_remnant(
     ----------
     task : CompensatoryTask
         With a ``remnant`` of given intensity.
-    n_realisations : int, default=10
-        Number of realisations; ten in the thesis.
     random_state : int, RandomState, Generator or None, default=None
         Source of the noise, which differs from that of runs simulated with the same seed.
-    noise : array of shape (n_realisations, n_run_in + n_samples) or None, default=None
+    noise : array of shape (10, n_run_in + n_samples) or None, default=None
         White noise of unit variance instead.
     open_loop : bool, default=False
         Tune for runs in which the remnant does not go round the loop.
     n_jobs : int or None, default=None
         Number of threads, as in joblib.
-    progress : bool, default=False
-        Show a progress bar.
 
     Returns
     -------
@@ -383,14 +374,6 @@ def tune_remnant(
     0.016
     """
     remnant = task.remnant
-    if isinstance(n_realisations, bool) or int(n_realisations) != n_realisations:
-        raise ValueError(f"n_realisations must be a whole number; got {n_realisations!r}.")
-    if n_realisations < 1 or (noise is not None and len(np.atleast_2d(noise)) != n_realisations):
-        rows = "" if noise is None else f" and noise with {len(np.atleast_2d(noise))} rows"
-        raise ValueError(
-            f"tune_remnant needs at least one realisation, and noise with one row for each; got "
-            f"n_realisations={n_realisations}{rows}."
-        )
     if remnant is None or remnant.intensity is None:
         raise ValueError(
             f"tune_remnant needs a task whose remnant has an intensity, such as "
@@ -401,7 +384,6 @@ def tune_remnant(
         noise=noise,
         open_loop=open_loop,
         n_jobs=n_jobs,
-        progress=progress,
         stream=STREAM,
     )
     operator, element = task.operator, task.controlled_element
@@ -413,25 +395,25 @@ def tune_remnant(
     if remnant.intensity == 0:
         gain = 0.0
     elif transition is None:
-        gain = _tune_constant(task, n_realisations, options)
+        gain = _tune_constant(task, options)
     else:
-        begin, end = (_tune_constant(task.at(t), n_realisations, options) for t in (-EVER, EVER))
+        begin, end = (_tune_constant(task.at(t), options) for t in (-EVER, EVER))
         gain = mix(begin, end, transition)
     return replace(task, remnant=replace(remnant, intensity=None, gain=gain))
 
 
-def _tune_constant(task: CompensatoryTask, n_realisations: int, options: RunOptions) -> float:
+def _tune_constant(task: CompensatoryTask, options: RunOptions) -> float:
     assert task.remnant is not None
     wanted = task.remnant.intensity
     assert wanted is not None
-    curve = _IntensityCurve.of(task, n_realisations, options)
+    curve = _IntensityCurve.of(task, N_REALISATIONS, options)
     root = curve.solve(wanted)
-    error = np.inf if root is None else curve.relative_error(root, n_realisations)
+    error = np.inf if root is None else curve.relative_error(root)
     if error > DOUBTFUL and options.noise is None:
         # A few realisations may not show how close the limit is.
-        curve = _IntensityCurve.of(task, max(MANY, n_realisations), options)
+        curve = _IntensityCurve.of(task, MANY, options)
         judged = curve.solve(wanted)
-        error = np.inf if judged is None else curve.relative_error(judged, n_realisations)
+        error = np.inf if judged is None else curve.relative_error(judged)
     advice = (
         f"The remnant goes round the loop, so P_n tends to {curve.limit:.3f} as K_n grows "
         f"(mean of {curve.of_noise.size} realisations). Ask for less, or give the remnant a gain."
@@ -440,7 +422,7 @@ def _tune_constant(task: CompensatoryTask, n_realisations: int, options: RunOpti
         raise RemnantIntensityError(f"No gain gives P_n = {wanted}. {advice}")
     if root is None or error > LARGEST_ERROR:
         raise RemnantIntensityError(
-            f"P_n = {wanted} is too close to what the loop can reach: {n_realisations} "
+            f"P_n = {wanted} is too close to what the loop can reach: {N_REALISATIONS} "
             f"realisations do not determine its gain. {advice}"
         )
     return float(np.exp(root))
@@ -498,11 +480,9 @@ class _IntensityCurve:
         around = grid[above[0] - 1], grid[above[0]]
         return brentq(lambda g: self.intensities(g).mean() - wanted, *around, xtol=1e-13)
 
-    def relative_error(self, log_gain: float, n_realisations: int) -> float:
-        """Relative standard error of a gain found from this many realisations."""
-        if self.of_noise.size < 2:
-            return 0.0
+    def relative_error(self, log_gain: float) -> float:
+        """Relative standard error of a gain found from N_REALISATIONS."""
         h = 1e-4
         slope = (self.intensities(log_gain + h) - self.intensities(log_gain - h)).mean() / (2 * h)
-        spread = self.intensities(log_gain).std(ddof=1) / np.sqrt(n_realisations)
+        spread = self.intensities(log_gain).std(ddof=1) / np.sqrt(N_REALISATIONS)
         return float(spread / slope) if slope > 0 else np.inf

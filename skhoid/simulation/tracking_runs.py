@@ -26,11 +26,11 @@ CHANGES = (*REMNANT, "adaptation_lag", "perturbation")  # options that change a 
 # Options of make_tracking_runs: those that describe the task, and those that are passed on.
 OF_TASK = (
     *("sampling_rate", "duration", "run_in", "target", "disturbance", "display", "operator"),
-    *("controlled_element", "effects", "transport"),
+    *("controlled_element", "effects"),
     *CHANGES,
 )
-OF_TUNING = ("random_state", "open_loop", "n_jobs", "progress")
-OF_SIMULATION = (*OF_TUNING, "noise", "random_phases", "keep_run_in")
+OF_TUNING = ("random_state", "open_loop", "n_jobs")
+OF_SIMULATION = (*OF_TUNING, "random_phases", "keep_run_in")
 
 
 @checked(
@@ -39,11 +39,9 @@ OF_SIMULATION = (*OF_TUNING, "noise", "random_phases", "keep_run_in")
     adaptation_lag=[Interval(Real, -1e9, 1e9, closed="both")],
     perturbation=[Mapping, None],
     random_phases=["boolean"],
-    transport=[str, None],
     open_loop=["boolean"],
     return_truth=["boolean"],
     n_jobs=[Integral, None],
-    progress=["boolean"],
 )
 def make_tracking_runs(
     condition: str | Condition | CompensatoryTask = "C1",
@@ -67,12 +65,9 @@ def make_tracking_runs(
     adaptation_lag: float = 0.0,
     perturbation: Mapping[str, Parameter] | None = None,
     open_loop: bool = False,
-    transport: str | None = None,
-    noise: Any = None,
     return_truth: bool = False,
     random_state: Any = None,
     n_jobs: int | None = None,
-    progress: bool = False,
 ) -> Any:
     """Simulate runs of a tracking task as a dataset.
 
@@ -81,7 +76,7 @@ def make_tracking_runs(
     condition : {"C1", ..., "C6"}, Condition or CompensatoryTask, default="C1"
         What is controlled and by whom; see :func:`tracking_condition` and :func:`mixed_condition`.
         A whole task has its own sampling rate, duration, run-in, forcing functions, display,
-        operator, element, effects and transport, so do not give these.
+        operator, element and effects, so do not give these.
     n_runs : int, default=5
         Number of runs; they differ in remnant and, with ``random_phases``, in phases.
     remnant_intensity : float, default=0.0
@@ -116,16 +111,12 @@ def make_tracking_runs(
         function of time}``, added to the parameter.
     open_loop : bool, default=False
         The remnant is added to u but does not go round the loop (Eq. G.1).
-    transport : {"held", "interpolated"} or None, default=None
-        How the delay is realised; see :class:`CompensatoryTask`.
-    noise : array of shape (n_runs, n_samples with run-in) or None, default=None
-        White noise of unit variance for the remnant, instead of ``random_state``.
     return_truth : bool, default=False
         Also return the truth behind the runs.
     random_state : int, RandomState, Generator or None, default=None
         Source of all randomness. Run i is the same whatever ``n_runs`` and ``n_jobs`` are.
-    n_jobs, progress : int or None and bool, default=None and False
-        Number of threads, as in joblib, and whether to show a progress bar.
+    n_jobs : int or None, default=None
+        Number of threads, as in joblib.
 
     Returns
     -------
@@ -160,7 +151,9 @@ def make_tracking_runs(
     """
     given = dict(locals())  # most of the options are only passed on
     check_channel_names(channels)
-    task = _tune(task_of(condition, {name: given[name] for name in OF_TASK}), given)
+    task = task_of(condition, {name: given[name] for name in OF_TASK})
+    if task.remnant is not None and task.remnant.gain is None:
+        task = tune_remnant(task, **{name: given[name] for name in OF_TUNING})
     record = task.simulate(n_runs, **{name: given[name] for name in OF_SIMULATION})
     of_thesis = isinstance(condition, str) and target is None  # Tables I and II
     X, y = frames_of(record, channels, "deg" if of_thesis else None)
@@ -175,13 +168,6 @@ def check_channel_names(channels: Any) -> None:
         raise ValueError(
             f"channels must list some of {list(CHANNELS)}, each once; got {channels!r}.{hint}"
         )
-
-
-def _tune(task: CompensatoryTask, given: Mapping[str, Any]) -> CompensatoryTask:
-    """The task with the gain of its remnant."""
-    if task.remnant is None or task.remnant.gain is not None:
-        return task
-    return tune_remnant(task, **{name: given[name] for name in OF_TUNING})
 
 
 def task_of(
@@ -203,8 +189,7 @@ def task_of(
         )
     else:
         task = condition
-    lag, perturbation = given.get("adaptation_lag", 0.0), given.get("perturbation")
-    task = _adapt(task, lag, dict(perturbation or {}))
+    task = _adapt(task, given.get("adaptation_lag", 0.0), dict(given.get("perturbation", {})))
     remnant = [given.get(name, defaults[name]) for name in REMNANT]
     return _set_remnant(task, condition, *remnant)
 
@@ -213,11 +198,10 @@ def frames_of(
     record: TrackingRecord, channels: Sequence[str], unit: str | None = None
 ) -> tuple[pd.DataFrame, pd.Series]:
     """X and y of simulated runs."""
-    n_runs = len(record.u)
     index = _make_index(record)
-    X = pd.DataFrame(
-        {c: _repeat_rows(getattr(record, CHANNELS[c]), n_runs) for c in channels}, index=index
-    )
+    shape = record.u.shape
+    signals = {c: np.broadcast_to(getattr(record, CHANNELS[c]), shape).ravel() for c in channels}
+    X = pd.DataFrame(signals, index=index)
     y = pd.Series(record.u.ravel(), index=index, name="u")
     if unit is not None:
         X.attrs["units"] = dict.fromkeys(channels, unit)
@@ -231,10 +215,6 @@ def _make_index(record: TrackingRecord) -> pd.MultiIndex:
 
 def _is_default(value: Any, default: Any) -> bool:
     return value is default or (np.isscalar(value) and value == default)
-
-
-def _repeat_rows(signal: np.ndarray, n_runs: int) -> np.ndarray:
-    return np.broadcast_to(signal, (n_runs, signal.shape[1])).ravel()
 
 
 def _adapt(
@@ -256,8 +236,6 @@ def _adapt(
         raise ValueError(
             f"perturbation: no parameter {unknown} to add to; there are {list(parameters)}."
         )
-    if not isinstance(lag, (int, float, np.number)) or not np.isfinite(lag):
-        raise ValueError(f"adaptation_lag must be a time in s; got {lag!r}.")
     changed: dict[str, Any] = {
         name: Shifted(value, float(lag), perturbation.get(name, 0.0))
         for name, value in parameters.items()

@@ -38,9 +38,7 @@ MODEL = ARXRegressor().fit(X, Y)
         (skhoid.vaf_score, (Y, Y), "window", "ini"),
         (skhoid.vaf_score, (Y, Y), "average", "median"),
         (skhoid.auto_psd, (X,), "dt", {}),
-        (skhoid.fourier_coefficients, (X, Y), "period", "1"),
         (skhoid.reference_fits, (X, Y), "length", None),
-        (skhoid.operator_parameters, (MODEL,), "pade_order", 0.5),
         (skhoid.crossover, (HumanOperator(), ControlledElement()), "t", None),
         (skhoid.make_tracking_runs, ("C1",), "perturbation", ["K_e"]),
         (skhoid.read_runs, ("*.csv",), "units", "deg"),
@@ -57,9 +55,8 @@ def test_an_option_without_sense_is_named(function, args, option, value):
 
 @pytest.mark.parametrize("window", [(2.0, 1.0), (1.0,), (0.0, 1.0, 2.0), ("a", "b"), (np.nan, 1)])
 def test_a_window_has_two_ends(window):
-    for function, args in ((skhoid.vaf_score, (Y, Y)), (skhoid.auto_psd, (X,))):
-        with pytest.raises(ValueError, match=re.escape("window must be (start, stop)")):
-            function(*args, window=window)
+    with pytest.raises(ValueError, match=re.escape("window must be (start, stop)")):
+        skhoid.vaf_score(Y, Y, window=window)
 
 
 @pytest.mark.parametrize("data", [{"e": [1.0]}, None, 5, "e", len])
@@ -86,15 +83,10 @@ def test_runs_are_selected_and_resampled_by_their_index():
 
 def test_numbers_that_are_none_are_named():
     element = ControlledElement()
-    theta = [[-1.91212, 0.92427, 0.04428, -0.04318]]
     with pytest.raises(TypeError, match="theta must hold numbers; got 'a'"):
         skhoid.crossover_path("a", element, dt=0.01, nk=29)
-    with pytest.raises(ValueError, match="omega must be a grid of at least two frequencies"):
-        skhoid.crossover_path(theta, element, dt=0.01, nk=29, omega=[1.0])
     with pytest.raises(ValueError, match=r"array of shape \(n_instants,\); got \(1, 1\)"):
         skhoid.crossover(HumanOperator(), element, t=[[1.0]])
-    with pytest.raises(TypeError, match="noise must hold numbers; got 'white'"):
-        skhoid.make_tracking_runs("C1", 1, noise="white")
     with pytest.raises(TypeError, match="repeats must have a label for each run"):
         skhoid.compare(MODEL, X, Y, repeats=np.zeros((2, 2)))
 

@@ -1,17 +1,14 @@
-"""Zero-order hold, whole delays and Padé approximants against SciPy and the thesis's tables."""
-
-from math import factorial
+"""Zero-order hold and whole delays against SciPy and the thesis's tables."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.interpolate import pade as scipy_pade
 from scipy.signal import cont2discrete
 from support.closed_loop import ZOH_100HZ
 
 from skhoid import HumanOperator, Sigmoid
-from skhoid.human.operator import delay_samples, pade, zoh_parameters
+from skhoid.human.operator import delay_samples, zoh_parameters
 
 STATES = HumanOperator(K_e=0.09, T_L=0.4), HumanOperator(K_e=0.07, T_L=1.2)
 
@@ -91,7 +88,7 @@ def test_agrees_with_scipy_at_any_damping(K_e, K_edot, omega_nm, zeta_nm, dt):
     np.testing.assert_allclose(zoh_parameters(operator, dt), expected, rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.parametrize("distance", [0.0, 1e-16, 1e-12, 1e-8, 1e-6, 1e-4, 1e-2])
+@pytest.mark.parametrize("distance", [0.0, 1e-12, 1e-6, 1e-2])
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_is_right_on_and_near_critical_damping(distance, sign):
     zeta_nm = 1 + sign * distance
@@ -125,13 +122,3 @@ def test_delay_between_samples():
     with pytest.raises(ValueError, match=r"16\.8 samples.*nearest=True uses 17 \+ 1"):
         delay_samples(operator, 1 / 60)
     assert delay_samples(operator, 1 / 60, nearest=True) == 18
-
-
-@pytest.mark.parametrize("order", range(6))
-def test_pade_agrees_with_scipy(order):
-    delay = 0.28
-    taylor = [(-delay) ** k / factorial(k) for k in range(2 * order + 1)]
-    numerator, denominator = scipy_pade(taylor, order)
-    ours = pade(delay, order)
-    np.testing.assert_allclose(ours[0], numerator.coef / denominator.coef[-1], rtol=1e-9)
-    np.testing.assert_allclose(ours[1], denominator.coef / denominator.coef[-1], rtol=1e-9)

@@ -101,9 +101,6 @@ def test_containers_and_run_columns_agree():
     by_column = fourier_coefficients(plain, y.to_numpy(), forcing=omega, run="run", dt=DT)
     np.testing.assert_array_equal(by_column.response, expected)
     assert by_column.labels == ["a", "b"]
-    array = np.column_stack([np.repeat([0, 1], 400), X["e"]])
-    by_array = fourier_coefficients(array, y.to_numpy(), forcing=omega, run=0, inputs=[1], dt=DT)
-    np.testing.assert_array_equal(by_array.response, expected)
     trimmed = RunInTrimmer(run_in=1.0).fit_transform(
         recording({"a": ([np.r_[e[-100:], e]], np.r_[u[-100:], u])})[0]
     )
@@ -118,16 +115,12 @@ def test_window_must_hold_whole_periods():
     with pytest.raises(ValueError, match=r"'late' the line at 1.5708 rad/s completes 2.5") as info:
         fourier_coefficients(X, y, forcing=2 * np.pi * np.array([1, 3]) / 4)
     assert "longest window in the run that fits lasts 8 s (800 samples)" in str(info.value)
-    with pytest.raises(ValueError, match=r"base period of 4 s .* lasts 8 s"):
-        fourier_coefficients(X, y, forcing=[2 * np.pi], period=4.0)
     with pytest.raises(ValueError, match="No window fits in the run's 10 s"):
         fourier_coefficients(X, y, forcing=[2 * np.pi / 4, 0.1])
     with pytest.raises(ValueError, match="below the Nyquist frequency of 314"):
         fourier_coefficients(X, y, forcing=[2 * np.pi * 50])
     with pytest.raises(ValueError, match=r"from 0 to 9.99 s, has no row"):
         fourier_coefficients(X, y, forcing=[2 * np.pi], window=(20.0, 24.0))
-    with pytest.raises(ValueError, match="window must be"):
-        fourier_coefficients(X, y, forcing=[2 * np.pi], window=(4.0, 1.0))
 
 
 def test_missing_samples_are_named():
@@ -167,11 +160,8 @@ def test_wrong_forcing_functions_are_refused():
         fourier_coefficients(X, y, forcing=pair, inputs=["f_t", "f_d"])
     with pytest.raises(ValueError, match="4 bins without excitation"):
         fourier_coefficients(X, y, forcing=[2 * np.pi / 0.12], window=(0.0, 0.12), inputs=["f_t"])
-    for forcing in ([], [-1.0], [[1.0, 2.0]]):
-        with pytest.raises(ValueError, match="positive numbers"):
-            fourier_coefficients(X, y, forcing=forcing)
-    with pytest.raises(ValueError, match="empty dict"):
-        fourier_coefficients(X, y, forcing={})
+    with pytest.raises(ValueError, match="positive numbers"):
+        fourier_coefficients(X, y, forcing=[-1.0])
 
 
 # Several inputs
@@ -340,10 +330,3 @@ def test_spectrum_sums_to_the_mean_square(n_samples):
     for (run, channel), power in total.items():
         assert power == pytest.approx(np.mean(X.loc[run, channel] ** 2), rel=1e-12)
     assert list(table) == ["run", "channel", "omega", "psd"]
-
-
-def test_spectrum_of_an_array_with_a_run_column():
-    X = np.column_stack([np.repeat([7, 8], 50), np.ones(100)])
-    table = auto_psd(X, run=0, dt=0.1)
-    assert sorted(set(table["run"])) == [7, 8]
-    assert set(table["channel"]) == {1}

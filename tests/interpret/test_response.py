@@ -105,12 +105,9 @@ def test_sparse_lines_unwrap_like_dense_ones():
         for found in (
             known.phase,
             unknown.phase,
-            unknown.unwrapped_phase(delay=0.3),
-            unknown.unwrapped_phase(reference=operator),
             late.phase + np.degrees(0.2 * LINES),
         ):
             np.testing.assert_allclose(found, expected, atol=1e-9)
-        assert np.max(np.abs(late.unwrapped_phase(delay=0.0) - late.phase)) > 300
 
 
 def test_lowest_line_is_within_half_a_turn_and_lost_lines_stay_lost():
@@ -170,9 +167,7 @@ def test_crossover_path_of_a_model():
     X, y = make_tracking_runs("C1", 1, duration=20.0, run_in=10.0)
     model = make_pipeline(DelayShift(0.29), ARXRegressor()).fit(X, y)
     found = crossover_path(model, ELEMENT["C1"], time=[0.0, 5.0])
-    expected = crossover_path(
-        [model[-1].coef_] * 2, ELEMENT["C1"], dt=DT, nk=0, delay=0.29, time=[0.0, 5.0]
-    )
+    expected = crossover_path([model[-1].coef_] * 2, ELEMENT["C1"], dt=DT, nk=29, time=[0.0, 5.0])
     pd.testing.assert_frame_equal(found, expected)
     exact = crossover(HumanOperator(), ELEMENT["C1"])
     np.testing.assert_allclose(found.iloc[0], exact, rtol=0.03)
@@ -313,9 +308,7 @@ def test_table_labels_and_selection():
     ("arguments", "message"),
     [
         (([0.0, 1.0], [1, 1]), "positive frequencies"),
-        (([2.0, 1.0], [1, 1]), "must increase"),
         (([1.0, 2.0], [1, 1, 1]), r"must be \(2,\) or \(n_runs, 2\)"),
-        (([1.0], [[1]], ["a", "b"]), "names 2 runs"),
         (([1.0], [1], None, "e", "u", np.eye(2)), "covariance has the shape"),
     ],
 )

@@ -13,8 +13,7 @@ LOW, HIGH = np.array([-9.0, -9, 0.7, -3.9, 0.0]), np.array([9.0, 9, 3.7, 0.7, 0.
 TRUE = np.array([[0.09, 0.04, 2.4, -1.0, 0.28], [0.2, 0.1, 1.9, -0.3, 0.11]])
 MODELS = [
     SampledOperator(OMEGA, 0.01),
-    OperatorUnderHold(OMEGA, 0.2, 0.01, None),
-    OperatorUnderHold(OMEGA, 0.2, 0.01, 2),
+    OperatorUnderHold(OMEGA, 0.2, 0.01),
 ]
 
 

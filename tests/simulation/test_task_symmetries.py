@@ -44,8 +44,8 @@ def test_superposition_of_target_disturbance_and_remnant():
     assert min(np.abs(part.u).max() for part in parts) > 1e-3
 
 
-@pytest.mark.parametrize("shift", [1, 30])
-def test_time_shift_of_constant_dynamics(shift):
+def test_time_shift_of_constant_dynamics():
+    shift = 30
     task = CompensatoryTask.of_condition(
         "C2", remnant=Remnant(order=3, gain=0.05), duration=2.0, run_in=0.5
     )
@@ -62,7 +62,7 @@ def test_time_shift_of_constant_dynamics(shift):
 
 
 @pytest.mark.parametrize("random_phases", [False, True])
-@pytest.mark.parametrize("n_runs", [1, 3, 8, 9, 17])
+@pytest.mark.parametrize("n_runs", [1, 9])
 def test_a_run_is_the_same_whatever_the_others(n_runs, random_phases):
     task = short_task()
     options = {"random_state": 4, "random_phases": random_phases}

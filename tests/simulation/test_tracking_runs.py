@@ -34,8 +34,8 @@ def make(condition="C1", n_runs=2, **options):
 # The data convention
 
 
-@pytest.mark.parametrize("n_runs", [1, 3, np.int64(2)])
-@pytest.mark.parametrize("channels", [["e"], ("x", "e"), ALL_CHANNELS])
+@pytest.mark.parametrize("n_runs", [1, np.int64(2)])
+@pytest.mark.parametrize("channels", [("x", "e"), ALL_CHANNELS])
 def test_layout(n_runs, channels):
     X, y = make(n_runs=n_runs, channels=channels)
     assert isinstance(X, pd.DataFrame)
@@ -81,7 +81,7 @@ def test_the_default_is_the_measurement_window_after_seven_others():
     )
 
 
-@pytest.mark.parametrize("rate", [50.0, 64.0, 100.0, 1000.0])
+@pytest.mark.parametrize("rate", [64.0, 1000.0])
 def test_sampling_rates(rate):
     X, y, truth = make(sampling_rate=rate, return_truth=True)
     assert len(X) == 2 * round(4 * rate)
@@ -128,17 +128,6 @@ def test_remnant_intensity_is_reached():
     assert ratios.mean() == pytest.approx(0.15, abs=4 * 0.15 * 0.15 / np.sqrt(10))
 
 
-@pytest.mark.parametrize("n_jobs", [None, 2])
-def test_a_run_is_the_same_whatever_the_number_of_runs(n_jobs):
-    options = {"remnant_intensity": 0.1, "random_phases": True, "random_state": 8}
-    channels = ["e", "x", "f_t"]
-    many = make(n_runs=17, channels=channels, **options)
-    for n_runs in (1, 3, 9):
-        few = make(n_runs=n_runs, channels=channels, n_jobs=n_jobs, **options)
-        pd.testing.assert_frame_equal(few[0], many[0].loc[: n_runs - 1])
-        pd.testing.assert_series_equal(few[1], many[1].loc[: n_runs - 1])
-
-
 def test_random_phases():
     X, _ = make(n_runs=3, channels=["f_t"], random_phases=True, random_state=0)
     again, _ = make(n_runs=3, channels=["f_t"], random_phases=True, random_state=0)
@@ -153,14 +142,6 @@ def test_random_phases():
         np.testing.assert_allclose(
             spectrum[list(lines)], Multisine().amplitudes[: len(lines)], rtol=1e-9
         )
-
-
-def test_open_loop_remnant():
-    X, _, truth = make(remnant_gain=0.03, open_loop=True, random_state=0, return_truth=True)
-    free, u = make()
-    np.testing.assert_array_equal(X, free)
-    np.testing.assert_allclose(truth.u_without_remnant, u, rtol=0, atol=1e-14)
-    assert truth.remnant.std() > 0.001
 
 
 def test_adaptation_lag():

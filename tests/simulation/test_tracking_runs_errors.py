@@ -10,8 +10,6 @@ from skhoid import (
     HumanOperator,
     UnstableLoopError,
     make_tracking_runs,
-    mixed_condition,
-    tracking_condition,
 )
 
 
@@ -27,32 +25,22 @@ def make(condition="C1", n_runs=2, **options):
     ("options", "message"),
     [
         ({"condition": "C7"}, "Unknown condition 'C7'.*Did you mean 'C6'"),
-        ({"n_runs": 0}, "n_runs must be a whole number, at least 1; got 0"),
         (
             {"channels": "e"},
             r"channels must list some of \['e', 'x', 'f_t', 'dist'\], each once; got 'e'",
         ),
-        ({"channels": []}, "channels must list"),
         ({"channels": ["e", "f_d"]}, "channels must list"),
         ({"remnant_intensity": 15}, "15 percent is 0.15"),
-        ({"remnant_intensity": -0.1}, "intensity must be zero or positive; got -0.1"),
         ({"remnant_intensity": 0.1, "remnant_gain": 0.02}, "remnant_intensity or remnant_gain"),
         ({"remnant_gain": "tabel"}, "'table'; got 'tabel'"),
         ({"remnant_gain": "table", "remnant_intensity": 0.12}, "Table G.1 has the orders"),
-        ({"remnant_gain": 0.1, "remnant_order": 7}, "order must be 1, 2, 3, 4 or 'nm'; got 7"),
         ({"perturbation": {"K_c": 1.0}}, r"no parameter \['K_c'\] to add to; there are \['K_e'"),
-        ({"perturbation": {"tau_e": 0.1}}, r"no parameter \['tau_e'\]"),
         ({"perturbation": {"K_e": -1.0}}, r"K_e is -0.91 at t = -2 s"),
         ({"keep_run_in": 3.0}, "keep_run_in must lie between 0 and the run-in of 2 s; got 3.0"),
-        ({"sampling_rate": 10.0}, "10 Hz is too slow"),
-        ({"duration": -1.0}, "duration must be positive; got -1.0"),
-        ({"display": "preview"}, "got 'preview'"),
         (
             {"random_phases": True, "target": np.sin},
             "draws the phases of a Multisine, but the target is",
         ),
-        ({"noise": np.zeros((2, 5)), "remnant_gain": 0.1}, r"each of 2 runs .* 600 samples"),
-        ({"random_state": -3}, "random_state must be a non-negative whole number"),
     ],
 )
 def test_senseless_arguments(options, message):
@@ -89,7 +77,6 @@ def test_models_that_do_not_fit_the_loop():
     ("condition", "operator"),
     [
         ("C1", HumanOperator(K_e=0.2, T_L=0.4)),
-        ("C1", HumanOperator(K_e=0.9, T_L=0.4)),
         ("C2", HumanOperator(K_e=0.09, T_L=0.0)),
         ("C1", HumanOperator(K_e=0.07, T_L=1.2)),  # the operator of C2: a factor e in 4.4 s
     ],
@@ -116,13 +103,3 @@ def test_a_loop_that_is_unstable_for_a_moment_only():
     prompt, _ = make("C6", duration=81.92, n_runs=1)
     after = (0, slice(41.0, None))
     assert X.loc[after, "e"].abs().max() > 1.2 * prompt.loc[after, "e"].abs().max()
-
-
-def test_the_operator_of_c1_can_control_the_element_of_c2():
-    """So that any lag in C4 ends in a stable loop."""
-    mixed = mixed_condition("C1", "C2", 0.0)
-    X, _ = make(
-        mixed, controlled_element=tracking_condition("C2").controlled_element, duration=81.92
-    )
-    late, _ = make("C4", adaptation_lag=60.0, duration=81.92)
-    assert late["e"].abs().max() < 3 * X["e"].abs().max()

@@ -13,13 +13,10 @@ from skhoid import (
     RemnantIntensityError,
     Sigmoid,
     UnstableLoopError,
-    mixed_condition,
     tune_remnant,
 )
 
-pytestmark = pytest.mark.slow  # simulates for long
-
-TRANSITIONS = {"C3": ("C1", "C2"), "C4": ("C1", "C2"), "C5": ("C2", "C1"), "C6": ("C2", "C1")}
+TRANSITIONS = {"C4": ("C1", "C2"), "C5": ("C2", "C1")}
 
 
 def wanting(condition, intensity=0.15, order=2, **options):
@@ -34,8 +31,7 @@ def white(task, n_runs=10, seed=0):
 
 
 @pytest.mark.parametrize(
-    ("condition", "order", "intensity"),
-    [("C1", 1, 0.001), ("C2", 2, 0.20), ("C1", 3, 0.05), ("C2", 4, 0.05), ("C1", "nm", 0.20)],
+    ("condition", "order", "intensity"), [("C1", 1, 0.001), ("C2", 4, 0.05), ("C1", "nm", 0.20)]
 )
 def test_mean_intensity_of_the_same_realisations_is_exact(condition, order, intensity):
     task = wanting(condition, intensity, order)
@@ -52,7 +48,6 @@ def test_mean_intensity_of_the_same_realisations_is_exact(condition, order, inte
         {"disturbance": Multisine((4, 9), (0.03, 0.02), (0.0, 1.0))},
         {"display": "pursuit", "operator": HumanOperator(K_t=0.02, K_x=-0.01)},
         {"sampling_rate": 50.0, "transport": "interpolated"},
-        {"duration": 33.3},
         {"target": lambda t: np.sin(0.7 * t) + 0.3 * np.cos(2.9 * t) + 1.0},
     ],
     ids=lambda options: next(iter(options)),
@@ -82,8 +77,7 @@ def test_no_remnant_needs_no_gain():
 # Transitions
 
 
-@pytest.mark.parametrize("condition", list(TRANSITIONS))
-@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize(("condition", "order"), [("C4", 1), ("C5", 3)])
 def test_gain_follows_the_transition(condition, order):
     """From the gain of C1 to that of C2, on the same noise, by the sigmoid of the physics."""
     task = wanting(condition, 0.1, order)
@@ -100,28 +94,15 @@ def test_gain_follows_the_transition(condition, order):
     assert gain(40.96) == pytest.approx((begin + end) / 2, rel=1e-6)
 
 
-# Random state and other arguments
-
-
-def test_reproducible_whatever_the_number_of_threads():
-    task = wanting("C2")
-    gains = [
-        tune_remnant(task, random_state=2, n_jobs=n_jobs).remnant.gain for n_jobs in (None, 1, 2)
-    ]
-    assert len(set(gains)) == 1
-    assert tune_remnant(task, random_state=3).remnant.gain != gains[0]
-
-
 # What is refused
 
 
-@pytest.mark.parametrize("random_state", [0, 1])
-def test_fourth_order_remnant_cannot_reach_030_in_c2(random_state):
+def test_fourth_order_remnant_cannot_reach_030_in_c2():
     """Table G.1 gives 0.339, which is ill-posed: P_n saturates at 0.30 (facts.json G1.Kn.H4)."""
     with pytest.raises(
         RemnantIntensityError, match=r"P_n tends to 0\.(2[89]|3[01])\d as K_n grows"
     ):
-        tune_remnant(wanting("C2", 0.30, order=4, run_in=None), random_state=random_state)
+        tune_remnant(wanting("C2", 0.30, order=4, run_in=None), random_state=0)
 
 
 @pytest.mark.parametrize("remnant", [None, Remnant(gain=0.1)], ids=repr)
@@ -151,23 +132,8 @@ def test_a_loop_that_is_unstable():
         ("nm", "C2", 0.20, 0.0331991761159641, 0.00261),
     ],
 )
-@pytest.mark.parametrize("random_state", [0, 1])
-def test_gains_of_table_g1(order, condition, intensity, gain, tolerance, random_state):
+def test_gains_of_table_g1(order, condition, intensity, gain, tolerance):
     """Ten realisations after seven windows of run-in, as in the thesis."""
     task = wanting(condition, intensity, order, run_in=None)
-    found = tune_remnant(task, random_state=random_state).remnant.gain
+    found = tune_remnant(task, random_state=0).remnant.gain
     assert found == pytest.approx(gain, abs=tolerance)
-
-
-def test_transitions_that_are_not_over_in_the_window():
-    """K_n lies between the gains for the parameters before and after the whole transition."""
-    late = mixed_condition("C1", "C2", Sigmoid(0, 1, rate=0.5, time=81.92))
-    wanted = Remnant(order=2, intensity=0.15)
-    tuned = tune_remnant(CompensatoryTask.of_condition(late, remnant=wanted), random_state=1)
-    ends = [
-        tune_remnant(CompensatoryTask.of_condition(name, remnant=wanted), random_state=1)
-        for name in ("C1", "C2")
-    ]
-    gain = tuned.remnant.gain
-    assert (gain.initial, gain.final) == tuple(end.remnant.gain for end in ends)
-    assert float(gain(81.92)) == pytest.approx(np.mean([end.remnant.gain for end in ends]))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import secrets
 import shlex
-import sys
 from typing import Any
 
 import skhoid
@@ -124,7 +123,6 @@ def simulate(options: argparse.Namespace) -> int:
         open_loop=options.open_loop,
         random_state=number,
         return_truth=True,
-        progress=sys.stdout.isatty() and not options.json,
     )
     skhoid.write_runs(X, y, path, overwrite=options.overwrite)
     runs = counted(options.runs, "run")

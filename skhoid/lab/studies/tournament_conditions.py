@@ -140,7 +140,7 @@ def shapes() -> dict[str, Condition]:
         "drift": Points((25.0, 65.0), (0.0, 1.0)),
         "jump": Step(0.0, 1.0, 50.0),
     }
-    return {name: mixed_condition("C1", "C2", w, name) for name, w in weights.items()}
+    return {name: replace(mixed_condition("C1", "C2", w), name=name) for name, w in weights.items()}
 
 
 def elements() -> dict[str, tuple[Condition, str]]:
