@@ -82,6 +82,51 @@ SHARED = {
         "Group of each row, as in ``GridSearchCV``: what ``cv`` keeps together, and what",
         "``cv=None`` leaves out one at a time. Groups consist of whole runs. None uses the runs.",
     ),
+    "effects": (
+        "effects : Effect, Effects, str, list of these, or None, default=None",
+        'What the linear model is missing, such as ``"dead_zone"``; see :mod:`skhoid.effects`.',
+    ),
+    "controlled_element": (
+        "controlled_element : ControlledElement, LinearElement, str, system or None, default=None",
+        'For effects that use its inverse: ``"1/(s(s+1))"``, say, or a transfer function of SciPy',
+        "or python-control; None estimates it from output and x.",
+    ),
+    "start": (
+        "start : dict or None, default=None",
+        "Values to start the fit from, ``{parameter: value}`` with the names of ``parameters_``,",
+        "in addition to the model's own starts.",
+    ),
+    "parameter_table_": (
+        "parameter_table_ : ParameterTable",
+        "All parameters with bounds and units; see :class:`skhoid.model.ParameterTable`.",
+    ),
+    "parameters_": (
+        "parameters_ : DataFrame",
+        "Indexed by parameter: value, sd (standard error), low and high (95 % interval), unit,",
+        "meaning. Parameters of effects are called ``<effect>__<parameter>``. A parameter at a",
+        "bound has no sd.",
+    ),
+    "effects_": (
+        "effects_ : Effects",
+        "The effects with their estimated values and their choices (form, channel) made.",
+    ),
+    "covariance_": (
+        "covariance_ : DataFrame",
+        "Covariance of the estimated parameters.",
+    ),
+    "likelihood": (
+        "loglik_, bic_, vaf_ : float",
+        "Logarithm of the likelihood without constants, Bayesian information criterion, and VAF in",
+        "percent of the free run on the fitted rows.",
+    ),
+    "controlled_element_": (
+        "controlled_element_ : ControlledElement, LinearElement or None",
+        "Given or estimated.",
+    ),
+    "initial_": (
+        "initial_ : str",
+        'How free runs begin: ``"rest"`` or ``"estimate"``.',
+    ),
     "dt_": (
         "dt_ : float",
         "Sampling time of the fitted grid in seconds.",

@@ -196,7 +196,7 @@ class ParameterTable(Mapping[str, ModelParameter]):
     def _known(self, name: str, known: Sequence[str]) -> ModelParameter:
         if name not in known:
             raise ValueError(
-                f"{name!r} is no parameter that can be moved. These can: {', '.join(known)}."
+                f"{name!r} is no parameter that can be set. These can: {', '.join(known)}."
                 f"{did_you_mean(name, known)}"
             )
         return self[name]

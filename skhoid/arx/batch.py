@@ -104,9 +104,7 @@ class ARXRegressor(BaseARX):
         Names of the entries of ``coef_``.
     instruments_ : list of str
         Names of the instruments; none for least squares.
-    initial_ : str
-        How free runs begin: ``"rest"`` or ``"estimate"``.
-    {dt_, inputs_}
+    {initial_, dt_, inputs_}
     n_rows_used_ : int
         Rows in the regression.
     n_rows_missing_ : int

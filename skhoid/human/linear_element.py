@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import Any, NoReturn
 
 import numpy as np
@@ -16,7 +17,10 @@ from .. import _kernels
 
 EXAMPLES = '"1/s", "1/(s(s+1))", "90/(s^2+6s)", "2(s+3)/(s^2 (s+0.5))"'
 LARGEST_POWER = 20
-TOKEN = re.compile(r"\s*(?:(\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?)|(\*\*|.))")
+NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+TOKEN = re.compile(rf"{NUMBER.pattern}|\*\*|\S")
+VARIABLES = ("s", "z")
+IMPLIED = "@"  # stands for a product that is not written, and binds as * and / do
 Ratio = tuple[np.ndarray, np.ndarray]  # coefficients of numerator and denominator
 
 
@@ -31,7 +35,77 @@ def is_number(text: str) -> bool:
 
 def parse(text: str) -> tuple[np.ndarray, np.ndarray, str]:
     """Numerator, denominator (highest power first) and variable ("s", "z" or "") of a text."""
-    return _Parser(text).result()
+    tokens = TOKEN.findall(text)
+    if not tokens:
+        _refuse(text, "it is empty")
+    for token in tokens:
+        if token[0].isalpha() and token not in VARIABLES:
+            _refuse(text, f"{token!r} is unknown: use only s (or z) and numbers, no names of gains")
+    if {*VARIABLES} <= {*tokens}:
+        _refuse(text, "it has both s and z")
+    parts = []
+    for before, token in zip(["", *tokens], tokens, strict=False):
+        number = NUMBER.fullmatch(token)
+        if (number or token in ("(", *VARIABLES)) and (
+            before in (")", *VARIABLES) or NUMBER.fullmatch(before)
+        ):
+            parts.append(IMPLIED)
+        parts.append(f"{token}.0" if token.isdigit() else "**" if token == "^" else token)
+    source = " ".join(parts)
+    try:
+        numerator, denominator = _evaluate(ast.parse(source, mode="eval").body, source)
+    except (SyntaxError, TypeError) as error:
+        what = error.msg if isinstance(error, SyntaxError) else str(error)
+        _refuse(text, what)
+    while min(numerator.size, denominator.size) > 1 and numerator[-1] == denominator[-1] == 0:
+        numerator, denominator = numerator[:-1], denominator[:-1]
+    return numerator, denominator, next((v for v in VARIABLES if v in tokens), "")
+
+
+def _refuse(text: str, what: str) -> NoReturn:
+    raise ValueError(
+        f"The controlled element {text!r} cannot be read: {what}. Write a ratio of "
+        f"polynomials in s, or in z with dt, such as {EXAMPLES}."
+    )
+
+
+def _evaluate(node: ast.AST, source: str) -> Ratio:
+    """A sum, product or power of ratios of polynomials; a TypeError says what is none."""
+    one = np.ones(1)
+    if isinstance(node, ast.Constant):
+        return np.array([float(node.value)]), one  # type: ignore[arg-type]
+    if isinstance(node, ast.Name):
+        return np.array([1.0, 0.0]), one
+    if isinstance(node, ast.UnaryOp):
+        top, bottom = _evaluate(node.operand, source)
+        return (-top if isinstance(node.op, ast.USub) else top), bottom
+    if not isinstance(node, ast.BinOp):
+        raise TypeError("it is no formula")
+    top, bottom = _evaluate(node.left, source)
+    n, d = _evaluate(node.right, source)
+    if isinstance(node.op, ast.Pow):
+        power = float(n[0]) if n.size == d.size == 1 else -1.0
+        if not (power.is_integer() and 0 <= power <= LARGEST_POWER):
+            raise TypeError(f"a power must be a whole number up to {LARGEST_POWER}")
+        tops, bottoms = [top] * int(power), [bottom] * int(power)
+        return reduce(np.polymul, tops, one), reduce(np.polymul, bottoms, one)
+    if isinstance(node.op, (ast.Add, ast.Sub)):
+        n = n if isinstance(node.op, ast.Add) else -n
+        if np.array_equal(bottom, d):
+            return np.polyadd(top, n), d
+        return np.polyadd(np.polymul(top, d), np.polymul(n, bottom)), np.polymul(bottom, d)
+    left = node.left
+    divided = isinstance(left, ast.BinOp) and isinstance(left.op, ast.Div)
+    if isinstance(node.op, ast.MatMult) and divided and source[left.end_col_offset + 1] != ")":
+        raise TypeError(
+            "it is not clear whether what follows a denominator belongs to it: write "
+            '"1/(s(s+1))" or "(1/s)(s+1)"'
+        )
+    if isinstance(node.op, ast.Div):
+        if not np.any(n):
+            raise TypeError("it divides by zero")
+        n, d = d, n
+    return np.polymul(top, n), np.polymul(bottom, d)
 
 
 def write(numerator: tuple[float, ...], denominator: tuple[float, ...], variable: str) -> str:
@@ -64,118 +138,6 @@ def _write_polynomial(coefficients: tuple[float, ...], variable: str) -> str:
         terms.append(("- " if c < 0 else "+ ") + number)
     joined = " ".join(terms) or "+ 0"
     return joined[2:] if joined.startswith("+") else f"-{joined[2:]}"
-
-
-class _Parser:
-    """Recursive descent over sums, products and powers, on ratios of polynomials."""
-
-    def __init__(self, text: str):
-        self.text = text
-        self.tokens: list[str] = []
-        self.variable = ""
-        position, end = 0, len(text.rstrip())
-        while position < end:
-            found = TOKEN.match(text, position)
-            assert found is not None
-            position = found.end()
-            self.tokens.append(found[1] or found[2])
-        self.at = 0
-
-    def result(self) -> tuple[np.ndarray, np.ndarray, str]:
-        if not self.tokens:
-            self.fail("it is empty")
-        numerator, denominator = self.sum()
-        if self.at < len(self.tokens):
-            self.fail(f"there is one {self.tokens[self.at]!r} too many")
-        while min(numerator.size, denominator.size) > 1 and numerator[-1] == denominator[-1] == 0:
-            numerator, denominator = numerator[:-1], denominator[:-1]
-        return numerator, denominator, self.variable
-
-    def fail(self, what: str) -> NoReturn:
-        raise ValueError(
-            f"The controlled element {self.text!r} cannot be read: {what}. Write a ratio of "
-            f"polynomials in s, or in z with dt, such as {EXAMPLES}."
-        )
-
-    @property
-    def next(self) -> str:
-        return self.tokens[self.at] if self.at < len(self.tokens) else ""
-
-    def taken(self) -> str:
-        token = self.next
-        self.at += 1
-        return token
-
-    def sum(self) -> Ratio:
-        sign = self.taken() if self.next in ("+", "-") else "+"
-        total = self.product()
-        if sign == "-":
-            total = -total[0], total[1]
-        while self.next in ("+", "-"):
-            by = 1.0 if self.taken() == "+" else -1.0
-            n, d = self.product()
-            if np.array_equal(total[1], d):
-                total = np.polyadd(total[0], by * n), d
-                continue
-            top = np.polyadd(np.polymul(total[0], d), by * np.polymul(n, total[1]))
-            total = top, np.polymul(total[1], d)
-        return total
-
-    def product(self) -> Ratio:
-        top, bottom = self.power()
-        divided = False
-        while True:
-            if self.next in ("*", "/"):
-                divided = self.taken() == "/"
-                n, d = self.power()
-            elif self.next and self.next not in ("+", "-", ")"):
-                if divided:
-                    self.fail(
-                        f"it is not clear whether {self.next!r} belongs to the denominator "
-                        'before it: write "1/(s(s+1))" or "(1/s)(s+1)"'
-                    )
-                n, d = self.power()
-            else:
-                return top, bottom
-            if divided:
-                if not np.any(n):
-                    self.fail("it divides by zero")
-                n, d = d, n
-            top, bottom = np.polymul(top, n), np.polymul(bottom, d)
-
-    def power(self) -> Ratio:
-        base = self.atom()
-        if self.next not in ("^", "**"):
-            return base
-        self.at += 1
-        exponent = self.taken()
-        if not exponent.isdigit() or int(exponent) > LARGEST_POWER:
-            self.fail(f"a power must be a whole number up to {LARGEST_POWER}; got {exponent!r}")
-        top: np.ndarray = np.ones(1)
-        bottom: np.ndarray = np.ones(1)
-        for _ in range(int(exponent)):
-            top, bottom = np.polymul(top, base[0]), np.polymul(bottom, base[1])
-        return top, bottom
-
-    def atom(self) -> Ratio:
-        token = self.taken()
-        if token == "(":
-            inside = self.sum()
-            if self.taken() != ")":
-                self.fail('a closing bracket ")" is missing')
-            return inside
-        if token in ("s", "z"):
-            if self.variable not in ("", token):
-                self.fail("it has both s and z")
-            self.variable = token
-            return np.array([1.0, 0.0]), np.ones(1)
-        if token and (token[0].isdigit() or token[0] == "."):
-            return np.array([float(token)]), np.ones(1)
-        if not token:
-            self.fail("it ends too early")
-        if token.isalpha():
-            self.fail(f"{token!r} is unknown: use only s (or z) and numbers, no names of gains")
-        self.fail(f"{token!r} was not expected there")
 
 
 TINY = 1e-12  # relative to the largest coefficient: rounding

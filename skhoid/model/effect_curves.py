@@ -1,8 +1,7 @@
 """What an identified effect does, as curves with their uncertainty: one response for each place.
 
 All goes through ``Effect.apply`` and the simulator, on signals made up to show what the effect
-does, so that an effect of a user's own is shown as those of the catalogue are: by the place where
-it acts, and by what it turns out to answer.
+does, so that an effect of a user's own is shown as those of the catalogue are.
 """
 
 from __future__ import annotations
@@ -69,11 +68,11 @@ class EffectCurves:
 
 @dataclass
 class Response:
-    """A plot before it is computed: abscissa, and lines for values of the parameters."""
+    """A plot before it is computed: abscissa, and a line (or some by name) for parameters."""
 
     kind: str
     x: np.ndarray
-    lines: Callable[[dict[str, float], np.ndarray], dict[str, np.ndarray]]
+    lines: Callable[[dict[str, float], np.ndarray], Any]
     xlabel: str
     ylabel: str
     without: Curve
@@ -202,34 +201,21 @@ def effect_curves(
     n_draws: int = 0,
     random_state: Any = 0,
 ) -> EffectCurves:
-    """What an effect of a fitted model does, as curves.
+    """What an effect of a fitted model does, or another in its place, as curves.
 
-    Parameters
-    ----------
-    model : fitted OperatorRegressor or ARXRegressor
-        The model.
-    name : str
-        Name of the effect in ``model.effects_``.
-    X : DataFrame or array of shape (n_rows, n_columns) or None, default=None
-        Channels of runs, for amplitudes, times and densities. None takes those of the fit.
-    y : Series or array of shape (n_rows,) or None, default=None
-        Measured output, for the density of its values. None takes what the model predicts.
-    effect : Effect or None, default=None
-        An effect with numbers to take in place of the model's own.
-    n_draws : int, default=0
-        Draws of the parameters that bands, which hold 95 % of them, are made of; 0 makes no bands.
-    random_state : int, Generator or None, default=0
-        Of these draws.
-
-    Returns
-    -------
-    curves : EffectCurves
+    ``X`` and ``y`` are channels and output of runs, for amplitudes, times and densities; without
+    them those of the fit count. Bands hold 95 % of the draws of the parameters.
     """
     shown = dict(model.effects_.steps)[name] if effect is None else effect
     bench = Bench(model, name, shown, *_runs(model, X, y))
     found = response_plot(bench)
-    best = found.lines(bench.values, bench.theta)
-    drawn = [found.lines(*draw) for draw in bench.draws(n_draws, random_state)]
+
+    def named(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
+        lines = found.lines(values, theta)
+        return lines if isinstance(lines, dict) else {"with the effect": lines}
+
+    best = named(bench.values, bench.theta)
+    drawn = [named(*draw) for draw in bench.draws(n_draws, random_state)]
     curves = {}
     for label, values in best.items():
         curves[label] = Curve(found.x, values)
@@ -265,13 +251,10 @@ def _runs(model: Any, X: Any, y: Any) -> tuple[Record, np.ndarray | None]:
     return nothing, None
 
 
-def answers(bench: Bench, channel: str) -> bool:
-    """Whether the output moves when this channel does and the error stays."""
+def answers(bench: Bench, channel: str, run: Callable[[Record], np.ndarray]) -> bool:
+    """Whether what ``run`` makes of a record moves with this channel alone."""
     t, pulse = unit_pulse(bench.record.dt)
-    moved, still = (
-        bench.simulator(record).run(bench.whole(bench.values, bench.theta))
-        for record in (bench.made_up(t, {channel: pulse}), bench.made_up(t))
-    )
+    moved, still = (run(bench.made_up(t, c)) for c in ({channel: pulse}, {}))
     return bool(np.abs(moved - still).max() > 0.0)
 
 
@@ -393,11 +376,18 @@ def response_plot(bench: Bench) -> Response:
     place = bench.effect.place
     if bench.effect.noise:
         return realisation(bench)
+
+    def simulate(record: Record) -> np.ndarray:
+        return bench.simulator(record).run(bench.whole(bench.values, bench.theta))
+
+    def add(record: Record) -> np.ndarray:
+        return np.asarray(bench.effect.apply(np.zeros_like(record.t), record, **bench.values))
+
     if place in ("input", "path", "command", "sum"):
         for channel in bench.record.roles:
-            if channel != bench.error and answers(bench, channel):
+            if channel != bench.error and answers(bench, channel, simulate):
                 return path(bench, channel)
-    if place == "sum" and _adds_answer(bench):
+    if place == "sum" and answers(bench, bench.error, add):
         return path(bench, bench.error)
     if place == "path":
         return path(bench, bench.error) if is_odd(bench) else added_command(bench)
@@ -414,17 +404,6 @@ def response_plot(bench: Bench) -> Response:
     if place == "inside":
         return inside(bench)
     return spring(bench) if place == "spring" else course(bench)
-
-
-def _adds_answer(bench: Bench) -> bool:
-    """Whether what is added to the output follows the input."""
-    t, pulse = unit_pulse(bench.record.dt)
-    zero = np.zeros((t.size, 1))
-    moved, still = (
-        bench.effect.apply(zero, record, **bench.values)
-        for record in (bench.made_up(t, {bench.error: pulse}), bench.made_up(t))
-    )
-    return bool(np.abs(np.asarray(moved) - still).max() > 0.0)
 
 
 def signal_map(bench: Bench, signal: str) -> Response:
@@ -458,7 +437,7 @@ def signal_map(bench: Bench, signal: str) -> Response:
     return Response(
         "loop" if loop else "map",
         late[part],
-        lambda values, theta: {"with the effect": out(values)[part]},
+        lambda values, theta: out(values)[part],
         with_unit(what if met is None else f"{what} {name}", unit),
         with_unit(f"{what} behind the effect", unit),
         without=Curve(late[:half], late[:half]),
@@ -475,14 +454,11 @@ def added_command(bench: Bench) -> Response:
     zero = np.zeros((N_WAVE, 1))
     record = bench.made_up(t, {bench.error: x})
 
-    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
-        command = bench.effect.apply(Command(zero, zero, x[:, None], 0.0), record, **values)
-        return {"with the effect": total_command(command, record.dt)}
-
+    given = Command(zero, zero, x[:, None], 0.0)
     return Response(
         "map",
         x,
-        lines,
+        lambda values, theta: total_command(bench.effect.apply(given, record, **values), record.dt),
         with_unit(f"{_answered(bench)} {bench.error}", bench.unit(bench.error)),
         with_unit("added to the command", bench.unit("u")),
         without=Curve(x, np.zeros(N_WAVE)),
@@ -612,9 +588,9 @@ def share(bench: Bench) -> Response:
     t = sampled_run(bench)
     one = np.ones(t.size)
 
-    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
+    def lines(values: dict[str, float], theta: np.ndarray) -> np.ndarray:
         left = share_of_command(bench, values)
-        return {"with the effect": one if left is None else left}
+        return one if left is None else left
 
     return Response(
         "gains", t, lines, "time in the run, s", "share of the command", without=Curve(t, one)
@@ -634,14 +610,12 @@ def linear_gain(bench: Bench) -> Response:
     record = bench.made_up(t)
     given = np.fft.rfft(total_command(command_of(bench, pulse), dt))[some]
 
-    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
-        got = np.fft.rfft(passed(bench, record, pulse, values))[some]
-        return {"with the effect": np.abs(got / given)}
-
     return Response(
         "gain",
         omega[some],
-        lines,
+        lambda values, theta: np.abs(
+            np.fft.rfft(passed(bench, record, pulse, values))[some] / given
+        ),
         "frequency, rad/s",
         "gain on the command",
         without=Curve(omega[some], np.ones(some.size)),
@@ -659,7 +633,7 @@ def held_command(bench: Bench) -> Response:
     return Response(
         "hold",
         shown,
-        lambda values, theta: {"with the effect": passed(bench, record, x, values)[later]},
+        lambda values, theta: passed(bench, record, x, values)[later],
         "time, s",
         with_unit("command", bench.unit("u")),
         without=Curve(shown, total_command(command_of(bench, x), dt)[later]),
@@ -673,9 +647,9 @@ def spring(bench: Bench) -> Response:
     x = np.linspace(-size, size, N_WAVE)
     record = bench.made_up(np.arange(2.0))
 
-    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
+    def lines(values: dict[str, float], theta: np.ndarray) -> np.ndarray:
         further = bench.effect.apply(Spring(), record, **values)
-        return {"with the effect": _holding(bench, theta) * x + further.force(x)}
+        return _holding(bench, theta) * x + further.force(x)
 
     unit = bench.unit("u") if bench.core.kind.is_operator else bench.unit(bench.error)
     return Response(
@@ -710,13 +684,13 @@ def inside(bench: Bench) -> Response:
     best = bench.effect.apply(Spring(), record, **bench.values)
     has_stops = bool(np.isfinite(best.stops).any())
 
-    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
+    def lines(values: dict[str, float], theta: np.ndarray) -> np.ndarray:
         added = bench.effect.apply(Spring(), record, **values)
         if has_stops:
-            return {"with the effect": np.clip(x, *added.stops)}
+            return np.clip(x, *added.stops)
         if of_rate:
-            return {"with the effect": added.force(np.zeros_like(x), x)}
-        return {"with the effect": _holding(bench, theta) * x + added.force(x)}
+            return added.force(np.zeros_like(x), x)
+        return _holding(bench, theta) * x + added.force(x)
 
     name, unit = bench.model.simulation_.output, bench.unit("u")
     without = np.zeros(N_WAVE) if of_rate else x if has_stops else _holding(bench, bench.theta) * x
@@ -743,9 +717,9 @@ def course(bench: Bench) -> Response:
     t = run_times(bench)
     record, zero = bench.made_up(t), np.zeros((t.size, 1))
 
-    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
+    def lines(values: dict[str, float], theta: np.ndarray) -> np.ndarray:
         added = np.asarray(bench.effect.apply(zero, record, **values))
-        return {"with the effect": np.broadcast_to(added, (t.size, 1))[:, 0]}
+        return np.broadcast_to(added, (t.size, 1))[:, 0]
 
     return Response(
         "course",
@@ -760,14 +734,10 @@ def course(bench: Bench) -> Response:
 def realisation(bench: Bench) -> Response:
     """Noise whose phase nobody knows: ``apply`` adds nothing."""
     t, _ = bench.effect.realisation(bench.values)
-
-    def lines(values: dict[str, float], theta: np.ndarray) -> dict[str, np.ndarray]:
-        return {"with the effect": bench.effect.realisation(values, t)[1]}
-
     return Response(
         "course",
         t,
-        lines,
+        lambda values, theta: bench.effect.realisation(values, t)[1],
         "time, s",
         with_unit("added to the output", bench.unit("u")),
         without=Curve(t, np.zeros(t.size)),

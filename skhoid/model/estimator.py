@@ -16,13 +16,13 @@ import pandas as pd
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
-from .._sklearn import DT, Interval, StrOptions, fit_context
+from .._sklearn import DT, Interval, fit_context
 from ..arx.base import ESTIMATE, HELD, REST, pays
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.parameter import CoreKind
 from ..effects.record import Record
-from ..exceptions import UsageError, did_you_mean
+from ..exceptions import UsageError
 from ..human import ELEMENT, ControlledElement, LinearElement
 from ..human.controlled_element import simplify
 from ..parameters import Kind, ParameterTable
@@ -36,7 +36,6 @@ from ..text import (
     estimates_table,
     quantity,
 )
-from .cores import Core
 from .element import adopt_element, estimate_element
 from .extend import beside_each_other, extended, on_all_runs
 from .fitting import Criterion, RemnantModel, minimise, take_some_runs
@@ -60,7 +59,7 @@ from .prepared import (
     choose_beginning,
     mark_measured,
 )
-from .simulator import Simulator
+from .simulator import Simulator, list_parameters
 from .uncertainty import covariance_of, find_profile_intervals
 
 
@@ -96,16 +95,14 @@ class Simulation:
         begun = replace(record, initial=begins or self.begins, levels=self.levels)
         return Simulator(self.spec.core, self.effects, begun).run(self.theta)
 
-    def run_from(
-        self, record: Record, known: np.ndarray, y: np.ndarray, initial: str | None
-    ) -> np.ndarray:
-        """Free run from initial states that fit the output; None: only in runs that show them."""
+    def run_from(self, record: Record, known: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Free run from initial states that fit the output; by default in runs that show them."""
         free = self.run(record)
-        if initial == REST:
+        if self.initial == REST:
             return free
         record = replace(record, y=y, known=known, remembered={})
         fitted = self.run(record, ESTIMATE)
-        return begin_where_it_pays(record, free, fitted) if initial is None else fitted
+        return begin_where_it_pays(record, free, fitted) if self.initial is None else fitted
 
 
 class GreyBox(RunRegressor):
@@ -121,6 +118,7 @@ class GreyBox(RunRegressor):
     controlled_element: Any
     settling: float
     parameter_table_: ParameterTable
+    initial: str | None = None  # how simulations begin, where a user may say so
     _takes_first = True  # channel, where none has the role e
     _fixed_core = False  # whether parameters of the core stay as fitted
 
@@ -130,7 +128,6 @@ class GreyBox(RunRegressor):
         "roles": [dict, None],
         "controlled_element": ELEMENT,
         "settling": [Interval(Real, 0, None, closed="left")],
-        "initial": [StrOptions({"rest", "estimate"}), None],
         "start": [dict, None],
         "dt": DT,
         "run": "no_validation",
@@ -180,7 +177,7 @@ class GreyBox(RunRegressor):
         -------
         self : estimator
         """
-        prepared = self._prepared(self._read_data(X, y, "all", in_parts=True))
+        prepared = self.prepare(X, y)
         model = self.first_fit(prepared)
         self._take_over(prepared, *likelihood_fit(model, Criterion(prepared.record)))
         return self
@@ -243,9 +240,7 @@ class GreyBox(RunRegressor):
         """
         record = replace(model.simulator.record, known=prepared.measured, remembered={})
         assert record.y is not None
-        initial = getattr(self, "initial", None)
-        if not getattr(model.simulator.core, "has_states", False):
-            initial = REST
+        initial = self.initial if model.simulator.core.has_states else REST
         y = record.y[record.known]
         levels = float(y.min()), float(y.max())
         begins = REST if initial == REST else HELD
@@ -421,10 +416,8 @@ class GreyBox(RunRegressor):
         if spec.check is not None:
             spec.check(grid)
         record = spec.core.on(record)
-        initial = getattr(self, "initial", None)
-        record = replace(
-            record, initial=choose_beginning(spec.core, record, initial, self.settling)
-        )
+        begins = choose_beginning(spec.core, record, self.initial, self.settling)
+        record = replace(record, initial=begins)
         check_rows(record, len(spec.core.parameters), grid, self.settling)
         check_moving(record, thinned[:, self._columns[0]], error, output_name)
         if given is None:
@@ -536,14 +529,9 @@ class GreyBox(RunRegressor):
         return columns.rows(self.simulation_.run(record))
 
     def _run_from(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
-        return self._run_begun(grid, values, output, self.simulation_.initial)
-
-    def _run_begun(
-        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, initial: str | None
-    ) -> np.ndarray:
         record, columns = self._record(grid, values)
         known, y = mark_measured(grid, columns, output), columns.beside(np.nan_to_num(output))
-        return columns.rows(self.simulation_.run_from(record, known, y, initial))
+        return columns.rows(self.simulation_.run_from(record, known, y))
 
     def summary_table(self) -> ModelSummary:
         simulation, element = self.simulation_, self.controlled_element_
@@ -619,7 +607,9 @@ def fit_first_model(prepared: Prepared, effects: Effects) -> Model:
         reason = effect.refusal(record, core.kind)
         if reason is not None:
             raise ValueError(f"The effect {name} does not apply: {reason}.")
-    check_start(start, core, record, effects)
+    variants = [(name, v) for name, effect in effects for v in effect.variants(record)]
+    table = ParameterTable(list_parameters(core, variants, record))
+    start = table.checked(start, list(table))
     model = started(prepared.spec.estimated(core, record, criterion), criterion, start)
     coarse = criterion.coarse()
     for name, effect in effects:
@@ -627,24 +617,7 @@ def fit_first_model(prepared: Prepared, effects: Effects) -> Model:
         model = extended(model, name, effect, criterion, coarse, start=given)
     templates = {effect.name: effect for _, effect in effects}
     model = beside_each_other(model, templates, criterion, coarse)
-    return started(model, criterion, prepared.spec.start)
-
-
-def check_start(start: Mapping[str, Any], core: Core, record: Record, effects: Effects) -> None:
-    """Refuse start values of parameters that the model does not estimate."""
-    names = [p.name for p in core.parameters]
-    for name, effect in effects:
-        for variant in effect.variants(record):
-            names += [f"{name}__{p.name}" for p in variant.free]
-    for name, value in start.items():
-        if name not in names:
-            known = ", ".join(dict.fromkeys(names))
-            raise ValueError(
-                f"start names {name!r}, which is not estimated. Estimated parameters: {known}."
-                f"{did_you_mean(name, names)}"
-            )
-        if not isinstance(value, Real) or not np.isfinite(float(value)):
-            raise ValueError(f"start={{{name!r}: ...}} must be a finite number; got {value!r}.")
+    return started(model, criterion, start)
 
 
 def started(model: Model, criterion: Criterion, start: Mapping[str, float]) -> Model:

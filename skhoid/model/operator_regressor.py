@@ -39,60 +39,30 @@ class OperatorRegressor(GreyBox):
         the controlled element. A given ``delay`` below it is kept.
     inputs : column name or list with one, or None, default=None
         The error. None means the column of role ``e``.
-    effects : Effect, Effects, str, list of these, or None, default=None
-        Effects to add to the linear operator; see :mod:`skhoid.effects`.
+    {effects}
     roles : dict or None, default=None
         Roles of columns, ``{column: role}``, where names do not show them: e, x, f_t, or a name
         that begins with motion or dist; "" for none. Effects may use all columns.
-    controlled_element : ControlledElement, LinearElement, str, system or None, default=None
-        What the operator controls, for effects that use its inverse: ``"1/(s(s+1))"``, say, or a
-        transfer function of SciPy or python-control; None estimates it from output and x.
+    {controlled_element}
     settling : float, default=3.0
         Seconds at the start of each run (and after each gap) that do not count in the fit, because
         what came before is not known.
-    initial : {"rest", "estimate"} or None, default=None
-        How simulations begin. ``"rest"``: with all signals zero before the first sample.
-        ``"estimate"``: in ``score`` and where ``y`` is known, from the initial states that fit each
-        run best; in ``predict``, as if the inputs had always been as in the first row. None does so
-        only where runs show that they do not begin at rest (in ``score``, run by run).
-    start : dict or None, default=None
-        Values to start the fit from, ``{parameter: value}`` with the names of ``parameters_``, in
-        addition to the model's own starts.
-    {dt, run}
+    {start, dt, run}
 
     Attributes
     ----------
-    parameter_table_ : ParameterTable
-        All parameters with estimates, bounds and units; see :class:`skhoid.model.ParameterTable`.
-    parameters_ : DataFrame
-        Indexed by parameter: value, sd (standard error), low and high (95 % interval), unit,
-        meaning. Parameters of effects are called ``<effect>__<parameter>``. A parameter at a
-        bound has no sd.
+    {parameter_table_, parameters_}
     simulation_parameters_ : DataFrame
         The same for the smallest simulation error, without a noise model. In a closed loop it is
         biased by the remnant; ``summary`` shows both estimates where they differ by more than
         their uncertainty allows.
-    effects_ : Effects
-        The effects with their estimated values and their choices (form, channel) made.
-    covariance_ : DataFrame
-        Covariance of the estimated parameters.
+    {effects_, covariance_}
     noise_ar_ : ndarray of shape (6,)
         AR model of the remnant at the rate of the criterion (25 Hz, or the sampling rate).
-    loglik_ : float
-        Logarithm of the likelihood, without constants.
-    bic_ : float
-        Bayesian information criterion (smaller is better).
-    vaf_ : float
-        VAF of the free run on the fitted rows, in percent.
+    {likelihood}
     n_rows_used_ : int
         Rows that count: measured, and not in the settling time or a run-in.
-    controlled_element_ : ControlledElement, LinearElement or None
-        Given or estimated.
-    initial_ : str
-        How free runs begin: ``"rest"`` or ``"estimate"``.
-    {dt_}
-    inputs_ : list of str
-        Name of the error channel.
+    {controlled_element_, initial_, dt_, inputs_}
     {n_features_in_, feature_names_in_}
 
     Raises
@@ -153,7 +123,6 @@ class OperatorRegressor(GreyBox):
         roles: dict | None = None,
         controlled_element: Any = None,
         settling: float = 3.0,
-        initial: str | None = None,
         start: dict | None = None,
         dt: float | None = None,
         run: Any = None,
@@ -165,7 +134,6 @@ class OperatorRegressor(GreyBox):
         self.roles = roles
         self.controlled_element = controlled_element
         self.settling = settling
-        self.initial = initial
         self.start = start
         self.dt = dt
         self.run = run

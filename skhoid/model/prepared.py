@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 import pandas as pd
 
-from ..arx.base import ESTIMATE, HELD, REST
+from ..arx.base import ESTIMATE, REST
 from ..effects.record import LARGE, Record, RowChannels, few_runs
 from ..exceptions import RankDeficiencyError, ShortRunError
 from ..human import LinearElement
@@ -83,7 +83,7 @@ def choose_beginning(core: Core, record: Record, initial: str | None, settling: 
     if initial == REST or not core.has_states:
         return REST
     if core.kind.is_operator and settling >= FORGOTTEN:
-        return REST if initial is None else HELD
+        return REST
     return ESTIMATE if initial == ESTIMATE or not core.at_rest(record) else REST
 
 

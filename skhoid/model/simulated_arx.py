@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from numbers import Integral
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from .._sklearn import Interval
+from .._sklearn import Interval, StrOptions
 from ..arx.base import ESTIMATE, REST, BaseARX, check_lengths
 from ..arx.batch import ARXRegressor
 from ..arx.model_summary import orders_text
@@ -24,7 +25,7 @@ from .cores import ARXCore
 from .estimator import GreyBox
 from .fitting import Criterion, RemnantModel
 from .model import Model, find_scaled_sse, fit_by_halving
-from .prepared import Prepared, SimulatedCore, check_simulated_model
+from .prepared import Prepared, SimulatedCore, check_simulated_model, mark_measured
 from .simulator import Simulator
 
 SHARED = ("na", "nb", "nk", "inputs", "fit_intercept", "initial", "roles", "dt", "run")
@@ -49,19 +50,12 @@ class SimulatedARX(GreyBox, BaseARX):
         columns.
     fit_intercept : bool, default=False
         Add a constant c.
-    effects : Effect, Effects, str, list of these, or None, default=None
-        What the linear model is missing, such as ``"dead_zone"``; see :mod:`skhoid.effects`.
-    controlled_element : ControlledElement, LinearElement, str, system or None, default=None
-        For effects that use its inverse: ``"1/(s(s+1))"``, or a SciPy or python-control transfer
-        function; None estimates it from output and x where needed.
+    {effects, controlled_element}
     settling : float, default=0.0
         Seconds at the start of each run (and after each gap) that do not count in the fit.
     initial : {"rest", "estimate"} or None, default=None
         How simulations begin, as for :class:`ARXRegressor`.
-    start : dict or None, default=None
-        Starting values of the fit, ``{parameter: value}`` by the names of ``parameters_``, in
-        addition to the model's own starts.
-    {roles, dt, run}
+    {start, roles, dt, run}
 
     Attributes
     ----------
@@ -73,30 +67,13 @@ class SimulatedARX(GreyBox, BaseARX):
         The constant c, 0 without ``fit_intercept``.
     standard_errors_ : ndarray of shape (n_params,)
         Standard errors of ``coef_``.
-    parameters_ : DataFrame
-        Indexed by parameter: value, sd (standard error), low and high (95 % interval), unit,
-        meaning. Parameters of effects are called ``<effect>__<parameter>``; those that are fixed,
-        or follow from others, come last.
-    covariance_ : DataFrame
-        Covariance of what was estimated, by the names of ``parameters_``.
-    effects_ : Effects
-        The effects with their estimated values and chosen form and channel.
+    {parameter_table_, parameters_, effects_, covariance_}
     noise_ar_ : ndarray of shape (6,)
         AR model of the residual of simulation.
     noise_variance_ : float
         Variance of the whitened residual.
-    loglik_, bic_, vaf_ : float
-        Logarithm of the likelihood without constants, Bayesian information criterion, and VAF in
-        percent of the free run on the fitted rows.
-    controlled_element_ : ControlledElement, LinearElement or None
-        Given or estimated.
-    parameter_names_ : list of str
-        Names of the entries of ``coef_``.
-    initial_ : str
-        How free runs begin: ``"rest"`` or ``"estimate"``.
-    {dt_}
-    inputs_ : list of str
-        Name of the linear input.
+    {likelihood}
+    {controlled_element_, parameter_names_, initial_, dt_, inputs_}
     n_rows_used_, n_rows_missing_ : int
         Rows that count, and rows left out because y is NaN.
     {n_features_in_, feature_names_in_}
@@ -127,6 +104,7 @@ class SimulatedARX(GreyBox, BaseARX):
 
     _parameter_constraints: dict = {
         **GreyBox._parameter_constraints,
+        "initial": [StrOptions({"rest", "estimate"}), None],
         "na": [Interval(Integral, 0, None, closed="left")],
         "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
         "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
@@ -224,10 +202,11 @@ class SimulatedARX(GreyBox, BaseARX):
     def _simulated(
         self, grid: ModelGrid, values: np.ndarray, output: np.ndarray | None
     ) -> np.ndarray:
-        if output is not None:
-            return self._run_begun(grid, values, output, ESTIMATE)
         record, columns = self._record(grid, values)
-        return columns.rows(self.simulation_.run(record, REST))
+        if output is None:
+            return columns.rows(self.simulation_.run(record, REST))
+        known, y = mark_measured(grid, columns, output), columns.beside(np.nan_to_num(output))
+        return columns.rows(replace(self.simulation_, initial=ESTIMATE).run_from(record, known, y))
 
 
 def simulated_model(estimator: Any, purpose: str) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -40,6 +40,19 @@ class Stage:
     positions: tuple[int, ...]
 
 
+def list_parameters(
+    core: Core, effects: Iterable[tuple[str, Effect]], record: Record
+) -> list[ScaledParameter]:
+    """What a core and effects leave to be estimated, in the units of a record."""
+    found = [p.on(record) for p in core.parameters]
+    for name, effect in effects:
+        limits = effect.limits(record)
+        found += [
+            p.on(record, effect.place, f"{name}__{p.name}", limits[p.name]) for p in effect.free
+        ]
+    return found
+
+
 class Simulator:
     """Free runs of a core with effects on a record.
 
@@ -52,12 +65,7 @@ class Simulator:
 
     def __init__(self, core: Core, effects: Effects, record: Record):
         self.core, self.effects, self.record = core, effects, record
-        self.parameters: list[ScaledParameter] = [p.on(record) for p in core.parameters]
-        for name, effect in effects:
-            limits = effect.limits(record)
-            self.parameters += [
-                p.on(record, effect.place, f"{name}__{p.name}", limits[p.name]) for p in effect.free
-            ]
+        self.parameters = list_parameters(core, list(effects), record)
         self.names = [p.name for p in self.parameters]
         self.low = np.array([p.min for p in self.parameters])
         self.high = np.array([p.max for p in self.parameters])

@@ -40,7 +40,7 @@ def test_texts(text, coefficients):
     [
         ("1/s(s+1)", r"not clear whether.*1/\(s\(s\+1\)\)"),
         ("K/s", "'K' is unknown"),
-        ("1/(s", "closing bracket"),
+        ("1/(s", "never closed"),
         ("1/(s-s)", "divides by zero"),
         ("1/s^99", "up to 20"),
         ("z/s", "both s and z"),

@@ -21,7 +21,6 @@ def without(record, *names):
     ("text", "constants", "within"),
     [
         ("1/s", [1.0], [0.05]),
-        ("1/(s(s+1))", [1.0, 1.0], [0.07, 0.1]),
         ("2/s^2", [2.0], [0.2]),
         ("4/(s(s+2))", [4.0, 2.0], [0.8, 0.4]),
     ],
@@ -80,7 +79,7 @@ def test_what_does_not_answer_the_output_has_no_element():
     assert search_element(without(record, "x")) is None
 
 
-@pytest.mark.parametrize("x", [2.0, 1e-30, "parabola"])
+@pytest.mark.parametrize("x", [2.0, "parabola"])
 def test_what_rests_has_no_element(x):
     record = tracked("1/s", runs=2)
     at_rest = record.t**2 - 1e3 if x == "parabola" else x

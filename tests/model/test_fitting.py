@@ -1,4 +1,4 @@
-"""The remnant model of residuals that hold nothing; steps to the least error."""
+"""Steps to the least error."""
 
 from types import SimpleNamespace
 
@@ -7,16 +7,6 @@ import pytest
 
 from skhoid.model import fitting
 from skhoid.model.cores import Prior
-from skhoid.model.fitting import AR_ORDER, fit_remnant
-
-
-@pytest.mark.parametrize("known", [True, False])
-def test_nothing_left_is_white(known):
-    residual = np.zeros((64, 2)) if known else np.random.default_rng(0).standard_normal((64, 2))
-    model = fit_remnant(residual, np.full((64, 2), known))
-    np.testing.assert_array_equal(model.scale, [1.0, 1.0])
-    assert model.ar.shape == (AR_ORDER,)
-    assert known == (not model.ar.any())
 
 
 @pytest.mark.parametrize("exact", [True, False])

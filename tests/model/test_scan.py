@@ -1,6 +1,5 @@
 """What an effect may ask of the model to which it is added."""
 
-import inspect
 from dataclasses import replace
 
 import numpy as np
@@ -43,18 +42,6 @@ def operator():
 def scan_of(parent, effect, **options):
     criterion = Criterion(parent.simulator.record)
     return Scan(parent, effect.name, effect, criterion, **options)
-
-
-def test_a_scan_is_what_the_protocol_says():
-    assert len(MEMBERS) == 11
-    scan = scan_of(parent_of("arx"), DeadZone(form="gap"))
-    for name in MEMBERS:
-        promised = inspect.getattr_static(ErrorScan, name)
-        if inspect.isfunction(promised):
-            real = inspect.signature(getattr(Scan, name)).parameters
-            assert list(inspect.signature(promised).parameters) == list(real)
-        else:
-            assert hasattr(scan, name)
 
 
 def test_effects_ask_nothing_else(operator):

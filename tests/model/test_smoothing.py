@@ -12,7 +12,7 @@ from skhoid.model.smoothing import change_if_rougher, in_detail, posterior_of, s
 
 def with_map(effects, spread=None, seed=0):
     X, y = make_tracking_runs(
-        condition="C1", n_runs=2, remnant_intensity=0.1, random_state=seed, effects=effects
+        "C1", 2, duration=40.96, remnant_intensity=0.1, random_state=seed, effects=effects
     )
     estimator = OperatorRegressor()
     prepared = estimator.prepare(X, y)
