@@ -18,7 +18,8 @@ class ControlledElement:
     """Second-order controlled element (Eq. 1).
 
     H_CE(s, t) = K_c(t) / (s (s + omega_b(t))): a single integrator well below ``omega_b``, a
-    double integrator well above. When parameters vary, v' = K_c(t) u - omega_b(t) v, x' = v.
+    double integrator well above. When parameters vary, v' = K_c(t) u - omega_b(t) v, x' = v. Any
+    other linear element, given as text or by coefficients, becomes a :class:`LinearElement`.
 
     Parameters
     ----------
@@ -32,15 +33,6 @@ class ControlledElement:
     dt : float or None, default=None
         Sampling time in seconds of a discrete element, given by a string in z or by coefficients.
 
-    Raises
-    ------
-    ValueError
-        If a parameter is negative or not finite, or a string cannot be read.
-
-    See Also
-    --------
-    LinearElement : Elements of any order, continuous and discrete.
-
     Examples
     --------
     >>> from skhoid import ControlledElement, Sigmoid
@@ -50,8 +42,6 @@ class ControlledElement:
     ControlledElement(K_c=Sigmoid(initial=90, final=30, rate=0.5, time=40.96), omega_b=6.0)
     >>> ControlledElement("1/(s(s+1))")
     LinearElement(numerator=(1.0,), denominator=(1.0, 1.0, 0.0))
-    >>> print(ControlledElement(numerator=[2.0], denominator=[1.0, 0.0]))
-    2/s
     """
 
     K_c: Parameter = 90.0
@@ -102,28 +92,12 @@ class ControlledElement:
         ----------
         t : float
             Time in s.
-
-        Returns
-        -------
-        controlled_element : ControlledElement
         """
         K_c, omega_b = freeze(self, t, "K_c", "omega_b").values()
         return ControlledElement(K_c, omega_b)
 
     def constant_coefficients(self) -> tuple[tuple[float, ...], tuple[float, ...], None]:
-        """Numerator, denominator and sampling time (None) of a constant element.
-
-        Returns
-        -------
-        numerator, denominator : tuple of float
-            In falling powers of s.
-        dt : None
-
-        Raises
-        ------
-        ValueError
-            If the element varies in time.
-        """
+        """Numerator, denominator (falling powers of s) and None, of a constant element."""
         K_c, omega_b = self.K_c, self.omega_b
         if callable(K_c) or callable(omega_b):
             raise ValueError(
@@ -133,7 +107,7 @@ class ControlledElement:
         return (float(K_c),), (1.0, float(omega_b), 0.0), None
 
     def frequency_response(self, omega: Any, t: float = 0.0) -> np.ndarray:
-        """H_CE(j omega), with parameters frozen at ``t``.
+        """H_CE(j omega), with parameters frozen at ``t``; infinite at zero frequency.
 
         Parameters
         ----------
@@ -141,11 +115,6 @@ class ControlledElement:
             Frequencies in rad/s.
         t : float, default=0.0
             Time in s.
-
-        Returns
-        -------
-        H : ndarray of complex, shape (n_frequencies,)
-            Infinite at zero frequency.
         """
         s = 1j * np.asarray(omega, dtype=float)
         K_c, omega_b = freeze(self, t, "K_c", "omega_b").values()

@@ -228,15 +228,6 @@ class LinearElement:
         program reads u, moves x, and then stores both. Otherwise u(k) is held from sample k on, and
         first moves x(k+1).
 
-    Raises
-    ------
-    ValueError
-        If coefficients are not finite, the denominator is zero, or there are more zeros than poles.
-
-    See Also
-    --------
-    ControlledElement : K_c/(s (s + omega_b)), which may vary in time.
-
     Examples
     --------
     >>> from skhoid import LinearElement
@@ -302,17 +293,6 @@ class LinearElement:
             and one output; a :class:`~skhoid.ControlledElement` that does not vary.
         dt : float or None, default=None
             Sampling time in seconds, for a string in z.
-
-        Returns
-        -------
-        element : LinearElement
-
-        Raises
-        ------
-        ValueError
-            If a string cannot be read, or a system has several inputs, outputs or no sampling time.
-        TypeError
-            If it does not describe an element.
         """
         if isinstance(system, str):
             return _read_text(system, dt)
@@ -346,7 +326,7 @@ class LinearElement:
         return (K_c, omega_b) if rest == 0.0 and K_c >= 0 and omega_b >= 0 else None
 
     def frequency_response(self, omega: Any, t: float = 0.0) -> np.ndarray:
-        """x/u at frequencies.
+        """x/u at frequencies; infinite at an undamped pole.
 
         Parameters
         ----------
@@ -354,11 +334,6 @@ class LinearElement:
             Frequencies in rad/s.
         t : float, default=0.0
             Not used: the element is constant.
-
-        Returns
-        -------
-        H : ndarray of complex, shape (n_frequencies,)
-            Infinite at an undamped pole.
         """
         s = 1j * np.asarray(omega, dtype=float)
         q = s if self.dt is None else np.exp(s * self.dt)
@@ -379,11 +354,6 @@ class LinearElement:
         -------
         b, a : ndarray of shape (order + 1,)
             Exact coefficients of z^0, z^-1, ...; b[0] is zero unless x(k) responds to u(k).
-
-        Raises
-        ------
-        ValueError
-            If a discrete element cannot be written at this rate.
         """
         if hold not in ("zoh", "foh"):
             raise ValueError(f"hold must be 'zoh' or 'foh'; got {hold!r}.")
@@ -399,10 +369,6 @@ class LinearElement:
             Input.
         dt : float
             Sampling time in seconds.
-
-        Returns
-        -------
-        x : ndarray of the shape of u
         """
         b, a = self.discrete(dt)
         return lfilter(b, a, np.asarray(u, dtype=float), axis=0)
@@ -439,15 +405,6 @@ class LinearElement:
             Signal to follow.
         dt : float
             Sampling time in seconds.
-
-        Returns
-        -------
-        u : ndarray of the shape of x
-
-        Raises
-        ------
-        ValueError
-            If the element cannot be inverted, see ``not_invertible``.
         """
         reason = self.not_invertible
         if reason is not None:

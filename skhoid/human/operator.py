@@ -114,16 +114,12 @@ class HumanOperator:
         return f"HumanOperator({', '.join(parts)})"
 
     def gains(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """K_e and K_edot over time.
+        """K_e and K_edot over time, each of shape (n_instants,).
 
         Parameters
         ----------
         t : ndarray of shape (n_instants,)
             Instants in s.
-
-        Returns
-        -------
-        K_e, K_edot : ndarray of shape (n_instants,)
         """
         return evaluate(self.K_e, t), evaluate(self.rate_gain, t)
 
@@ -145,12 +141,7 @@ class HumanOperator:
         return {name: getattr(self, name) for name in names}
 
     def with_rate_gain(self) -> HumanOperator:
-        """The same operator, given by K_edot.
-
-        Returns
-        -------
-        operator : HumanOperator
-        """
+        """The same operator, given by K_edot."""
         return replace(self, T_L=None, K_edot=self.rate_gain)
 
     def over_time(self, t: np.ndarray) -> dict[str, np.ndarray]:
@@ -160,10 +151,6 @@ class HumanOperator:
         ----------
         t : ndarray of shape (n_instants,)
             Instants in s.
-
-        Returns
-        -------
-        values : dict of ndarray of shape (n_instants,)
         """
         K_e, K_edot = self.gains(t)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -178,10 +165,6 @@ class HumanOperator:
         ----------
         t : float
             Time in s.
-
-        Returns
-        -------
-        operator : HumanOperator
         """
         return HumanOperator(tau_e=self.tau_e, **freeze(self, t, *self.adaptable))
 
@@ -197,10 +180,6 @@ class HumanOperator:
         input : {"e", "f_t", "x"}, default="e"
             Error, or what a pursuit display shows in addition. As e = f_t - x, identified responses
             to e and x alone are H_e + H_ft and H_x + H_ft.
-
-        Returns
-        -------
-        H : ndarray of complex, shape (n_frequencies,)
         """
         s = 1j * np.asarray(omega, dtype=float)
         if input == "e":
@@ -233,7 +212,8 @@ def zoh_parameters(operator: HumanOperator, dt: float, t: Any = 0.0) -> np.ndarr
 
     H(z) = z^-1 (b_0 + b_1 z^-1) / (1 + a_1 z^-1 + a_2 z^-2) (Eqs. 21 and F.3-F.4) responds to an
     input that is held between samples exactly as the operator does. An ARX model with these
-    parameters and ``nk=delay_samples(operator, dt)`` is the operator with its delay.
+    parameters and ``nk=delay_samples(operator, dt)`` is the operator with its delay;
+    :func:`skhoid.arx_to_operator` is the inverse.
 
     Parameters
     ----------
@@ -248,15 +228,6 @@ def zoh_parameters(operator: HumanOperator, dt: float, t: Any = 0.0) -> np.ndarr
     -------
     theta : ndarray of shape (4,) or (n_instants, 4)
         [a_1, a_2, b_0, b_1].
-
-    Raises
-    ------
-    ValueError
-        If ``dt`` is not positive.
-
-    See Also
-    --------
-    skhoid.interpret.conversion.arx_to_operator : The inverse conversion.
 
     References
     ----------
@@ -308,16 +279,7 @@ def delay_samples(operator: HumanOperator, dt: float, *, nearest: bool = False) 
     dt : float
         Sampling time of the recording in seconds.
     nearest : bool, default=False
-        Round a delay that is not a whole number of samples; by default it raises an error.
-
-    Returns
-    -------
-    nk : int
-
-    Raises
-    ------
-    ValueError
-        If ``tau_e`` is not a whole number of samples within 1e-6, or ``dt`` is not positive.
+        Round a delay that is not a whole number of samples (within 1e-6); otherwise it is an error.
 
     Examples
     --------
@@ -371,18 +333,9 @@ def crossover(operator: Any, controlled_element: Any, t: Any = 0.0) -> tuple[Any
     -------
     omega_c : float, or ndarray of shape (n_instants,)
         Crossover frequency in rad/s: the highest between 1e-3 and 1e3 rad/s at which the gain
-        falls through 1. NaN where there is none.
+        falls through 1. NaN, with a warning, where there is none.
     phase_margin : float, or ndarray of shape (n_instants,)
         Phase margin in degrees, in (-180, 180].
-
-    Warns
-    -----
-    UserWarning
-        With the number of instants without a crossover.
-
-    See Also
-    --------
-    skhoid.interpret.crossover_path : The same from a path of ARX parameters.
 
     Examples
     --------

@@ -197,10 +197,6 @@ def arx_response_covariance(
     C : ndarray of shape (..., n_lines, 2, 2)
         [[C_1, C_12], [C_12, C_2]] of each line; NaN above the Nyquist frequency.
 
-    References
-    ----------
-    Van Grootheest, thesis, Eqs. H.11-H.17.
-
     Examples
     --------
     >>> import numpy as np

@@ -177,7 +177,7 @@ def arx_to_operator(
 
     Inverts zero-order hold: poles by z = exp(s dt) (Eq. 22), gains by the step response, then K_e =
     b_0c / a_0c, T_L = b_1c / b_0c, K_edot = b_1c / a_0c, omega_nm = sqrt(a_0c) and zeta_nm = a_1c /
-    (2 sqrt(a_0c)) (Eq. 23).
+    (2 sqrt(a_0c)) (Eq. 23). :func:`skhoid.zoh_parameters` is the inverse.
 
     Parameters
     ----------
@@ -194,20 +194,10 @@ def arx_to_operator(
         K_e, T_L (s), K_edot (s), omega_nm (rad/s), zeta_nm. NaN where the poles are not a pair
         of complex numbers; an unstable pair has a negative zeta_nm.
     deviations : dict of ndarray of shape (...)
-        Their standard deviations by the delta method; NaN without ``covariance``. They are valid
-        while errors are small: not for T_L if the uncertainty of K_e is a large part of K_e.
+        Their standard deviations by the delta method, valid while errors are small; NaN without
+        ``covariance``.
     n_not_complex : int
         Number of finite parameter sets whose poles are not a complex pair.
-
-    Raises
-    ------
-    ValueError
-        If shapes do not fit or ``dt`` is not positive.
-
-    See Also
-    --------
-    skhoid.human.operator.zoh_parameters : The inverse conversion.
-    operator_parameters : The same for a fitted model, with the delay.
 
     Examples
     --------
@@ -284,8 +274,7 @@ def operator_parameters(
     input : str or None, default=None
         Input whose response is converted. None means the only one, or the one of role ``e``.
     band : (float, float), default=(0.2, 18.0)
-        Frequency range in rad/s for ``method="fit"``, by default that of the thesis's forcing
-        function.
+        Frequency range in rad/s for ``method="fit"``: that of the thesis's forcing function.
 
     Returns
     -------
@@ -294,21 +283,15 @@ def operator_parameters(
         deviations ``sd_K_e`` and so on, NaN if the model has no covariance and for a tau_e that is
         the model's own delay. ``method="fit"`` adds ``misfit``, the root mean square of the
         relative error of the response. One row, or one per instant with the index ``time`` in s.
-        ``attrs`` holds ``units``, ``method``, and the number ``n_nan`` of rows that are NaN.
+        ``attrs`` holds ``units``, ``method``, and the number ``n_nan`` of rows that are NaN, of
+        which a UserWarning tells: no complex pair of poles, or no fit.
 
     Raises
     ------
-    sklearn.exceptions.NotFittedError
-        If the model is not fitted.
     TypeError
         If it is not an ARX model.
     ValueError
         If orders, input, band or delay do not allow the conversion.
-
-    Warns
-    -----
-    UserWarning
-        With the number of instants that are NaN: their poles are not a complex pair, or no fit.
 
     See Also
     --------
@@ -316,11 +299,10 @@ def operator_parameters(
 
     Notes
     -----
-    The delay of ``"poles"`` is tau_e = (n_k - 1) / f_s at the rate of the recording: the delay of a
-    DelayShift and of ``nk``, less one sample for zero-order hold. Standard deviations are
-    propagated from the ARX parameters. They do not include bias: remnant biases omega_nm and
-    zeta_nm upwards. On decimated recordings ``"poles"`` also assumes that e is held over the
-    decimated step, which is not the case; ``"fit"`` holds it over the step of the recording.
+    The delay of ``"poles"`` is tau_e = (n_k - 1) / f_s at the rate of the recording. Standard
+    deviations do not include bias: remnant biases omega_nm and zeta_nm upwards. On decimated
+    recordings ``"poles"`` assumes that e is held over the decimated step, which is not the case;
+    ``"fit"`` holds it over the step of the recording.
 
     Examples
     --------

@@ -225,14 +225,14 @@ def fourier_coefficients(
     y : Series or array of shape (n_rows,)
         Output u.
     forcing : Multisine, array-like of frequencies in rad/s, or dict of these
-        The excited lines: an object with the attributes ``omega`` and ``period``, or frequencies.
-        Give several forcing functions as a dict. It must hold all excited lines: others count as
-        remnant. With several inputs, its keys are the columns of X that hold the signals.
+        All excited lines (others count as remnant): an object with ``omega`` and ``period``, or
+        frequencies; several functions as a dict. With several inputs, its keys are the columns of X
+        that hold the signals.
     inputs : list of column names or positions, or None, default=None
         Inputs of the operator. None means the column named ``e`` if there is one, else all.
     window : (float, float) or None, default=None
-        Use only rows with ``window[0] <= time < window[1]``, in seconds. None means whole runs.
-        A window must hold a whole number of periods of every line.
+        Use only rows with ``window[0] <= time < window[1]``, in seconds, a whole number of periods
+        of every line. None means whole runs.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : column name or position, or None, default=None
@@ -252,19 +252,13 @@ def fourier_coefficients(
 
     Notes
     -----
-    Several periods in a window are averaged. The remnant N = U - H E is estimated from the six
-    nearest bins without excitation, with H of the line, and gives the covariance of real and
-    imaginary parts, ``mean|N|^2 / (2 |E|^2)`` each; with several inputs it is propagated through
-    the equations. The coherence of a run, with one input, is ``(1 - mean|E|^2 / |E(line)|^2) (1 -
-    mean|U|^2 / |U(line)|^2)``, the means over the same bins and each factor at least 0: the shares
-    of the powers of input and output that the forcing functions explain. The estimate is reliable
-    where it is near 1.
+    The remnant N = U - H E is estimated from the six nearest bins without excitation, with H of the
+    line, and gives the covariance of real and imaginary parts, ``mean|N|^2 / (2 |E|^2)`` each. The
+    coherence of a run, with one input, is ``(1 - mean|E|^2 / |E(line)|^2) (1 - mean|U|^2 /
+    |U(line)|^2)``, the means over the same bins and each factor at least 0.
 
-    Fourier transforms of inputs and output are interpolated to the lines of another forcing
-    function. The interpolation acts on their ratios to the forcing function, closed-loop responses
-    that are smooth in frequency: cubic splines of log magnitude and phase in log omega, after
-    removing the delay that aligns neighbouring lines. The closer the functions' lines are, the more
-    accurate it is.
+    With several inputs, ratios of signals to a forcing function, which are smooth in frequency, are
+    interpolated to the lines of the others: cubic splines of log magnitude and phase in log omega.
 
     References
     ----------

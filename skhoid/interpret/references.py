@@ -59,21 +59,9 @@ def reference_fits(
     -------
     references : DataFrame
         One row per window, named ``"ini"``, ``"fin"`` or ``"start-stop"``; columns ``start`` and
-        ``stop`` (s), the ARX parameters, and with ``na = nb = 2`` those of the operator as
-        :func:`operator_parameters` names them, each with its standard deviation ``sd_...``; NaN
-        where the poles are not a complex pair. The names of the ARX parameters are in
-        ``attrs["parameter_names"]``.
-
-    Raises
-    ------
-    TypeError
-        If the estimator is not an ARX model.
-    ValueError
-        If a window is unknown, or holds too little data.
-
-    See Also
-    --------
-    skhoid.plotting.ParametersDisplay : Plots them with a path.
+        ``stop`` (s), the ARX parameters (named in ``attrs["parameter_names"]``), and with ``na = nb
+        = 2`` those of the operator as :func:`operator_parameters` names them, each with its
+        standard deviation ``sd_...``.
 
     Examples
     --------

@@ -101,7 +101,7 @@ def crossover_path(
     theta : array-like of shape (n_instants, n_params), or fitted ARX model
         [a_1 ... a_na, b_0 ... b_{nb-1}] of the operator at each instant. A model, alone or at the
         end of a pipeline or search, supplies its parameters over time (or its constant ones for
-        each of ``time``) and the next four arguments.
+        each of ``time``) and the next three arguments.
     controlled_element : ControlledElement
         Evaluated at the same instants.
     dt : float or None, default=None
@@ -194,6 +194,8 @@ class FrequencyResponse:
     """Frequency response at a number of lines, for one system or several runs.
 
     Made by :meth:`of` from models, and by :func:`fourier_coefficients` from recordings.
+    ``response * controlled_element`` is the open loop (freeze an element that varies,
+    ``element.at(t)``); covariances are propagated to first order, factors taken as independent.
 
     Parameters
     ----------
@@ -212,23 +214,12 @@ class FrequencyResponse:
     coefficients : (ndarray, ndarray) or None, default=None
         Fourier coefficients of input and output from which the response was made.
     delay : float or None, default=None
-        Known delay in seconds, for reliable phase unwrapping and interpolation where lines are
-        sparse. None estimates one from the response.
+        Known delay in seconds, for unwrapping and interpolation where lines are sparse. None
+        estimates one from the response.
     dt : float or None, default=None
         Sampling time in seconds of a discrete-time model, which ends at Nyquist, pi / dt.
     dof : int or None, default=None
-        Degrees of freedom of a covariance estimated from few samples; intervals then use Student's
-        t.
-
-    See Also
-    --------
-    fourier_coefficients : Estimates it from recorded runs.
-
-    Notes
-    -----
-    The covariance is propagated to first order. ``response * controlled_element`` is the open loop;
-    freeze an element that varies, ``element.at(t)``. Responses that are multiplied are assumed to
-    be independent.
+        Degrees of freedom of a covariance from few samples; intervals then use Student's t.
 
     References
     ----------
@@ -302,21 +293,15 @@ class FrequencyResponse:
         Parameters
         ----------
         system : object with ``frequency_response(omega, t)``, or fitted ARXRegressor
-            A :class:`~skhoid.HumanOperator`, a :class:`~skhoid.ControlledElement`, a
-            :class:`~skhoid.LinearElement`, or an ARX model, alone or at the end of a pipeline or
-            search. The response of an ARX model includes its delay ``nk`` and that of a
-            :class:`~skhoid.DelayShift` before it, is NaN above Nyquist, and has the covariance that
-            follows from ``covariance_`` (Eqs. H.11-H.17).
+            Physics, or an ARX model, alone or at the end of a pipeline or search: with its delay
+            ``nk`` and that of a DelayShift before it, NaN above Nyquist, and with the covariance
+            that follows from ``covariance_`` (Eqs. H.11-H.17).
         omega : array-like of shape (n_lines,)
             Frequencies in rad/s.
         t : float, default=0.0
             Time in s at which a varying system is frozen.
         input : str or None, default=None
             Name of the input, for a model with several or a HumanOperator ("e", "f_t" or "x").
-
-        Returns
-        -------
-        response : FrequencyResponse
         """
         lines = np.atleast_1d(np.asarray(omega, dtype=float))
         if is_arx(system):
@@ -384,7 +369,7 @@ class FrequencyResponse:
     def complex_sd(self) -> np.ndarray | None:
         """Total standard deviation sqrt(C_1 + C_2) in the complex plane (Eq. H.7).
 
-        The thesis calls it the standard deviation of the magnitude, but that is ``magnitude_sd``.
+        The thesis calls it that of the magnitude, which is ``magnitude_sd``.
         """
         if self.covariance is None:
             return None
@@ -413,17 +398,12 @@ class FrequencyResponse:
         return find_aligning_delay(self.omega, self.response)
 
     def select_run(self, run: Any) -> FrequencyResponse:
-        """Response of one run.
+        """Response of one run, of shape (n_lines,).
 
         Parameters
         ----------
         run : label
             One of ``labels``.
-
-        Returns
-        -------
-        response : FrequencyResponse
-            Of shape (n_lines,).
         """
         if self.response.ndim == 1 or run not in self.labels:
             raise ValueError(f"There is no run {run!r} in {self!r}; the runs are {self.labels}.")
@@ -444,7 +424,7 @@ class FrequencyResponse:
         ----------
         average : {"response", "coefficients"}, default="response"
             ``"response"`` averages real and imaginary parts (Eqs. H.1-H.4). ``"coefficients"``
-            averages the Fourier coefficients of input and output before dividing, which still works
+            averages Fourier coefficients of input and output before dividing, which still works
             where remnant is as large as the input; all runs must then begin at the same phase of
             the same forcing function.
         standard_error : bool, default=False
@@ -454,11 +434,10 @@ class FrequencyResponse:
         Returns
         -------
         mean : FrequencyResponse
-            One response of shape (n_lines,). Its ``covariance`` is the sample covariance of real
-            and imaginary parts, so that :attr:`complex_sd` is Eq. H.7, :attr:`complex_phase_sd` is
-            Eq. H.8, and :attr:`magnitude_sd` and :attr:`phase_sd` are Eqs. H.9 and H.10. Its
-            ``coherence``, where Fourier coefficients are known, is that of the ensemble,
-            ``|mean(U E*)|^2 / (mean(|U|^2) mean(|E|^2))``. Both are None for a single run.
+            Of shape (n_lines,), so that :attr:`complex_sd` is Eq. H.7, :attr:`complex_phase_sd` Eq.
+            H.8, :attr:`magnitude_sd` and :attr:`phase_sd` Eqs. H.9 and H.10. Where Fourier
+            coefficients are known, its ``coherence`` is that of the ensemble,
+            ``|mean(U E*)|^2 / (mean(|U|^2) mean(|E|^2))``. No covariance of a single run.
         """
         if self.response.ndim == 1:
             raise ValueError("mean() averages over runs, but this is a single response.")
@@ -501,9 +480,8 @@ class FrequencyResponse:
         Returns
         -------
         table : DataFrame
-            Index levels ``run`` and ``omega`` (rad/s), or ``omega`` alone for a single response;
-            columns ``magnitude`` and ``phase`` (deg), and where known ``magnitude_sd``,
-            ``phase_sd`` (deg) and ``coherence``.
+            Index levels ``run`` and ``omega`` (rad/s), or ``omega`` alone; columns ``magnitude``,
+            ``phase`` (deg), and where known ``magnitude_sd``, ``phase_sd`` (deg) and ``coherence``.
         """
         columns = {
             name: np.ravel(values)
@@ -518,15 +496,14 @@ class FrequencyResponse:
     def crossover(self, interpolate: bool = True) -> pd.DataFrame:
         """Crossover frequency and phase margin of an open loop.
 
-        The last downward crossing counts: that between the highest pair of neighbouring lines where
-        the lower has ``|H| >= 1`` and the upper ``|H| < 1``.
+        The last downward crossing counts: between the highest pair of neighbouring lines where the
+        lower has ``|H| >= 1`` and the upper ``|H| < 1``.
 
         Parameters
         ----------
         interpolate : bool, default=True
             Interpolate ``log |H|`` and the phase, without the delay's part, linearly in log omega.
-            False takes the line of the pair where ``|H|`` is nearest 1, as the thesis does (Eqs.
-            5.9-5.10) at multiples of 2 pi / T_m.
+            False takes the line of the pair where ``|H|`` is nearest 1 (Eqs. 5.9-5.10).
 
         Returns
         -------
@@ -546,13 +523,7 @@ class FrequencyResponse:
         return table
 
     def closed_loop(self) -> FrequencyResponse:
-        """Response H / (1 + H) of the closed loop, with unity feedback, for this open loop.
-
-        Returns
-        -------
-        closed : FrequencyResponse
-            With the covariance propagated.
-        """
+        """Response H / (1 + H) of the closed loop, with unity feedback, for this open loop."""
         slope = 1.0 / (1.0 + self.response) ** 2
         return replace(
             self,

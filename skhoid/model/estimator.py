@@ -144,10 +144,6 @@ class GreyBox(RunRegressor):
         **params : dict
             Values.
 
-        Returns
-        -------
-        self : estimator
-
         Raises
         ------
         ValueError
@@ -172,10 +168,6 @@ class GreyBox(RunRegressor):
         {X}
         y : Series or array of shape (n_rows,)
             Output of the operator; NaN where not measured.
-
-        Returns
-        -------
-        self : estimator
         """
         prepared = self.prepare(X, y)
         model = self.first_fit(prepared)
@@ -503,10 +495,6 @@ class GreyBox(RunRegressor):
         Parameters
         ----------
         {X}
-
-        Returns
-        -------
-        record : Record
         """
         return self._record(*self._read_X(X, reset=False))[0]
 

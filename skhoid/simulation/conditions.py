@@ -38,10 +38,6 @@ class Condition:
     operator : HumanOperator
         Who controls it.
 
-    See Also
-    --------
-    tracking_condition : The conditions of the thesis.
-
     Examples
     --------
     >>> from skhoid import ControlledElement, HumanOperator
@@ -64,15 +60,6 @@ def tracking_condition(name: str) -> Condition:
         C1: mostly 1/s; C2: mostly 1/s²; C3 and C4: from C1 to C2, gradually (G = 0.5 1/s) and
         suddenly (100 1/s) at 40.96 s in the measurement window; C5 and C6: from C2 to C1.
 
-    Returns
-    -------
-    condition : Condition
-
-    Raises
-    ------
-    ValueError
-        If there is no such condition.
-
     Examples
     --------
     >>> from skhoid import tracking_condition
@@ -94,8 +81,8 @@ def mixed_condition(
     """Mix two conditions, parameter by parameter, with a weight that may vary over time.
 
     p(t) = (1 - w(t)) p_1(t) + w(t) p_2(t), for K_c, omega_b, K_e, K_edot, omega_nm, zeta_nm and
-    the gains of a pursuit display (Eq. 3.7; T_L is then the ratio of K_edot and K_e). With w a
-    sigmoid from 0 to 1 this turns C1 and C2 into C3 to C6.
+    the gains of a pursuit display (Eq. 3.7; T_L is then the ratio of K_edot and K_e). The delays
+    must be equal. With w a sigmoid from 0 to 1 this turns C1 and C2 into C3 to C6.
 
     Parameters
     ----------
@@ -103,16 +90,6 @@ def mixed_condition(
         Conditions, or names of those of the thesis.
     weight : float or callable
         w: a number from 0 to 1, or a function of time (s), such as ``Ramp(0, 1, 20, 60)``.
-
-    Returns
-    -------
-    condition : Condition
-        Called "C1 to C2", for example.
-
-    Raises
-    ------
-    ValueError
-        If the operators differ in their delay, which cannot vary over time.
 
     Examples
     --------
@@ -184,18 +161,12 @@ class Remnant:
     order : {1, 2, 3, 4, "nm"}, default=2
         Order m of the low-pass filter, or the neuromuscular filter.
     intensity : float or None, default=None
-        Desired P_n = var(n) / var(u) in the measurement window, below 1; :func:`tune_remnant` then
-        finds the gain for a task.
+        Desired P_n = var(n) / var(u) in the measurement window, below 1, in place of ``gain``;
+        :func:`tune_remnant` then finds the gain for a task.
     gain : float, callable or None, default=None
-        K_n in units of u times s^0.5, instead of ``intensity``. A function of time takes an array
-        of times (s).
+        K_n in units of u times s^0.5; a function of time takes an array of times (s).
     time_constant : float, default=0.06
         T_n in s.
-
-    Raises
-    ------
-    ValueError
-        If not exactly one of ``intensity`` and ``gain`` is given, or a number is out of range.
 
     Examples
     --------
@@ -239,21 +210,16 @@ class Remnant:
 
     @classmethod
     def from_table(cls, condition: str, intensity: float, order: int | str = 2) -> Remnant:
-        """The gains of Table G.1.
+        """The gains of Table G.1; in C3-C6 they follow the sigmoid of the other parameters.
 
         Parameters
         ----------
         condition : {"C1", "C2", "C3", "C4", "C5", "C6"}
-            In C3-C6 the gain follows the same sigmoid as the other parameters, between the values
-            of C1 and C2.
+            Name of the condition.
         intensity : {0.05, 0.10, 0.15, 0.20, 0.25, 0.30}
             P_n for which the gains were tuned, at 100 Hz.
         order : {1, 2, 3, 4, "nm"}, default=2
             Order of the filter.
-
-        Returns
-        -------
-        remnant : Remnant
         """
         name = known_name(condition)
         match = [i for i, P_n in enumerate(_INTENSITIES) if abs(P_n - intensity) < 1e-9]
@@ -279,10 +245,6 @@ class Remnant:
             Frequencies in rad/s.
         t : float, default=0.0
             Time in s.
-
-        Returns
-        -------
-        H : ndarray of complex, shape (n_frequencies,)
         """
         if self.gain is None:
             raise ValueError(

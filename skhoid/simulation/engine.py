@@ -405,22 +405,12 @@ class TrackingRecord:
         return self.u - self.n
 
     def intensity(self) -> np.ndarray:
-        """Remnant intensity P_n = var(n) / var(u) of each run (Eq. 5.11), in the window.
-
-        Returns
-        -------
-        P_n : ndarray of shape (n_runs,)
-        """
+        """Remnant intensity P_n = var(n) / var(u) of each run (Eq. 5.11), in the window."""
         window = self.time >= 0
         return self.n[:, window].var(axis=1) / self.u[:, window].var(axis=1)
 
     def score(self) -> np.ndarray:
-        """Performance score var(e) / var(f_t) of each run, in the window.
-
-        Returns
-        -------
-        score : ndarray of shape (n_runs,)
-        """
+        """Performance score var(e) / var(f_t) of each run, in the window."""
         window = self.time >= 0
         return self.e[:, window].var(axis=1) / self.f_t[:, window].var(axis=1)
 

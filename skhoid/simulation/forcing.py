@@ -36,12 +36,6 @@ class Multisine:
     period : float, default=81.92
         T_m in s.
 
-    Raises
-    ------
-    ValueError
-        If lengths differ, a multiple is not a positive whole number or occurs twice, or a number is
-        not finite.
-
     Examples
     --------
     >>> from skhoid import Multisine
@@ -99,7 +93,7 @@ class Multisine:
         return np.sin(t[..., None] * self.omega + np.array(self.phases)) @ np.array(self.amplitudes)
 
     def sample(self, first: int, n_samples: int, sampling_rate: float) -> np.ndarray:
-        """Values on the grid k / f_s.
+        """Values on the grid k / f_s, of shape (n_samples,).
 
         Parameters
         ----------
@@ -109,10 +103,6 @@ class Multisine:
             Number of samples.
         sampling_rate : float
             f_s in Hz.
-
-        Returns
-        -------
-        f : ndarray of shape (n_samples,)
         """
         if self.omega.max() >= np.pi * sampling_rate:
             raise ValueError(
@@ -127,12 +117,7 @@ class Multisine:
         return np.resize(np.roll(_sample_period(self, whole), -first), n_samples)
 
     def crest_factor(self) -> float:
-        """Peak over root mean square, in one period at 100 Hz or 20 times the highest line.
-
-        Returns
-        -------
-        crest_factor : float
-        """
+        """Peak over root mean square, in one period at 100 Hz or 20 times the highest line."""
         rate = max(100.0, 20 * self.omega.max() / (2 * np.pi))
         f = self(np.arange(round(self.period * rate)) / rate)
         return float(np.abs(f).max() / np.sqrt(np.mean(f**2)))
@@ -148,15 +133,6 @@ class Multisine:
             Source of the phases.
         max_crest_factor : float or None, default=None
             Draw until the crest factor is at most this, in up to 1000 draws.
-
-        Returns
-        -------
-        multisine : Multisine
-
-        Raises
-        ------
-        ValueError
-            If no draw reaches the crest factor.
         """
         is_new = isinstance(random_state, np.random.Generator)
         random = random_state if is_new else check_random_state(random_state)
@@ -174,8 +150,9 @@ class Multisine:
     def interleaved(self, *, scale: float = 1.0, random_state: Any = None) -> Multisine:
         """A second forcing function on lines just above these, with random phases.
 
-        Two responses of an operator, say to e and x, need two forcing functions, each with its own
-        lines close to those of the other.
+        The lines are shifted by the smallest distance at which none falls on one of these:
+        responses of an operator to two inputs, say to e and x, need two forcing functions with
+        close lines.
 
         Parameters
         ----------
@@ -183,11 +160,6 @@ class Multisine:
             Factor on the amplitudes.
         random_state : int, RandomState, Generator or None, default=None
             Source of the phases.
-
-        Returns
-        -------
-        multisine : Multisine
-            With the smallest distance at which no line falls on one of these.
 
         Examples
         --------

@@ -57,12 +57,12 @@ class CompensatoryTask:
         f_d, added to u at the input of the controlled element.
     display : {"compensatory", "pursuit"}, float or callable, default="compensatory"
         What share of the operator's gains on target and output is in use: none (0), all (1), or a
-        function of time for a display that changes within the run.
+        function of time.
     duration : float, default=81.92
         Measurement window in s; a fraction of a sample at its end is left out.
     run_in : float or None, default=None
-        Time simulated before the window, in s, for transients to die out; None means seven windows,
-        as in the thesis, or 20 s with ``effects``.
+        Time simulated before the window, in s; None means seven windows, as in the thesis, or 20 s
+        with ``effects``.
     sampling_rate : float, default=100.0
         Rate of samples and of integration steps, in Hz.
     transport : {"held", "interpolated"} or None, default=None
@@ -71,18 +71,8 @@ class CompensatoryTask:
         others.
     effects : Effect, Effects, list of these or None, default=None
         What the operator does beyond its linear dynamics, with numbers for all parameters; see
-        :mod:`skhoid.effects`. Remnant is added after them. Choices left open, such as the form,
-        take their first option.
-
-    Raises
-    ------
-    ValueError
-        If the sampling is too slow for the physics, the delay is longer than the run, or a function
-        of time gives negative or non-finite physics.
-
-    See Also
-    --------
-    make_tracking_runs : Simulate the runs of a task as a dataset.
+        :mod:`skhoid.effects`. Remnant is added after them. Of choices left open, such as the form,
+        the first is taken.
 
     Examples
     --------
@@ -194,10 +184,6 @@ class CompensatoryTask:
             ``"C1"`` to ``"C6"`` of the thesis, or one of your own.
         **options
             Any other parameters of the task.
-
-        Returns
-        -------
-        task : CompensatoryTask
         """
         if not isinstance(condition, Condition):
             condition = tracking_condition(condition)
@@ -225,17 +211,12 @@ class CompensatoryTask:
         return not any(callable(p) for p in read_parameters(self).values())
 
     def at(self, t: float) -> CompensatoryTask:
-        """The task with its parameters at one instant.
+        """The task with its parameters at one instant; remnant and display are unchanged.
 
         Parameters
         ----------
         t : float
             Time in s; 0 is the beginning of the measurement window.
-
-        Returns
-        -------
-        task : CompensatoryTask
-            Remnant and display are unchanged.
         """
         physics = isinstance(self.operator, HumanOperator)
         return replace(
@@ -273,10 +254,6 @@ class CompensatoryTask:
             Also return this much of the run-in, in s, at negative time.
         n_jobs : int or None, default=None
             Number of threads, as in joblib.
-
-        Returns
-        -------
-        record : TrackingRecord
 
         Raises
         ------
@@ -336,11 +313,11 @@ def tune_remnant(
     """Find the remnant gain K_n that gives a desired intensity P_n.
 
     The mean of P_n = var(n) / var(u) in the measurement window, over ten realisations of the noise,
-    equals ``task.remnant.intensity``. The loop is linear, so u is the sum of the response to the
-    forcing functions and K_n times the response to the noise: each is simulated once, and K_n is
-    the root of an explicit function. Where the operator's gains (or else the controlled element)
-    follow a Sigmoid, Step or Ramp, K_n follows it too, between the gains for the parameters at its
-    two ends, as in conditions C3-C6. Otherwise K_n is constant. Effects are left out.
+    equals ``task.remnant.intensity``. The loop is linear (effects are left out), so u is the sum of
+    the responses to the forcing functions and to K_n times the noise: each is simulated once, and
+    K_n is the root of an explicit function. Where the operator's gains (or else the controlled
+    element) follow a Sigmoid, Step or Ramp, K_n follows it too, between the gains for the
+    parameters at its two ends, as in conditions C3-C6.
 
     Parameters
     ----------
@@ -363,8 +340,8 @@ def tune_remnant(
     Raises
     ------
     RemnantIntensityError
-        If the loop cannot reach the intensity, or if the intensity is so close to the limit that
-        the realisations do not determine the gain (standard error above 50 %).
+        If the loop cannot reach the intensity, or only so nearly that the realisations do not
+        determine the gain (standard error above 50 %).
 
     Examples
     --------
