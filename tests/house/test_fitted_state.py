@@ -47,7 +47,7 @@ CASES = {
     "equation": SMALL,
     "constant": ARXRegressor(nk=11, fit_intercept=True, covariance="hac"),
     "instruments": ARXRegressor(nk=11, method="iv", inputs=["e"], instruments=["f_t"]),
-    "effects": SimulatedARX(nk=11, inputs=["e"], effects=Effects.of(DeadZone()), n_starts=2),
+    "effects": SimulatedARX(nk=11, inputs=["e"], effects=Effects.of(DeadZone())),
     "operator": OperatorRegressor(delay=0.28, effects=Effects.of(DeadZone())),
     "path": RecursiveARX(nk=11, memory_time=2.0),
     "last": RecursiveARX(nk=11, memory_time=2.0, parameters="last"),

@@ -40,7 +40,7 @@ EXACT = {
     "instruments": ARXRegressor(
         nk=15, method="iv", inputs=["e"], instruments=["f_t"], covariance="hac", fit_intercept=True
     ),
-    "bias": SimulatedARX(nk=15, fit_intercept=True, effects="dead_zone", n_starts=2),
+    "bias": SimulatedARX(nk=15, fit_intercept=True, effects="dead_zone"),
     "recursive": RecursiveARX(nk=15, memory_time=2.0),
     "variable": RecursiveARX(nk=15, forgetting="variable", fit_intercept=True),
     "smooth": RecursiveARX(nk=15, forgetting="auto", smooth=True, inputs=["e", "f_t"]),
