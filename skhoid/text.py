@@ -11,6 +11,7 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
+from itertools import zip_longest
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +21,6 @@ WIDTH = 88  # columns
 LABEL = 16  # columns of a label in the header
 DASH = "-"
 VAF_RULE = "VAF is about zero and not clipped unless it says otherwise."
-LONGEST_UNIT = 16  # columns
 STYLE = """<style>
 .skhoid-summary {color: inherit; font-size: 0.9em; margin-top: 0.5em; overflow-x: auto}
 .skhoid-summary p {margin: 0.4em 0}
@@ -50,21 +50,18 @@ class TextTable:
     kind: str = ""
 
     def lines(self, width: int = WIDTH) -> list[str]:
-        """Lines of at most ``width`` columns, for which the widest cells are cut in the middle."""
+        """Lines of at most ``width`` columns, for which the widest cells take several."""
         widths = [max(map(len, column)) for column in zip(self.header, *self.rows, strict=True)]
-        widths = [
-            min(wide, LONGEST_UNIT) if title == "unit" else wide
-            for title, wide in zip(self.header, widths, strict=True)
-        ]
         while sum(widths) + 2 * (len(widths) - 1) > width:
             widths[widths.index(max(widths))] -= 1
-        return [
-            "  ".join(
-                f"{_shortened(cell, wide):{'<' if title in self.left else '>'}{wide}}"
-                for title, cell, wide in zip(self.header, row, widths, strict=True)
-            ).rstrip()
-            for row in (self.header, *self.rows)
-        ]
+        sides = ["<" if title in self.left else ">" for title in self.header]
+        lines = []
+        for row in (self.header, *self.rows):
+            cells = map(_folded, row, widths)
+            for parts in zip_longest(*cells, fillvalue=""):
+                aligned = zip(parts, sides, widths, strict=True)
+                lines.append("  ".join(f"{p:{side}{wide}}" for p, side, wide in aligned).rstrip())
+        return lines
 
     def html(self) -> str:
         left = ["left" if title in self.left else "" for title in self.header]
@@ -520,6 +517,10 @@ def _in_two_columns(facts: Mapping[str, str], width: int) -> list[str]:
         else:
             left = cell
     return lines + [left] * bool(left)
+
+
+def _folded(cell: str, width: int) -> list[str]:
+    return textwrap.wrap(cell, width, break_on_hyphens=False) or [""]
 
 
 def _shortened(text: str, width: int) -> str:

@@ -57,23 +57,6 @@ def tell_search(found: SearchResult) -> Document:
     return Document(tell_headline(found), blocks)
 
 
-def tell_verdict(found: SearchResult) -> list[Block]:
-    """The verdict with the effects that were added, and how good the last model is."""
-    path = found.error_path
-    names = (
-        f": {titles_of(found.added)}" if found.added and not found.verdict.leaves_unknown else ""
-    )
-    ends = path.iloc[[0, -1]] if found.added else path.iloc[[0]]
-    vaf = " -> ".join(f"{vaf:.1f}" for vaf in ends["vaf"])
-    in_loop = in_loop_text(*(row for _, row in ends.iterrows()))
-    text = f"  held-out VAF {vaf} %{in_loop}"
-    if found.ceiling_note:
-        text += f"; the noise ceiling is not known: {found.ceiling_note}"
-    elif np.isfinite(path["ceiling"].iloc[-1]):
-        text += f"; any model could reach {path['ceiling'].iloc[-1]:.1f} % (the noise ceiling)"
-    return [Paragraph(f"Verdict: {found.verdict}{names}"), Paragraph(text)]
-
-
 def tell_notes(found: SearchResult) -> list[Block]:
     """What to record next, and further remarks, if there are any."""
     notes = [*(Note("experiment", text) for text in found.experiments), *found.notes]
@@ -155,11 +138,11 @@ def tell_candidates(found: SearchResult, step: int, n: int) -> list[Block]:
             "of models fitted anew without the rows that they simulate. ΔBIC: BIC without the "
             "effect minus BIC with it."
         )
-        blocks.append(Paragraph(f"  {text}"))
+        blocks.append(Paragraph(text))
     if len(fitted) and not (candidates["status"] == Status.ADDED).any():
         best = fitted.iloc[0]
         text = f"No effect is added. {title_of(best['effect'])}: {best['reason']}"
-        blocks.append(Paragraph(f"  {text}"))
+        blocks.append(Paragraph(text))
     return blocks
 
 

@@ -42,7 +42,7 @@ def test_all_names_load_nothing_that_can_wait():
         ["--no-such-option"],
         ["no-such-command"],
         *([command, "--help"] for command in COMMANDS),
-        ["identify", "--decimate", "none"],
+        ["identify", "--na", "none"],
     ],
     ids=" ".join,
 )

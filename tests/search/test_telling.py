@@ -16,7 +16,7 @@ from skhoid.effects import (
     Preview,
     Tremor,
 )
-from skhoid.search import Reason, Status, Verdict, tell_candidates, tell_search, tell_verdict
+from skhoid.search import Reason, Status, Verdict, tell_candidates, tell_search
 from skhoid.search.results import describe_effect
 from skhoid.search.telling import in_loop_text, note_untried
 
@@ -83,7 +83,6 @@ def test_text_json_and_the_notebook_tell_the_same(biased):
     assert found["verdict"] == "effects found"
     assert found["best_effects"] == biased.best_effects_
     assert found["parameters"][-1]["parameter"] == "bias__level"
-    assert tell_verdict(result)[0].text == "Verdict: effects found: bias"
 
 
 def test_the_candidates_of_a_step_are_a_table(biased):

@@ -21,7 +21,7 @@ from ..._machine import ended_by_signals
 from ...exceptions import Hinted
 from . import compare, completion, diagnose, experiment, identify, simulate, study, workbench
 from .output import as_option, message_for, note
-from .parser import Parser, refuse_at_once, with_one_element
+from .parser import Parser, refuse_at_once
 
 __all__ = ["main", "make_parsers"]
 
@@ -66,15 +66,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     >>> main(["identify", "nothing-here.csv", "--time", "t"])  # says so on stderr
     2
     """
-    _open_streams()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # names are printed as they can be
     given = list(sys.argv[1:] if arguments is None else arguments)
     parser, commands = make_parsers()
     if not given:
         parser.print_help(sys.stderr)
         return BAD_INPUT
-    options = argparse.Namespace()
+    options = argparse.Namespace(debug=False, command_line=given)
     try:
-        _parse(parser, commands, given, options)
+        _, unknown = parser.parse_known_args(given, options)
+        if unknown:
+            commands[options.command].error(f"unrecognized arguments: {' '.join(unknown)}")
         with ended_by_signals(), warnings.catch_warnings():
             if not options.debug:
                 warnings.showwarning = _show_warning(options)
@@ -86,10 +89,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
     except BrokenPipeError:
         return _nobody_reads()
-    except SystemExit as stop:
-        if isinstance(stop.__context__, BrokenPipeError):  # rich ends the process with 1
-            return _nobody_reads()
-        raise
     except Exception as error:
         if options.debug:
             raise
@@ -107,42 +106,20 @@ def make_parsers() -> tuple[Parser, dict[str, Parser]]:
     commands = parser.add_subparsers(
         dest="command", required=True, metavar="COMMAND", title="commands"
     )
-    diagnose.add_demo(commands)
-    identify.add_identify(commands)
-    compare.add_compare(commands)
-    diagnose.add_diagnose(commands)
-    simulate.add_simulate(commands)
-    study.add_study(commands)
-    diagnose.add_report(commands)
-    experiment.add_experiment(commands)
-    workbench.add_workbench(commands)
-    completion.add_completion(commands, make_parsers)
+    for add in (
+        diagnose.add_demo,
+        identify.add_identify,
+        compare.add_compare,
+        diagnose.add_diagnose,
+        simulate.add_simulate,
+        study.add_study,
+        diagnose.add_report,
+        experiment.add_experiment,
+        workbench.add_workbench,
+        completion.add_completion,
+    ):
+        add(commands)
     return parser, dict(commands.choices)
-
-
-def _parse(
-    parser: Parser, commands: dict[str, Parser], given: list[str], options: argparse.Namespace
-) -> None:
-    """Parse the arguments; --help and --version print, and end, here."""
-    options.debug = False
-    try:
-        _, unknown = parser.parse_known_args(with_one_element(given), options)
-        if unknown:
-            commands[options.command].error(f"unrecognized arguments: {' '.join(unknown)}")
-    except SystemExit:
-        sys.stdout.flush()  # argparse does not notice that nothing can be written
-        raise
-    options.command_line = given
-
-
-def _open_streams() -> None:
-    """Put nothing in the place of streams that were closed, and print names as they can be."""
-    for name in ("stdin", "stdout", "stderr"):
-        if getattr(sys, name) is None:
-            # Takes the number of the closed one too, which else would be that of a file to write.
-            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w"))  # noqa: SIM115
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _nobody_reads() -> int:

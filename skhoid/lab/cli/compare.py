@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import skhoid
 
-from ... import __version__
 from .diagnose import tables_of_comparison, write_report
 from .files import (
     check_plot_file,
     check_tables,
     column_of,
-    columns_dict,
     names_of,
     new_file,
     read_files,
@@ -26,13 +23,12 @@ from .files import (
 )
 from .output import (
     free_name,
-    message_for,
+    print_document,
     print_json,
     print_source,
     say_files,
     say_next,
     typed,
-    width,
 )
 from .parser import (
     DOMAINS,
@@ -40,11 +36,14 @@ from .parser import (
     add_command,
     add_file_options,
     add_output_options,
-    probability,
     read_roles,
     refuse,
 )
 
+ABOUT = """\
+compare a fitted model with recordings: how good, where bad, how much is left
+Compare a model that was fitted and saved in Python with recorded runs: its free run, where it
+fails, the noise ceiling, and what to do next."""
 EXAMPLES = """\
 examples:
   skhoid compare model.joblib run*.csv
@@ -60,46 +59,17 @@ trust.
 
 def add_compare(commands: Any) -> None:
     """Add the command to the parser."""
-    command = add_command(
-        commands,
-        "compare",
-        "compare a fitted model with recordings: how good, where bad, how much is left",
-        "Compare a model that was fitted and saved in Python with recorded runs: its free run, "
-        "where it fails, the noise ceiling, and what to do next.",
-        EXAMPLES,
-        "MODEL FILES [OPTIONS]",
-    )
-    command.set_defaults(work=compare)
+    command = add_command(commands, compare, ABOUT, "MODEL FILES [OPTIONS]", EXAMPLES)
     add = command.section("Data")
     add("model", metavar="FILE", help="the fitted model, a file of joblib or pickle")
     add_file_options(add)
-    add(
-        "--input",
-        nargs="+",
-        metavar="NAME",
-        help="columns for those that the model was fitted on, in their order (default: those of "
-        "the same names or roles)",
-    )
+    text = "columns for those that the model was fitted on, in their order (default: those of the "
+    add("--input", nargs="+", metavar="NAME", help=text + "same names or roles)")
     add_channel_options(add)
-    add(
-        "--estimation",
-        nargs="+",
-        metavar="FILES",
-        help="files that the model was fitted on, for the verdict on overfit",
-    )
-    add = command.section("Comparison")
-    add(
-        "--domain",
-        choices=DOMAINS,
-        help="whose words the findings use (default: by the model and the channels)",
-    )
-    add(
-        "--false-alarm",
-        type=probability,
-        default=0.01,
-        metavar="P",
-        help="of each test (default: 0.01)",
-    )
+    text = "files that the model was fitted on, for the verdict on overfit"
+    add("--estimation", nargs="+", metavar="FILES", help=text)
+    text = "whose words the findings use (default: by the model and the channels)"
+    add("--domain", choices=DOMAINS, help=text)
     add = command.section("Output")
     add("--out", metavar="FILE", help="draw the panels (.png, .pdf, .svg), or a page (.html)")
     add("--overwrite", action="store_true", help="replace that FILE if it exists")
@@ -108,20 +78,22 @@ def add_compare(commands: Any) -> None:
 
 def compare(options: argparse.Namespace) -> int:
     """Compare a fitted model with recordings, and say, draw and write what is found."""
+    out = None if options.out is None else Path(options.out)
+    is_page = out is not None and out.suffix.lower() in (".html", ".htm")
     if options.out is None:
         refuse(options, ["overwrite"], "is for the file of --out FILE.")
-    elif _is_page(options.out):
+    elif is_page:
         new_file(options.out, options.overwrite, new_folder=True)
     else:
         check_plot_file(options.out, options.overwrite)
     check_tables(options)
     if not options.files:
         raise ValueError("Name the files of recordings to compare the model with, after the model.")
-    fitted = _model(options.model)
-    X, y, roles, model = _recordings(options, fitted, options.files)
+    fitted = _load_model(options.model)
     estimation = None
     if options.estimation:
-        estimation = _recordings(options, fitted, options.estimation)[:2]
+        estimation = _read(options, fitted, options.estimation)[:2]
+    X, y, roles, model = _read(options, fitted, options.files)
     found = skhoid.compare(
         model,
         X,
@@ -129,45 +101,33 @@ def compare(options: argparse.Namespace) -> int:
         estimation=estimation,
         roles=roles or None,
         run_in=options.run_in,
-        false_alarm=options.false_alarm,
         domain=options.domain,
     )
     source = names_of(options.files)
-    page, pictures = None, []
-    if options.out is not None and _is_page(options.out):
-        page = options.out
-        write_report(options, Path(page), model, X, y, source, effects=None)
-    elif options.out is not None:
-        pictures = _draw(found, Path(options.out), X, y)
+    pictures = []
+    if is_page:
+        write_report(options, Path(options.out), model, X, y, source, effects=None)
+    elif out is not None:
+        without_screen()
+        figure = {out.stem: found.plot().figure_}
+        pictures = save_figures(figure, out.parent, "compare", out.suffix[1:], named=(X, y))
     tables = save_tables(tables_of_comparison(found), options)
-    files = {"report": page, "pictures": pictures, "tables": tables}
+    files = {"report": options.out if is_page else None, "pictures": pictures, "tables": tables}
     if options.json:
-        head = {"skhoid": __version__, "source": source, "columns": columns_dict(options)}
-        print_json({**head, **found.as_dict(), **files})
-    else:
-        print_source(options, source)
-        say = partial(message_for, options=options)
-        print(found.document().text(width(), say=say))
-        say_files(files)
-        say_next(_after_compare(options))
+        print_json(options, {"source": source, **found.as_dict(), **files})
+        return 0
+    print_source(options, source)
+    print_document(found.document(), options)
+    say_files(files)
+    steps = [(typed(options, "diagnose"), "which effects are missing?")]
+    if out is None:
+        words = ["skhoid", *options.command_line, "--out", free_name("compared.png")]
+        steps.insert(0, (shlex.join(words), "the same as a picture"))
+    say_next(steps)
     return 0
 
 
-def _is_page(name: str) -> bool:
-    return Path(name).suffix.lower() in (".html", ".htm")
-
-
-def _after_compare(options: argparse.Namespace) -> list[tuple[str, str]]:
-    """What to do next: its picture, and what is missing."""
-    steps = []
-    if options.out is None:
-        words = [*options.command_line, "--out", free_name("compared.png")]
-        steps.append((shlex.join(["skhoid", *words]), "the same as a picture"))
-    steps.append((typed(options, "diagnose"), "which effects are missing?"))
-    return steps
-
-
-def _model(name: str) -> Any:
+def _load_model(name: str) -> Any:
     """The model of a file; says what is wrong with one that holds none."""
     import joblib
 
@@ -189,7 +149,7 @@ def _model(name: str) -> Any:
     return model
 
 
-def _recordings(
+def _read(
     options: argparse.Namespace, model: Any, files: list[str]
 ) -> tuple[Any, Any, dict[str, str], Any]:
     """X, y, roles of columns, and the model, which takes its own columns from X."""
@@ -199,49 +159,34 @@ def _recordings(
     from ...pipelines import reach_model, unwrapped
     from ...runs import role_of
 
-    own = _columns_of(model)
-    names = options.input or own
-    if names is None:
-        names = ["e"]
-    if own is not None and len(names) != len(own):
+    own = list(map(str, getattr(unwrapped(model), "feature_names_in_", [])))
+    names = options.input or own or ["e"]
+    if own and len(names) != len(own):
         raise ValueError(
             f"The model was fitted on the columns {', '.join(own)}: --input names "
             f"{len(own)} channels for them, in that order; got {', '.join(names)}."
         )
-    roles = read_roles(options)
-    for name, role in ((options.x, "x"), (options.target, "f_t")):
-        if name is None:
-            continue
-        by_name = role_of((own or names)[names.index(name)]) if name in names else ""
-        if roles.setdefault(name, by_name or role) != role:
-            raise ValueError(
-                f"The channel {name!r} has two roles, {roles[name]!r} and {role!r}: name different "
-                "channels."
-            )
-    chosen = argparse.Namespace(**{**vars(options), "files": files})
+    of_model = zip(names, own or names, strict=True)
+    roles = read_roles(options, {name: role for name, col in of_model if (role := role_of(col))})
     there = names if options.input else [name for name in names if _has(files, name)]
     given = {name: roles.get(name, str(role_of(name))) for name in [*there, *roles]}
-    recorded = read_files(chosen, given, signals=not options.input)
-    X, y = recorded.X, recorded.y
-    options.columns = chosen.columns
-    roles = recorded.guess.roles | roles
+    chosen = argparse.Namespace(**{**vars(options), "files": files})
+    X, y, options.columns = read_files(chosen, given, signals=not options.input)
+    roles = options.columns.roles | roles
     if not options.input:
-        names = [_as_in(X, name, roles) for name in names]
-    others = [name for name in X.columns if name not in map(partial(column_of, X), names)]
-    own = own or [column_of(X, name) for name in names]
-    renamed = {column_of(X, name): new for name, new in zip(names, own, strict=True)}
+        names = [_find_column(X, name, roles) for name in names]
+    columns = [column_of(X, name) for name in names]
+    renamed = dict(zip(columns, own or columns, strict=True))
     attributes = dict(X.attrs)
     X = X.rename(columns=renamed)
     X.attrs = attributes
-    of_columns = {}
-    for name, role in roles.items():
-        column = column_of(X, name)
-        of_columns[renamed.get(column, column)] = role
-    said = getattr(reach_model(model, X[own])[0], "roles", None) if others else None
-    if others:
-        columns = FunctionTransformer(_taken, kw_args={"names": own}, validate=False)
+    of_columns = {renamed.get(c := column_of(X, n), c): role for n, role in roles.items()}
+    taken = list(renamed.values())
+    if len(taken) < X.shape[1]:
+        of_columns = (getattr(reach_model(model, X[taken])[0], "roles", None) or {}) | of_columns
+        columns = FunctionTransformer(_take_columns, kw_args={"names": taken}, validate=False)
         model = make_pipeline(columns, unwrapped(model))
-    return X, y, {**(said or {}), **of_columns}, model
+    return X, y, of_columns, model
 
 
 def _has(files: list[str], name: str) -> bool:
@@ -255,7 +200,7 @@ def _has(files: list[str], name: str) -> bool:
     return True
 
 
-def _as_in(X: Any, name: str, roles: dict[str, str]) -> str:
+def _find_column(X: Any, name: str, roles: dict[str, str]) -> str:
     """A column of X for one of the model's: of its name, or else of its role."""
     from ...runs import role_of
 
@@ -270,18 +215,5 @@ def _as_in(X: Any, name: str, roles: dict[str, str]) -> str:
     )
 
 
-def _taken(X: Any, names: list[str]) -> Any:
+def _take_columns(X: Any, names: list[str]) -> Any:
     return X[names]
-
-
-def _columns_of(model: Any) -> list[str] | None:
-    """Columns that a model was fitted on; None where it does not say."""
-    from ...pipelines import unwrapped
-
-    names = getattr(unwrapped(model), "feature_names_in_", None)
-    return None if names is None else [str(name) for name in names]
-
-
-def _draw(found: Any, path: Path, X: Any, y: Any) -> list[str]:
-    without_screen()
-    return save_figures({path.name: found.plot().figure_}, path.parent, "compare", named=(X, y))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import skhoid
@@ -13,6 +11,10 @@ from .parser import add_command, add_debug
 from .study import names_of_studies
 
 CONDITIONS = ("C1", "C2", "C3", "C4", "C5", "C6")  # of the thesis, its Table III
+ABOUT = """\
+print the script of tab completion for a shell
+Print a script for your shell, with which the tab key completes commands, options, files and names.
+Open a new shell afterwards."""
 EXAMPLES = """\
 examples:
   skhoid completion bash > ~/.local/share/bash-completion/completions/skhoid
@@ -23,30 +25,21 @@ examples:
 """
 
 
-def add_completion(commands: Any, make_parsers: Callable[[], Any]) -> None:
+def add_completion(commands: Any) -> None:
     """Add the command to the parser."""
-    command = add_command(
-        commands,
-        "completion",
-        "print the script of tab completion for a shell",
-        "Print a script for your shell, with which the tab key completes commands, "
-        "options, files and names. Open a new shell afterwards.",
-        EXAMPLES,
-        "SHELL",
-    )
-    command.set_defaults(work=partial(completion, make_parsers=make_parsers))
+    command = add_command(commands, completion, ABOUT, "SHELL", EXAMPLES)
     command.add_argument("shell", choices=["bash", "zsh", "tcsh"], help="your shell")
     add_debug(command.add_argument)
 
 
-def completion(options: argparse.Namespace, make_parsers: Callable[[], Any]) -> int:
+def completion(options: argparse.Namespace) -> int:
     """Print the script."""
-    try:
-        import shtab
-    except ImportError as error:
-        raise ImportError(
-            'Completion needs the package shtab: pip install "skhoid[completion]"'
-        ) from error
+    from ...io import require
+    from . import make_parsers
+
+    require("shtab", "Completion", "completion")
+    import shtab
+
     effects = tuple(skhoid.effects.catalogue().index)
     # Not choices of the parser: a wrong name gets a better answer than argparse's.
     names: dict[Any, tuple[str, ...]] = {
@@ -54,7 +47,7 @@ def completion(options: argparse.Namespace, make_parsers: Callable[[], Any]) -> 
         "effect": (*effects, "none"),
         "condition": CONDITIONS,
         "conditions": CONDITIONS,
-        ("skhoid study", "name"): names_of_studies(),
+        "name": names_of_studies(),
     }
     parser, commands = make_parsers()
     places = {"FILE": shtab.FILE, "FILES": shtab.FILE, "FOLDER": shtab.DIRECTORY}
@@ -62,8 +55,6 @@ def completion(options: argparse.Namespace, make_parsers: Callable[[], Any]) -> 
         for action in command.arguments:
             if action.metavar in places:
                 action.complete = places[action.metavar]
-            elif (command.prog, action.dest) in names:
-                action.choices = names[command.prog, action.dest]
             elif action.dest in names:
                 action.choices = names[action.dest]
     print(shtab.complete(parser, options.shell))

@@ -7,21 +7,18 @@ what was found, and write plots, tables and a page.
 from __future__ import annotations
 
 import argparse
-import math
 import shlex
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import skhoid
 
-from ... import __version__
 from .files import (
     check_folders,
     check_tables,
     column_of,
-    columns_dict,
+    describe_runs,
     figure_folder,
     names_of,
     new_file,
@@ -32,12 +29,10 @@ from .files import (
 )
 from .output import (
     free_name,
-    message_for,
     note,
-    print_bold,
+    print_document,
     print_json,
     print_source,
-    print_table,
     print_wrapped,
     say_files,
     say_next,
@@ -47,9 +42,9 @@ from .output import (
 from .parser import (
     DOMAINS,
     MAX_EFFECTS,
-    OF_SEARCH,
     add_command,
     add_output_options,
+    add_page_options,
     add_plot_options,
     add_recording_options,
     add_search_options,
@@ -57,17 +52,26 @@ from .parser import (
     not_negative,
     read_roles,
     refuse,
-    refuse_of_other_core,
     seed,
 )
 from .simulate import hidden_effects
 
+ABOUT_DEMO = """\
+hide an effect in a simulated person, and find it
+Simulate runs of a person who tracks a target, with effects hidden in them, fit a model that knows
+nothing of them, and find out which are missing: the whole way, with numbers at each step, and a
+report in the end."""
 OF_DEMO = """\
 examples:
   skhoid demo                    a person with a dead zone and an offset
   skhoid demo --effect saturation --remnant 0.2 --seed 3
   skhoid demo --effect none      nothing is hidden: does it say so?
 """
+ABOUT_DIAGNOSE = """\
+find the effects that a model of your recordings is missing
+Fit a model to recorded runs, compare it with them, and find out which physical effects it is
+missing, on runs held out of the fit. Without files it uses four bundled recordings of a person
+tracking a target."""
 OF_DIAGNOSE = """\
 examples:
   skhoid diagnose                     bundled recordings of a human tracker
@@ -78,6 +82,11 @@ examples:
   skhoid diagnose arm.csv --input force --output angle --core arx --nk 1
   skhoid diagnose run*.csv --report out.html --tables out --format pdf
 """
+ABOUT_REPORT = """\
+write a report on a model of your recordings, one HTML file
+Do what `skhoid diagnose` does, and write it down in one HTML file that needs no network: data,
+model, comparison, ranking, error, parameters, and what to do next. Without files it uses four
+bundled recordings of a person tracking a target."""
 OF_REPORT = """\
 examples:
   skhoid report                            bundled recordings of a human tracker
@@ -92,7 +101,6 @@ AFTER_DEMO = [
 ]
 SHOWN = 3  # candidates of a step, and findings of a comparison
 BUNDLED = ["phase-size 2b", "phase-size 2c", "phase-size 2d", "phase-size 2e"]
-BY_HAND = 'search.sketch_effect("my_effect", "my_effect.py")'
 OF_COMPARISON = (
     "by_run",
     "by_time",
@@ -108,42 +116,28 @@ OF_COMPARISON = (
 
 def add_demo(commands: Any) -> None:
     """Add ``skhoid demo`` to the parser."""
-    command = add_command(
-        commands,
-        "demo",
-        "hide an effect in a simulated person, and find it",
-        "Simulate runs of a person who tracks a target, with effects hidden in them, "
-        "fit a model that knows nothing of them, and find out which are missing: the whole way, "
-        "with numbers at each step, and a report in the end.",
-        OF_DEMO,
-    )
-    command.set_defaults(work=demo)
+    command = add_command(commands, demo, ABOUT_DEMO, "[OPTIONS]", OF_DEMO)
     add = command.section("Data")
-    add(
-        "--effect",
-        nargs="+",
-        default=["dead_zone", "bias"],
-        metavar="HIDDEN",
-        help="hidden in the person: none, or ids of skhoid's catalogue (default: dead_zone bias)",
-    )
+    text = "hidden in the person: none, or ids of skhoid's catalogue (default: dead_zone bias)"
+    hidden = ["dead_zone", "bias"]
+    add("--effect", nargs="+", default=hidden, metavar="HIDDEN", help=text)
     add("--runs", type=at_least_one, default=4, metavar="N", help="number of runs (default: 4)")
     add("--remnant", type=not_negative, default=0.1, metavar="P", help="P_n (default: 0.1)")
     add("--seed", type=seed, default=0, metavar="N", help="of the simulation (default: 0)")
     add_search_options(command.section("Search"))
     add = command.section("Output")
-    add_plot_options(add, "skhoid-demo")
-    add("--no-report", action="store_true", help="do not write report.html into that folder")
+    add_plot_options(add, "skhoid-demo, where report.html is too")
     add_output_options(add)
 
 
 def demo(options: argparse.Namespace) -> int:
     """Hide effects in a simulated person, and find them."""
+    from ...effects import titles_of
+
     names = [] if options.effect == ["none"] else options.effect
     if "none" in names:
         raise ValueError("--effect none hides nothing, and takes no other names.")
     hidden = hidden_effects(names)
-    if options.no_pictures and options.no_report:
-        refuse(options, ["out"], "has no use: --no-pictures and --no-report leave nothing there.")
     if options.no_pictures:
         refuse(options, ["format"], "is for the plots, and --no-pictures draws none.")
     folder = Path(options.out or "skhoid-demo")
@@ -165,12 +159,16 @@ def demo(options: argparse.Namespace) -> int:
     given |= {f"{n}__{p}": v for n, e in hidden for p, v in e.fixed.items()}
     found = show_search(options, skhoid.OperatorRegressor(), X, y, source, truth=given)
     if not options.json:
-        _reveal(found.search, names, best)
+        print()
+        print_wrapped(
+            f"The truth: hidden {titles_of(names) if names else 'nothing'}; simulated with the "
+            f"true parameters the VAF is {best:.1f} %"
+        )
     write_results(
         options,
         found,
         source,
-        report=None if options.no_report else folder / "report.html",
+        report=folder / "report.html",
         folder=None if options.no_pictures else folder,
         head={"hidden": names, "truth_vaf": best},
     )
@@ -179,48 +177,22 @@ def demo(options: argparse.Namespace) -> int:
     return 0
 
 
-def _reveal(search: Any, names: list[str], best: float) -> None:
-    """What was hidden, beside what was found."""
-    from ...effects import titles_of
-
-    print_wrapped("")
-    found = search.best_effects_
-    print_bold(f"The truth: hidden {titles_of(names) if names else 'nothing'}")
-    same = "as found" if set(found) == set(names) else f"found: {titles_of(found)}"
-    print_wrapped(f"  {same}; simulated with the true parameters the VAF is {best:.1f} %")
-
-
 def add_diagnose(commands: Any) -> None:
     """Add ``skhoid diagnose`` to the parser."""
-    command = add_command(
-        commands,
-        "diagnose",
-        "find the effects that a model of your recordings is missing",
-        "Fit a model to recorded runs, compare it with them, and find out which "
-        "physical effects it is missing, on runs held out of the fit. Without files it uses four "
-        "bundled recordings of a person tracking a target.",
-        OF_DIAGNOSE,
-        "[FILES] [OPTIONS]",
-    )
-    command.set_defaults(work=diagnose)
+    command = add_command(commands, diagnose, ABOUT_DIAGNOSE, "[FILES] [OPTIONS]", OF_DIAGNOSE)
     add_recording_options(command)
     add = command.section("Search")
     add_search_options(add)
-    add(
-        "--domain",
-        choices=DOMAINS,
-        help="what was recorded: it decides the words, and which effects are tried (default: "
-        "machine for an ARX model, unless it answers the error, target or x of a loop)",
-    )
+    text = "what was recorded: it decides the words, and which effects are tried (default: machine "
+    text += "for an ARX model, unless it answers the error, target or x of a loop)"
+    add("--domain", choices=DOMAINS, help=text)
     add = command.section("Output")
     add_plot_options(add, "skhoid-diagnose")
     add("--report", metavar="FILE", help="write a report, one HTML file")
-    add(
-        "--sketch",
-        metavar="FILE",
-        help="write the shape of what has no name as an effect of your own, a Python file named "
-        "after the effect, such as my_effect.py",
+    text = (
+        "write the shape of what has no name as an effect of your own, a Python file named after "
     )
+    add("--sketch", metavar="FILE", help=text + "the effect, such as my_effect.py")
     add("--overwrite", action="store_true", help="replace these FILEs if they exist")
     add_output_options(add)
 
@@ -233,26 +205,26 @@ def diagnose(options: argparse.Namespace) -> int:
     if options.report is not None:
         report = new_file(options.report, options.overwrite, new_folder=True)
     if options.sketch is not None:
-        sketch = _effect_file(options.sketch, options.overwrite)
+        sketch = _check_sketch(options.sketch, options.overwrite)
     folder = figure_folder(options, "skhoid-diagnose")
     check_tables(options)
     X, y, estimator, source = read_recordings(options)
     found = show_search(options, estimator, X, y, source)
-    search, why_not = found.search, ""
+    why_not = ""
     if sketch is not None:
         try:
-            search.sketch_effect(sketch.stem, sketch, overwrite=options.overwrite)
+            found.search.sketch_effect(sketch.stem, sketch, overwrite=options.overwrite)
         except ValueError as error:  # nothing is left without a name
             sketch, why_not = None, f"--sketch: {error}"
     write_results(options, found, source, report=report, folder=folder, sketch=sketch)
     if why_not:
         note(why_not)
     if not options.json:
-        say_next(_after_search(options, search))
+        say_next(_find_next_steps(options, found.search))
     return 0
 
 
-def _effect_file(name: str, overwrite: bool) -> Path:
+def _check_sketch(name: str, overwrite: bool) -> Path:
     """The file of an effect, checked before the work begins."""
     from ...search import checked_name
 
@@ -265,23 +237,11 @@ def _effect_file(name: str, overwrite: bool) -> Path:
 
 def add_report(commands: Any) -> None:
     """Add ``skhoid report`` to the parser."""
-    command = add_command(
-        commands,
-        "report",
-        "write a report on a model of your recordings, one HTML file",
-        "Do what `skhoid diagnose` does, and write it down in one HTML file that needs "
-        "no network: data, model, comparison, ranking, error, parameters, and what to do next. "
-        "Without files it uses four bundled recordings of a person tracking a target.",
-        OF_REPORT,
-        "[FILES] [OPTIONS]",
-    )
-    command.set_defaults(work=report)
+    command = add_command(commands, report, ABOUT_REPORT, "[FILES] [OPTIONS]", OF_REPORT)
     add_recording_options(command)
     add_search_options(command.section("Search"), "; none: no search")
     add = command.section("Output")
-    add("--title", metavar="TEXT", help="title of the report")
-    add("--out", default="report.html", metavar="FILE", help="the file (default: report.html)")
-    add("--overwrite", action="store_true", help="replace FILE if it exists")
+    add_page_options(add, "report.html")
     add_output_options(add)
 
 
@@ -289,20 +249,13 @@ def report(options: argparse.Namespace) -> int:
     """Report on a model of recordings, with a search for missing effects or without."""
     path = new_file(options.out, options.overwrite, new_folder=True)
     check_tables(options)
-    searches = options.effects != ["none"]
-    if not searches:
-        refuse(options, OF_SEARCH, "is for the search, and --effects none makes none.")
     X, y, estimator, source = read_recordings(options)
-    if not searches:
+    if options.effects == ["none"]:
         return _report_model(options, path, X, y, estimator.fit(X, y), source)
-    found = show_search(options, estimator, X, y, source, aloud=False)
-    if not options.json:
-        print_source(options, source)
-        for line in found.search.summary().splitlines():
-            print_wrapped(line)
+    found = show_search(options, estimator, X, y, source)
     write_results(options, found, source, report=path)
     if not options.json:
-        say_next(_after_search(options, found.search))
+        say_next(_find_next_steps(options, found.search))
     return 0
 
 
@@ -313,38 +266,27 @@ def _report_model(
     import pandas as pd
 
     from ...pipelines import prediction_from
-    from ...search import parameters_table
 
-    page = write_report(options, path, model, X, y, source, effects=None)
-    compared = page.comparison
-    vaf = model.score(X, y) if compared is None else compared.vaf
+    compared = write_report(options, path, model, X, y, source, effects=None).comparison
+    predicted = prediction_from(model, X, y)[0]
     tables = {
         "parameters": model.parameters_,
-        "predictions": pd.DataFrame(
-            {"measured": y, "free_run": prediction_from(model, X, y)[0]}, index=X.index
-        ),
+        "predictions": pd.DataFrame({"measured": y, "free_run": predicted}, index=X.index),
         **tables_of_comparison(compared),
     }
-    files = {"report": str(path), "pictures": [], "tables": save_tables(tables, options)}
+    files = {"report": str(path), "tables": save_tables(tables, options)}
     if options.json:
         found = {
-            "skhoid": __version__,
             "source": source,
-            "columns": columns_dict(options),
-            "inputs": [str(name) for name in model.inputs_],
-            "output": str(y.name),
             "parameters": model.parameters_.reset_index().to_dict("records"),
-            "vaf": vaf,
-            "comparison": None if compared is None else _figures_of(compared),
+            "comparison": None if compared is None else compared.as_dict(),
         }
-        print_json({**found, **files})
-    else:
-        print_source(options, source)
-        print_wrapped(f"VAF {vaf:.1f} % of the simulated output on the rows of the fit")
-        print_block(parameters_table(model), options)
-        for each in compared.notes if compared is not None else []:
-            print_wrapped(f"  note: {message_for(each, options)}")
-        say_files(files)
+        print_json(options, {**found, **files})
+        return 0
+    print_source(options, source)
+    if compared is not None:
+        print_document(compared.document(), options)
+    say_files(files)
     return 0
 
 
@@ -352,50 +294,33 @@ def read_recordings(options: argparse.Namespace) -> tuple[Any, Any, Any, str]:
     """X, y, the model of them, and where they are from; the user's files, or bundled ones."""
     from ..opening import estimator_of, trimmed
 
-    refuse_of_other_core(options)
-    X, y, roles, source = _own(options) if options.files else _bundled(options)
+    if options.files:
+        X, y, roles, source = _read_own(options)
+    else:
+        X, y = skhoid.load_human_tracking(BUNDLED)
+        # The answer to the target, which is what a pursuit display shows.
+        options.display, options.remove_means, options.input, roles = "pursuit", True, "f_t", {}
+        source = (
+            "bundled recordings: a person follows a pseudo-random target with a mouse, four "
+            "times, positions about their mean (Matic 2022, MIT licence)"
+        )
     X, y = trimmed(X, y, options)
     inputs = [column_of(X, options.input)]
     return X, y, estimator_of(options, X, y, inputs=inputs, roles=roles or None), source
 
 
-def _own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
-    # On a pursuit display the input is the target itself.
+def _read_own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
     asked = options.input
-    is_target = asked in (options.target, "f_t") or (asked or "").endswith(".f_t")
-    named = [
-        ("--input", asked, "f_t" if is_target else "e"),
-        ("--x", options.x, "x"),
-        ("--target", options.target, "f_t"),
-    ]
-    roles = read_roles(options)
-    said = dict.fromkeys(roles, "--role")
-    for option, name, role in named:
-        if name is None:
-            continue
-        if roles.setdefault(name, role) != role:
-            raise ValueError(
-                f"The channel {name!r} has two roles, {roles[name]!r} by {said[name]} and {role!r} "
-                f"by {option}: name different channels."
-            )
-        said[name] = option
-    options.named_input = [] if asked is None else [asked]
-    found = read_files(options, roles, signals=asked is None)
-    X, guess = found.X, found.guess
+    known = {}
+    if asked is not None:  # on a pursuit display the input is the target itself
+        is_target = asked in (options.target, "f_t") or asked.endswith(".f_t")
+        known[asked] = "f_t" if is_target else "e"
+        options.named_input = [asked]
+    roles = {**known, **read_roles(options, known)}
+    X, y, guess = read_files(options, roles, signals=asked is None)
+    options.input = guess.inputs[0] if asked is None else column_of(X, asked)
     of_columns = guess.roles | {column_of(X, name): role for name, role in roles.items()}
-    options.input = column_of(X, asked) if asked is not None else guess.inputs[0]
-    return X, found.y, of_columns, names_of(options.files)
-
-
-def _bundled(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
-    X, y = skhoid.load_human_tracking(BUNDLED)
-    options.display, options.remove_means = "pursuit", True
-    source = (
-        "bundled recordings: a person follows a pseudo-random target with a mouse, four times, "
-        "positions about their mean (Matic 2022, MIT licence)"
-    )
-    options.input = "f_t"  # the answer to the target, which is what a pursuit display shows
-    return X, y, {}, source
+    return X, y, of_columns, names_of(options.files)
 
 
 def search_for(options: argparse.Namespace, estimator: Any) -> Any:
@@ -421,24 +346,22 @@ class Searched:
     X: Any
     y: Any
     baseline: Any
-    comparison: Any = None
+    comparison: Any
 
     def as_dict(self) -> dict[str, Any]:
         """Numbers and names, for JSON."""
         from ...runs import output_name, read_layout
 
         layout = read_layout(self.X, dt=self.baseline.dt, run=self.baseline.run)
-        parameters = self.baseline.parameters_.reset_index().to_dict("records")
-        compared = self.comparison
         return {
             "n_runs": len(layout.labels),
             "n_rows": layout.n_rows,
             "dt_s": layout.dt,
-            "inputs": [str(name) for name in self.baseline.inputs_],
+            "inputs": list(map(str, self.baseline.inputs_)),
             "output": output_name(self.y),
-            "units": _units(self.X, self.y),
-            "baseline": parameters,
-            "comparison": None if compared is None else _figures_of(compared),
+            "units": _units_of(self.X, self.y),
+            "baseline": self.baseline.parameters_.reset_index().to_dict("records"),
+            "comparison": None if self.comparison is None else self.comparison.as_dict(),
             **self.search.result_.as_dict(),
         }
 
@@ -450,164 +373,75 @@ def show_search(
     y: Any,
     source: str,
     *,
-    aloud: bool = True,
     truth: dict[str, float] | None = None,
 ) -> Searched:
-    """Search, and print each result as soon as it is known, beside the truth where it is."""
+    """Search, and print what is found, beside the truth where it is known."""
     from sklearn.base import clone
     from sklearn.callback import ProgressBar
 
+    from ...runs import read_layout
     from ...search import control_of, without_output
 
     search = search_for(options, estimator)
     if shows_progress(options):
         search.set_callbacks(ProgressBar())
-    aloud = aloud and not options.json
-    lost = control_of(estimator, X, search.lost_control, search.domain)
-    kept = without_output(y, lost)
-    found = Searched(search, X, y, clone(estimator).fit(X, kept))
-    if aloud:
+    kept = without_output(y, control_of(estimator, X, search.lost_control, search.domain))
+    baseline = clone(estimator).fit(X, kept)
+    if not options.json:
         print_source(options, source)
-        for line in _tell_runs(found, lost):
-            print_wrapped(line)
+        layout = read_layout(X, dt=baseline.dt, run=baseline.run)
+        print_wrapped(describe_runs(layout, baseline.inputs_, y, _units_of(X, y)))
         print_wrapped("Searching for what a linear model is missing (some 10 to 60 s) ...")
-    why_not = ""
+    comparison, why_not = None, ""
     try:
-        found.comparison = skhoid.compare(found.baseline, X, kept)
+        comparison = skhoid.compare(baseline, X, kept)
     except ValueError as error:
-        why_not = str(error)
+        why_not = f"The model without effects could not be compared: {error}"
     search.fit(X, y)
-    if aloud:
-        for part in _tell_searched(search, truth):
-            print_wrapped("")
-            for block in part:
-                print_block(block, options)
-        print_wrapped("")
-        for line in _tell_baseline(found, why_not):
-            print_wrapped(line)
-    return found
+    if not options.json:
+        print()
+        print_document(_tell_search(search, truth), options)
+        if comparison is not None:
+            print()
+            print_document(_tell_briefly(comparison), options)
+    if why_not:
+        note(why_not)
+    return Searched(search, X, y, baseline, comparison)
 
 
-def print_block(block: Any, options: argparse.Namespace) -> None:
-    """Print a block of a document."""
-    from ...text import Items, Notes, TextTable
-
-    if isinstance(block, TextTable):
-        folded = block.header if block.kind == "shape" else ("effect", "its numbers")
-        print_table(block.caption, block.header, block.rows, left=block.left, folded=folded)
-    elif isinstance(block, Notes):
-        for each in block.notes:
-            print_wrapped(f"  note: {message_for(each, options)}")
-    elif isinstance(block, Items):
-        for item in block.items:
-            print_wrapped(f"  - {item.title}")
-    else:
-        show = print_bold if getattr(block, "role", "") else print_wrapped
-        show(block.text)
-
-
-def _tell_searched(search: Any, truth: dict[str, float] | None) -> Iterator[list[Any]]:
-    """Parts of what a search found, the verdict first."""
-    from ...search import (
-        parameters_table,
-        tell_candidates,
-        tell_end,
-        tell_notes,
-        tell_step,
-        tell_verdict,
-    )
+def _tell_search(search: Any, truth: dict[str, float] | None) -> Any:
+    """The search as a document, with its parameters and the best candidates of each step."""
+    from ...search import parameters_table, tell_candidates, tell_search
 
     result = search.result_
-    yield [*tell_verdict(result), *tell_end(result), *tell_notes(result)]
+    told = tell_search(result)
+    blocks = [parameters_table(search.best_estimator_, result.added, truth), *told.blocks]
     if result.shape is not None:
-        yield result.shape.tables()
-    yield [parameters_table(search.best_estimator_, result.added, truth)]
+        blocks += result.shape.tables()
     for step in result.ranking["step"].unique():
-        added = [tell_step(result, step)] if step <= len(result.added) else []
-        yield [*tell_candidates(result, step, SHOWN), *added]
+        blocks += tell_candidates(result, step, SHOWN)
+    return replace(told, blocks=blocks)
 
 
-def _units(X: Any, y: Any) -> dict[str, str]:
+def _tell_briefly(comparison: Any) -> Any:
+    """The figures of the model without effects, and what its first findings are about."""
+    from ...text import Facts, Item, Items
+
+    told = comparison.document()
+    blocks = [block for block in told.blocks if isinstance(block, Facts)]
+    found = [Item(finding.title) for finding in comparison.findings[:SHOWN]]
+    title = f"Without effects: {told.title}"
+    return replace(told, title=title, blocks=[*blocks, Items(found)])
+
+
+def _units_of(X: Any, y: Any) -> dict[str, str]:
     """Units of the channels, as far as they are known."""
     from ...regression import units_of
 
     return {**units_of(X), **units_of(y)}
 
 
-def _tell_runs(found: Searched, lost: Any) -> Iterator[str]:
-    """What was measured: runs, channels, and where control was lost."""
-    from ...recordings import notes_of_lost
-    from ...runs import output_name, read_layout
-    from ...text import counted
-
-    units = _units(found.X, found.y)
-
-    def named(channel: str) -> str:
-        return f"{channel} ({units[channel]})" if units.get(channel) else channel
-
-    model = found.baseline
-    layout = read_layout(found.X, dt=model.dt, run=model.run)
-    inputs = [str(name) for name in model.inputs_]
-    others = [str(c) for c in getattr(found.X, "columns", []) if str(c) not in inputs]
-    yield (
-        f"Measured: {counted(len(layout.labels), 'run')}, {layout.n_rows} rows at "
-        f"{1 / layout.dt:.6g} Hz, {layout.n_rows * layout.dt:.0f} s in all"
-    )
-    text = f"  input {', '.join(map(named, inputs))}, output {named(output_name(found.y))}"
-    if others:
-        text += f"; channels that effects may use: {', '.join(map(named, others))}"
-    yield text
-    for each in notes_of_lost(lost.table):
-        yield f"  {each.with_hint}"
-
-
-def _tell_baseline(searched: Searched, why_not: str) -> Iterator[str]:
-    """The model without effects, compared with the measurement."""
-    found = searched.comparison
-    yield f"Without effects: {type(searched.baseline).__name__}, linear and constant in time"
-    if found is None:
-        yield f"  comparison with the measurement: not possible ({why_not})"
-        return
-    about = ""
-    if found.mean_dominates:
-        about = f" about zero, which is mostly the mean: {found.vaf_about_mean:.1f} % about it"
-    held_out = searched.search.error_path_["vaf"].iloc[0]
-    yield (
-        f"  simulated on the rows of its fit it has a VAF of {found.vaf:.1f} %{about}; held "
-        f"out it has {held_out:.1f} %, where it is fitted for simulation and not by likelihood"
-    )
-    if math.isfinite(found.noise_ceiling):
-        low, high = found.noise_ceiling_interval
-        gap = max(found.explainable_gap, 0.0)
-        left = f"{gap:.1f} points are left" if gap else "nothing is left, within its error"
-        yield (
-            f"  noise ceiling on these rows, judged by this model: "
-            f"{found.noise_ceiling:.1f} % ({low:.1f} to {high:.1f}): {left}"
-        )
-        yield f"  the ceiling is {found.ceiling_note}"
-    else:
-        yield f"  how much of the rest is remnant is not known: {found.ceiling_note}"
-    for finding in found.findings[:SHOWN]:
-        cost = f" ({finding.severity:.1f} points)" if math.isfinite(finding.severity) else ""
-        # That nothing is missing is for the search to say.
-        title = "No test exceeds chance" if finding.name == "none" else finding.title
-        yield f"  - {title}{cost}"
-    for each in found.notes:
-        yield f"  note: {each}"
-
-
-def _figures_of(found: Any) -> dict[str, Any]:
-    """The figures of a comparison, for JSON."""
-    return {
-        "vaf": found.vaf,
-        "noise_ceiling": found.noise_ceiling,
-        "noise_ceiling_interval": list(found.noise_ceiling_interval),
-        "explainable_gap": found.explainable_gap,
-        "findings": [finding.name for finding in found.findings],
-    }
-
-
-def _after_search(options: argparse.Namespace, search: Any) -> list[tuple[str, str]]:
+def _find_next_steps(options: argparse.Namespace, search: Any) -> list[tuple[str, str]]:
     """What to do next: its report, its tables, and the linear model."""
     steps = []
     if not getattr(options, "report", None) and options.command != "report":
@@ -618,11 +452,9 @@ def _after_search(options: argparse.Namespace, search: Any) -> list[tuple[str, s
         alone = f"{typed(options, 'diagnose')} --effects {' '.join(dict.fromkeys(names))}"
         steps.append((alone, "these effects alone, in less time"))
     steps.append((typed(options, "identify"), "the delay, and a linear model"))
-    if search.shape_ is not None and options.command != "diagnose":
-        steps.append((BY_HAND, "in Python: what has no name as an effect of your own"))
-    elif search.shape_ is not None and options.sketch is None:
-        words = ["skhoid", *options.command_line, "--sketch", free_name("my_effect.py")]
-        steps.append((shlex.join(words), "what has no name as an effect of your own, in Python"))
+    if search.shape_ is not None and getattr(options, "sketch", None) is None:
+        sketch = f"{typed(options, 'diagnose')} --sketch {free_name('my_effect.py')}"
+        steps.append((sketch, "what has no name as an effect of your own, in Python"))
     return steps
 
 
@@ -637,21 +469,19 @@ def write_results(
     head: dict[str, Any] | None = None,
 ) -> None:
     """Write the report, the plots and the tables, and say where; or print all as JSON."""
+    files: dict[str, Any] = {"report": None, "pictures": []}
     if report is not None:
         write_report(options, report, found.search, found.X, found.y, source)
-    form = getattr(options, "format", None) or "png"
-    plots = _draw(found, folder, options.command, form) if folder else []
-    tables = save_tables(_tables_of(found), options)
-    page = None if report is None else str(report)
-    files: dict[str, Any] = {"report": page, "pictures": plots, "tables": tables}
+        files["report"] = str(report)
+    if folder is not None:
+        files["pictures"] = _draw(found, folder, options)
+    files["tables"] = save_tables(_tables_of(found), options)
     if sketch is not None:
         files["effect"] = str(sketch)
     if options.json:
-        first = {"skhoid": __version__, "source": source, "columns": columns_dict(options)}
-        first |= head or {}
-        print_json({**first, **found.as_dict(), **files})
+        print_json(options, {"source": source, **(head or {}), **found.as_dict(), **files})
     elif any(files.values()):
-        print_wrapped("")
+        print()
         say_files(files)
 
 
@@ -704,26 +534,26 @@ def tables_of_comparison(found: Any) -> dict[str, Any]:
     return {**tables, "findings": pd.DataFrame([vars(finding) for finding in found.findings])}
 
 
-def _draw(found: Searched, folder: Path, command: str, form: str) -> list[str]:
+def _draw(found: Searched, folder: Path, options: argparse.Namespace) -> list[str]:
     """Draw the results of a search into a folder; returns the paths."""
     without_screen()
-    show = skhoid.plotting
-    search = found.search
-    figures: dict[str, Any] = {}
+    search, show = found.search, skhoid.plotting.SearchDisplay.from_estimator
+    displays: dict[str, Any] = {}
     if found.comparison is not None:
-        figures["comparison.png"] = found.comparison.plot().figure_
+        displays["comparison"] = found.comparison.plot()
     for step in search.ranking_["step"].unique():
-        display = show.SearchDisplay.from_estimator(search, "ranking", step=step, n_candidates=12)
-        figures[f"ranking-{step}.png"] = display.figure_
-    figures["error-path.png"] = show.SearchDisplay.from_estimator(search).figure_
-    figures["before-and-after.png"] = show.SearchDisplay.from_estimator(search, "steps").figure_
+        displays[f"ranking-{step}"] = show(search, "ranking", step=step, n_candidates=12)
+    displays["error-path"] = show(search)
+    displays["before-and-after"] = show(search, "steps")
+    show_effect = skhoid.plotting.EffectDisplay
     for name in search.best_estimator_.effects_.names:
-        drawn = show.EffectDisplay.from_estimator(search, name, found.X, found.y)
-        figures[f"{name}.png"] = drawn.figure_
+        displays[name] = show_effect.from_estimator(search, name, found.X, found.y)
     if search.shape_ is not None:
-        figures["shape.png"] = show.EffectDisplay.from_shape(search).figure_
+        displays["shape"] = show_effect.from_shape(search)
     known = list(skhoid.effects.catalogue().index)
     steps = [f"ranking-{step}" for step in range(1, len(known) + 2)]
-    others = [f"{name}.png" for name in ("comparison", "shape", *known, *steps)]
+    others = ["comparison", "shape", *known, *steps]
+    figures = {name: display.figure_ for name, display in displays.items()}
     named = (found.X, found.y)
-    return save_figures(figures, folder, command, others=others, named=named, form=form)
+    command = options.command
+    return save_figures(figures, folder, command, options.format, others=others, named=named)

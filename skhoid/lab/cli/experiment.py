@@ -7,39 +7,32 @@ import contextlib
 import io
 import shlex
 import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import skhoid
 
-from ... import __version__
 from .diagnose import search_for
 from .files import check_folders, check_tables, names_of, new_file, save_tables, without_screen
-from .output import (
-    print_bold,
-    print_json,
-    print_wrapped,
-    say,
-    say_files,
-    shows_progress,
-)
+from .output import print_document, print_json, print_wrapped, say_files, shows_progress
 from .parser import (
-    OF_SEARCH,
     add_command,
     add_model_options,
     add_output_options,
+    add_page_options,
     add_run_in,
     add_search_options,
     add_unit,
-    at_least_one,
     positive,
     read_units,
-    refuse,
-    refuse_of_other_core,
     workers,
 )
 
+ABOUT = """\
+several people and conditions: check, identify, search, compare, one HTML file
+Read the recordings of several people, check them, find which effects people share, identify each
+run, compare the conditions, and write it all down in one HTML file with a part for each person.
+Without files it simulates a small experiment."""
 EXAMPLES = """\
 examples:
   skhoid experiment                            a small simulated experiment
@@ -55,25 +48,10 @@ LONG, SCRIPT, WIDE = "parameters_long.csv", "mixed_models.R", "parameters_wide.c
 
 def add_experiment(commands: Any) -> None:
     """Add the command to the parser."""
-    command = add_command(
-        commands,
-        "experiment",
-        "several people and conditions: check, identify, search, compare, one HTML file",
-        "Read the recordings of several people, check them, find which effects people share, "
-        "identify each run, compare the conditions, and write it all down in one HTML file with a "
-        "part for each person. Without files it simulates a small experiment.",
-        EXAMPLES,
-        "[FOLDER_OR_PATTERN] [OPTIONS]",
-    )
-    command.set_defaults(work=experiment)
+    command = add_command(commands, experiment, ABOUT, "[FOLDER_OR_PATTERN] [OPTIONS]", EXAMPLES)
     add = command.section("Data")
-    add(
-        "files",
-        nargs="*",
-        default=(),
-        metavar="FOLDER_OR_PATTERN",
-        help="a folder, a pattern with {subject}, {condition} and {run}, or files",
-    )
+    text = "a folder, a pattern with {subject}, {condition} and {run}, or files"
+    add("files", nargs="*", default=(), metavar="FOLDER_OR_PATTERN", help=text)
     add("--input", metavar="NAME", help="column of the error (default: guessed)")
     add("--output", metavar="NAME", help="output column (default: guessed)")
     add("--x", metavar="NAME", help="the controlled element's output (default: guessed)")
@@ -83,7 +61,6 @@ def add_experiment(commands: Any) -> None:
     for level in ("subject", "condition", "run"):
         add(f"--{level}", metavar="NAME", help=f"column with the {level} (default: by names)")
     add_unit(add)
-    add("--last", type=at_least_one, metavar="N", help="the last N runs of each (default: all)")
     add_run_in(add)
     add_model_options(command.section("Model"), "people")
     add_search_options(command.section("Search"), "; none: no search")
@@ -92,46 +69,38 @@ def add_experiment(commands: Any) -> None:
     add("--jobs", type=workers, metavar="N", help="workers (default: 1; -1: all processors)")
     add("--resume", metavar="FOLDER", help="keep what is finished in FOLDER, and go on from there")
     add = command.section("Output")
-    add("--title", metavar="TEXT", help="title of the page")
-    add("--out", default="experiment.html", metavar="FILE", help="the file (default: %(default)s)")
-    add("--overwrite", action="store_true", help="replace files that exist")
+    add_page_options(add, "experiment.html")
     add_output_options(add)
 
 
 def experiment(options: argparse.Namespace) -> int:
     """Read, check, search, identify, compare, and write the page."""
-    from .. import report
+    from ..opening import estimator_of
+    from ..report import report_experiment
 
     path = new_file(options.out, options.overwrite, new_folder=True)
     _check(options)
-    X, y, source = _recorded(options) if options.files else _simulated(options)
-    say(source, options)
+    X, y, source = _read(options) if options.files else _simulate(options)
     check = skhoid.check_experiment(X, y)
-    _print(check.summary(), options)
-    if options.last is not None:
-        X, y = skhoid.select_runs(X, y, last=options.last)
+    if not options.json:
+        print_wrapped(f"{source}\n")
+        print_document(check.document(), options)
     if options.run_in:
         X = skhoid.RunInTrimmer(run_in=options.run_in).fit_transform(X)
     _check_people(X, options)
-    estimator = _estimator(options, X, y)
-    group = None if options.effects == ["none"] else _searched(options, estimator, X, y)
-    if group is not None:
-        told = group.document()
-        _print_verdict(f"Verdict: {told.title}", options)
-        _print(replace(told, title="").text(), options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of people whose delay is found as if they were one
+        estimator = estimator_of(options, X, y)
+    shared = {"n_jobs": options.jobs, "progress": shows_progress(options)}
+    kept = {name: options.resume and Path(options.resume) / name for name in ("group", "people")}
+    group = None
+    if options.effects != ["none"]:
+        search = search_for(options, estimator)
+        group = skhoid.GroupEffectSearch(search, folder=kept["group"], **shared).fit(X, y)
         estimator = _with_effects(estimator, group)
-    people = skhoid.identify_people(
-        estimator,
-        X,
-        y,
-        folder=_kept(options, "people"),
-        n_jobs=options.jobs,
-        progress=shows_progress(options),
-    )
-    if not options.json:
-        print(f"\n{people.summary()}")
+    people = skhoid.identify_people(estimator, X, y, folder=kept["people"], **shared)
     without_screen()
-    page = report.report_experiment(
+    page = report_experiment(
         people if group is None else group,
         X,
         y,
@@ -143,14 +112,47 @@ def experiment(options: argparse.Namespace) -> int:
         made_with={"command": names_of([shlex.join(["skhoid", *options.command_line])])},
     )
     page.save(path)
-    tables = _tables(options, check, people, group, page.statistics)
-    files = {"report": str(path), "tables": tables}
+    tables = {
+        "recordings": check.table,
+        "findings": check.findings,
+        "parameters": people.table,
+        "parameters_of_people": people.groups,
+        "runs": people.runs,
+        "outlying": people.outlying,
+    }
+    if group is not None:
+        tables |= {
+            "prevalence": group.prevalence_,
+            "members": group.members_,
+            "people": _name_verdicts(group),
+            "effects_by_condition": group.contrasts_,
+            "parameters_of_effects": group.parameters_,
+        }
+    files = save_tables(tables, options) + _write_for_others(options, people, page.statistics)
+    written = {"report": str(path), "tables": files}
     if options.json:
-        found = _as_dict(source, check, people, group, page.statistics)
-        print_json({"skhoid": __version__, **found, **files})
-    else:
-        print_wrapped("")
-        say_files(files)
+        found = {name: table.to_dict("records") for name, table in tables.items()}
+        found |= {
+            "source": source,
+            "estimator": people.estimator,
+            "notes": people.notes,
+            "group_effects": None if group is None else group.group_effects_,
+            "statistics": {
+                name: {
+                    "means": result.effects.to_dict("records"),
+                    "contrasts": result.contrasts.to_dict("records"),
+                }
+                for name, result in page.statistics.items()
+            },
+        }
+        print_json(options, {**found, **written})
+        return 0
+    for result in (group, people):
+        if result is not None:
+            print()
+            print_document(result.document(), options)
+    print()
+    say_files(written)
     return 0
 
 
@@ -158,9 +160,6 @@ def _check(options: argparse.Namespace) -> None:
     """Refuse what cannot be done, before the work begins."""
     check_tables(options)
     check_folders(options.resume)
-    refuse_of_other_core(options)
-    if options.effects == ["none"]:
-        refuse(options, OF_SEARCH, "is for the search, and --effects none makes none.")
     if options.time is not None and options.dt is not None:
         raise ValueError("--time and --dt both say where time comes from: give one of them.")
     if options.tables is not None and not options.overwrite:
@@ -171,7 +170,7 @@ def _check(options: argparse.Namespace) -> None:
                 )
 
 
-def _recorded(options: argparse.Namespace) -> tuple[Any, Any, str]:
+def _read(options: argparse.Namespace) -> tuple[Any, Any, str]:
     """The user's files; what was guessed in them is a part of the source."""
     named = {options.input: "e", options.x: "x", options.target: "f_t"}
     inputs = {name: role for name, role in named.items() if name is not None}
@@ -193,7 +192,7 @@ def _recorded(options: argparse.Namespace) -> tuple[Any, Any, str]:
     return X, y, guessed or f"Files: {names_of(options.files)}"
 
 
-def _simulated(options: argparse.Namespace) -> tuple[Any, Any, str]:
+def _simulate(options: argparse.Namespace) -> tuple[Any, Any, str]:
     """Four people in two conditions; three of them cannot make large movements."""
     X, y = skhoid.simulate_experiment(
         4,
@@ -241,25 +240,6 @@ def _check_people(X: Any, options: argparse.Namespace) -> None:
     options.reference = found[0]
 
 
-def _estimator(options: argparse.Namespace, X: Any, y: Any) -> Any:
-    """The model of each person."""
-    from ..opening import estimator_of
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of people whose delay is found as if they were one
-        return estimator_of(options, X, y)
-
-
-def _searched(options: argparse.Namespace, estimator: Any, X: Any, y: Any) -> Any:
-    group = skhoid.GroupEffectSearch(
-        search_for(options, estimator),
-        folder=_kept(options, "group"),
-        n_jobs=options.jobs,
-        progress=shows_progress(options),
-    )
-    return group.fit(X, y)
-
-
 def _with_effects(estimator: Any, group: Any) -> Any:
     """The model with what the group has in all conditions, which else would bend its parameters.
 
@@ -278,104 +258,24 @@ def _with_effects(estimator: Any, group: Any) -> Any:
     return estimator
 
 
-def _kept(options: argparse.Namespace, name: str) -> Path | None:
-    return None if options.resume is None else Path(options.resume) / name
-
-
-def _print(text: Any, options: argparse.Namespace) -> None:
-    """Lines of a summary, whose tables stay as they are."""
-    from ...text import WIDTH
-
-    if options.json:
-        return
-    print()
-    for line in str(text).splitlines():
-        if len(line) > WIDTH:  # no row of a table
-            print_wrapped(line)
-        else:
-            print(line)
-
-
-def _print_verdict(text: str, options: argparse.Namespace) -> None:
-    """Print a line in bold, unless the output is JSON."""
-    if not options.json:
-        print()
-        print_bold(text)
-
-
-def _people_of(group: Any) -> Any:
+def _name_verdicts(group: Any) -> Any:
     """Everybody's row, with the verdict in words; nothing where there was no search."""
     verdicts = ["" if verdict is None else str(verdict) for verdict in group.people_["verdict"]]
     return group.people_.assign(verdict=verdicts)
 
 
-def _tables(
-    options: argparse.Namespace,
-    check: Any,
-    people: Any,
-    group: Any,
-    statistics: dict[str, Any],
+def _write_for_others(
+    options: argparse.Namespace, people: Any, statistics: dict[str, Any]
 ) -> list[str]:
-    """Tables in the format asked for, and the files for other programs."""
+    """Files for other programs, beside the tables."""
     from ..experiment import write_long, write_wide
 
     if options.tables is None:
         return []
-    tables = {
-        "recordings": check.table,
-        "findings": check.findings,
-        "parameters": people.table,
-        "parameters_of_people": people.groups,
-        "runs": people.runs,
-        "outlying": people.outlying,
-    }
-    if group is not None:
-        tables |= {
-            "prevalence": group.prevalence_,
-            "members": group.members_,
-            "people": _people_of(group),
-            "effects_by_condition": group.contrasts_,
-            "parameters_of_effects": group.parameters_,
-        }
-    files = save_tables(tables, options)
-    folder = Path(options.tables)
+    folder, files = Path(options.tables), []
     own = [r for name, r in statistics.items() if name in set(people.table["parameter"])]
     if own:
         files += map(str, write_long(own, folder, overwrite=True))
     if (people.table["parameter"] != "").any():
         files.append(str(write_wide(people.table, folder / WIDE, overwrite=True)))
     return files
-
-
-def _as_dict(
-    source: str,
-    check: Any,
-    people: Any,
-    group: Any,
-    statistics: dict[str, Any],
-) -> dict[str, Any]:
-    found: dict[str, Any] = {
-        "source": source,
-        "recordings": check.table.to_dict("records"),
-        "findings": check.findings.to_dict("records"),
-        "estimator": people.estimator,
-        "parameters": people.table.to_dict("records"),
-        "outlying": people.outlying.to_dict("records"),
-        "notes": people.notes,
-        "statistics": {
-            name: {
-                "means": result.effects.to_dict("records"),
-                "contrasts": result.contrasts.to_dict("records"),
-            }
-            for name, result in statistics.items()
-        },
-    }
-    if group is not None:
-        found |= {
-            "group_effects": group.group_effects_,
-            "prevalence": group.prevalence_.to_dict("records"),
-            "members": group.members_.to_dict("records"),
-            "people": _people_of(group).to_dict("records"),
-            "effects_by_condition": group.contrasts_.to_dict("records"),
-        }
-    return found

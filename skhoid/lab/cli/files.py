@@ -5,27 +5,17 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from .output import note
-from .parser import TABLES, read_units, refuse
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """X and y of files, and which column was taken for what."""
-
-    X: Any
-    y: Any
-    guess: Any
+from .parser import PICTURES, TABLES, read_units, refuse
 
 
 def read_files(
     options: argparse.Namespace, roles: dict[str, str], *, signals: bool = True
-) -> Recorded:
-    """Runs of the files that the options name; what is not named is guessed.
+) -> tuple[Any, Any, Any]:
+    """X and y of the files that the options name, and which column was taken for what.
 
     ``roles`` are the channels that are named; without ``signals`` no others are taken.
     """
@@ -54,13 +44,7 @@ def read_files(
             f"{options.time} advances by 1 a row, counted as 1 s; if it holds row numbers, give "
             "--dt SECONDS in place of --time."
         )
-    return Recorded(X, y, guess)
-
-
-def columns_dict(options: argparse.Namespace) -> dict[str, Any] | None:
-    """Which column was taken for what, for JSON; None of bundled recordings."""
-    guess = getattr(options, "columns", None)
-    return None if guess is None else guess.as_dict()
+    return X, y, guess
 
 
 def names_of(files: Iterable[str]) -> str:
@@ -76,6 +60,21 @@ def column_of(X: Any, asked: str) -> str:
 
     name = asked if asked in X else split_header(asked)[0]
     return name if name in X else name.rpartition(".")[2]
+
+
+def describe_runs(layout: Any, inputs: list[str], y: Any, units: dict[str, str]) -> str:
+    """How many runs and rows there are, of which input and output."""
+    from ...runs import output_name
+    from ...text import counted
+
+    def named(channel: str) -> str:
+        return f"{channel} ({units[channel]})" if units.get(channel) else channel
+
+    return (
+        f"Measured: {counted(len(layout.labels), 'run')}, {layout.n_rows} rows at "
+        f"{1 / layout.dt:.6g} Hz, {layout.n_rows * layout.dt:.0f} s in all; "
+        f"input {', '.join(map(named, inputs))}, output {named(output_name(y))}"
+    )
 
 
 # What is to be written is checked before the work begins.
@@ -136,11 +135,6 @@ def check_folders(*names: str | Path | None) -> None:
 def _check_parents(path: Path) -> None:
     """The nearest folder that exists must let others be made in it."""
     folder = next(parent for parent in path.parents if os.path.lexists(parent))
-    if folder.is_symlink() and not folder.exists():
-        raise ValueError(
-            f"{folder} is a link to {os.readlink(folder)}, which does not exist; make that, or "
-            "name another folder."
-        )
     if not folder.is_dir():
         raise ValueError(f"{folder} is a file and no folder; choose another place than {path}.")
     if not os.access(folder, os.W_OK | os.X_OK):
@@ -176,45 +170,35 @@ def save_figures(
     figures: dict[str, Any],
     folder: Path,
     command: str,
+    form: str | None = None,
     *,
     others: Iterable[str] = (),
     named: tuple[Any, Any] | None = None,
-    form: str | None = None,
 ) -> list[str]:
-    """Save figures by file name, and close them; returns the paths.
+    """Save figures by name, in a format, "png" by default; returns the paths.
 
     Those of the ``others`` that the same command drew into the folder before are deleted. ``named``
-    is X and y, whose names appear in the figures. ``form`` is "png", "pdf" or "svg", in place of
-    the ends of the names.
+    is X and y, whose names appear in the figures.
     """
     from ...io import save_figure
     from ...plotting import names_as_they_are
 
-    if form is not None:
-        figures = {f"{Path(name).stem}.{form}": figure for name, figure in figures.items()}
-        others = [f"{Path(name).stem}.{form}" for name in others]
+    form = form or "png"
     software = f"skhoid {command}"
     folder.mkdir(parents=True, exist_ok=True)
     for name in set(others) - set(figures):
-        if _is_drawn_by(folder / name, software):
-            (folder / name).unlink()
+        path = folder / f"{name}.{form}"
+        if path.is_file() and software.encode() in path.read_bytes():  # pictures say who drew them
+            path.unlink()
     shown = [] if named is None else _names(*named)
+    paths = []
     for name, figure in figures.items():
         names_as_they_are(figure, shown)
-        key = "Software" if Path(name).suffix.lower() == ".png" else "Creator"
-        known = Path(name).suffix.lower() in (".png", ".pdf", ".svg")
-        save_figure(figure, folder / name, metadata={key: software} if known else None)
-    return [str(folder / name) for name in figures]
-
-
-def _is_drawn_by(path: Path, software: str) -> bool:
-    """Whether a picture says so itself: a PNG file before its pixels, others in their text."""
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        if path.suffix == ".png":
-            return f"Software\0{software}".encode("latin-1") in file.read(200)
-        return software.encode("latin-1") in file.read()
+        key = "Software" if form.lower() == "png" else "Creator"
+        known = form.lower() in PICTURES
+        paths.append(folder / f"{name}.{form}")
+        save_figure(figure, paths[-1], metadata={key: software} if known else None)
+    return list(map(str, paths))
 
 
 def _names(X: Any, y: Any) -> list[str]:

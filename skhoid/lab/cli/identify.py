@@ -9,11 +9,10 @@ from typing import Any
 
 import skhoid
 
-from ... import __version__
 from .files import (
     check_tables,
     column_of,
-    columns_dict,
+    describe_runs,
     figure_folder,
     names_of,
     read_files,
@@ -22,11 +21,9 @@ from .files import (
     without_screen,
 )
 from .output import (
-    message_for,
-    print_bold,
+    print_document,
     print_json,
     print_source,
-    print_table,
     print_wrapped,
     say_files,
     say_next,
@@ -34,13 +31,12 @@ from .output import (
 )
 from .parser import (
     DOMAINS,
+    add_channel_options,
     add_command,
     add_file_options,
     add_lost_control,
     add_output_options,
     add_plot_options,
-    add_run_in,
-    at_least_one,
     not_negative,
     order,
     positive,
@@ -49,6 +45,11 @@ from .parser import (
     samples,
 )
 
+ABOUT = """\
+find delay and orders, fit, and validate on held-out data
+Discard the run-in, find the delay and the orders, fit an ARX model and validate its free run on
+held-out data: the last run, or the second half of a single run. Without files it uses a bundled
+recording of a person tracking a target."""
 EXAMPLES = """\
 examples:
   skhoid identify                        a bundled recording of a human tracker
@@ -60,116 +61,44 @@ examples:
   skhoid identify run*.csv --memory-time 2.56         a person who adapts
 """
 LONGEST_DELAY = 0.5  # s
-PICTURES = ["simulation.png", "delay.png", "delay-vaf.png", "orders.png", "parameters.png"]
-CRITERIA = {"one_step": "lowest one-step error", "vaf": "highest cross-validated VAF"}
+PICTURES = ["simulation", "delay", "delay-vaf", "orders", "parameters"]
+CRITERIA = {"one_step": "lowest one-step error, used above", "vaf": "highest cross-validated VAF"}
 
 
 def add_identify(commands: Any) -> None:
     """Add the command to the parser."""
-    command = add_command(
-        commands,
-        "identify",
-        "find delay and orders, fit, and validate on held-out data",
-        "Discard the run-in, find the delay and the orders, fit an ARX model and "
-        "validate its free run on held-out data: the last run, or the second half of a single "
-        "run. Without files it uses a bundled recording of a person tracking a target.",
-        EXAMPLES,
-        "[FILES] [OPTIONS]",
-    )
-    command.set_defaults(work=identify)
+    command = add_command(commands, identify, ABOUT, "[FILES] [OPTIONS]", EXAMPLES)
     add = command.section("Data")
     add_file_options(add)
-    add(
-        "--input",
-        nargs="+",
-        metavar="NAME",
-        help="input columns; then no other channel is guessed (default: guessed, the error)",
-    )
-    add("--x", metavar="NAME", help="the controlled element's output, for the leak test")
-    add("--target", metavar="NAME", help="the target f_t, for the same")
-    add_run_in(add)
+    text = "input columns; then no other channel is guessed (default: guessed, the error)"
+    add("--input", nargs="+", metavar="NAME", help=text)
+    add_channel_options(add)
     add_lost_control(add)
-    add(
-        "--decimate",
-        type=at_least_one,
-        default=1,
-        metavar="D",
-        help="decimation factor (default: 1)",
-    )
     add = command.section("Search")
-    add(
-        "--longest-delay",
-        type=positive,
-        metavar="S",
-        help=f"longest delay to try (default: {LONGEST_DELAY})",
-    )
-    add(
-        "--least-delay",
-        type=not_negative,
-        metavar="S",
-        help="shortest delay of e and x to try (default: 0.1 of a person, a sample of a machine)",
-    )
-    add(
-        "--domain",
-        choices=DOMAINS,
-        help="who controls (default: human where e is given with x or f_t)",
-    )
-    add(
-        "--role",
-        action="append",
-        default=[],
-        metavar="NAME=ROLE",
-        help="role of an input of another name: e, x, f_t; may be repeated",
-    )
-    add(
-        "--criterion",
-        choices=["one_step", "vaf"],
-        help="which delay to go on with (default: one_step); both are printed",
-    )
+    text = f"longest delay to try (default: {LONGEST_DELAY})"
+    add("--longest-delay", type=positive, metavar="S", help=text)
+    text = "shortest delay of e and x to try (default: 0.1 of a person, a sample of a machine)"
+    add("--least-delay", type=not_negative, metavar="S", help=text)
+    text = "who controls (default: human where e is given with x or f_t)"
+    add("--domain", choices=DOMAINS, help=text)
     add = command.section("Model")
     several = "; one number, or one per input"
-    add(
-        "--nk",
-        type=samples,
-        nargs="+",
-        metavar="N",
-        help=f"delay in samples, not searched{several}",
-    )
+    text = f"delay in samples, not searched{several}"
+    add("--nk", type=samples, nargs="+", metavar="N", help=text)
     add("--na", type=order, metavar="N", help="order, not searched (nb: 2, or as given)")
-    add(
-        "--nb",
-        type=order,
-        nargs="+",
-        metavar="N",
-        help=f"order, not searched (na: 2, or as given){several}",
-    )
-    add(
-        "--method",
-        choices=["ols", "iv"],
-        default="ols",
-        help="least squares, or instrumental variables, which remnant does not bias "
-        "(default: ols); searches use least squares",
-    )
-    add(
-        "--instruments",
-        nargs="+",
-        metavar="NAME",
-        help="of iv: channels from outside the loop (default: f_t)",
-    )
-    add(
-        "--memory-time",
-        type=positive,
-        metavar="S",
-        help="also fit a model that follows changes, with a memory of this length",
-    )
+    text = f"order, not searched (na: 2, or as given){several}"
+    add("--nb", type=order, nargs="+", metavar="N", help=text)
+    text = "least squares, or instrumental variables, which remnant does not bias (default: ols); "
+    add("--method", choices=["ols", "iv"], default="ols", help=text + "searches use least squares")
+    text = "of iv: channels from outside the loop (default: f_t)"
+    add("--instruments", nargs="+", metavar="NAME", help=text)
+    text = "also fit a model that follows changes, with a memory of this length"
+    add("--memory-time", type=positive, metavar="S", help=text)
     add("--memory-horizon", type=positive, metavar="N", help="the same in samples of the model")
     add = command.section("Validation")
     add("--validate", nargs="+", metavar="RUN", help="runs to hold out (default: the last)")
-    add(
-        "--keep-means",
-        action="store_true",
-        help="no intercept, and VAF with the means kept, as the thesis does",
-    )
+    text = "no intercept, and VAF with the means kept, as the thesis does"
+    add("--keep-means", action="store_true", help=text)
     add = command.section("Output")
     add_plot_options(add, "skhoid-identify")
     add_output_options(add)
@@ -183,18 +112,16 @@ def identify(options: argparse.Namespace) -> int:
     folder = figure_folder(options, "skhoid-identify")
     check_tables(options)
     if options.nk is not None:
-        of_search = ["longest_delay", "least_delay", "criterion"]
+        of_search = ["longest_delay", "least_delay"]
         refuse(options, of_search, "needs a search, and --nk gives the delay.")
     if options.memory_time is not None:
         refuse(options, ["memory_horizon"], "and --memory-time say the same: give one of them.")
     if options.method != "iv":
         refuse(options, ["instruments"], "needs --method iv.")
-    criterion = options.criterion or "one_step"
-    X, y, instruments, roles, source = _read(options)
-    n_inputs = len(options.input) if options.input else X.shape[1]
+    X, y, inputs, instruments, roles, source = _read(options)
     memory = {name: getattr(options, name) for name in ("memory_time", "memory_horizon")}
     choice = ModelChoice(
-        inputs=list(X.columns[:n_inputs]),
+        inputs=inputs,
         na=options.na,
         nb=_one_or_each(options.nb),
         nk=_one_or_each(options.nk),
@@ -211,23 +138,27 @@ def identify(options: argparse.Namespace) -> int:
         y,
         choice,
         run_in=options.run_in,
-        factor=options.decimate,
         longest_delay=options.longest_delay or LONGEST_DELAY,
-        criterion=criterion,
         validation_runs=options.validate,
         centered=not options.keep_means,
         callbacks=() if options.json or not sys.stdout.isatty() else _progress(),
     )
     files = {
-        "pictures": [] if folder is None else _draw(found, folder, options.format),
+        "pictures": [] if folder is None else _draw(found, folder, options),
         "tables": save_tables(found.tables, options),
     }
     if options.json:
-        print_json({**_as_dict(found, source, columns_dict(options)), **files})
-    else:
-        _print(found, source, criterion, options)
-        say_files(files)
-        say_next([(_next_command(options), "which effects is the model missing?")])
+        print_json(options, {"source": source, **_numbers_of(found), **files})
+        return 0
+    print_source(options, source)
+    print_wrapped(describe_runs(found.layout, found.best.model.inputs_, y, found.units))
+    print()
+    print_document(_tell(found), options)
+    print()
+    say_files(files)
+    if len(inputs) > 1:  # the next command takes one input at most
+        options.named_input = []
+    say_next([(typed(options, "diagnose"), "which effects is the model missing?")])
     return 0
 
 
@@ -241,120 +172,79 @@ def _progress() -> tuple[Any, ...]:
     return (ProgressBar(max_propagation_depth=0),)
 
 
-def _next_command(options: argparse.Namespace) -> str:
-    """The command that says what the model is missing; it takes one input at most."""
-    if len(getattr(options, "named_input", None) or []) > 1:
-        options = argparse.Namespace(**{**vars(options), "named_input": None})
-    return typed(options, "diagnose")
-
-
-def _read(options: argparse.Namespace) -> tuple[Any, Any, list[str], dict[str, str], str]:
-    """X, y, the instruments and roles of columns of X, and where they are from."""
-    roles = read_roles(options)
-    if options.files:
-        return _own(options, roles)
-    X, y = skhoid.load_human_tracking("difficulty 80")
-    return (
-        X,
-        y,
-        [],
-        roles,
-        (
-            "bundled recording: a person follows a pseudo-random target with a mouse "
-            "(Matic 2022, MIT licence)"
-        ),
-    )
-
-
-def _own(
-    options: argparse.Namespace, roles: dict[str, str]
-) -> tuple[Any, Any, list[str], dict[str, str], str]:
+def _read(
+    options: argparse.Namespace,
+) -> tuple[Any, Any, list[str], list[str], dict[str, str], str]:
+    """X, y, inputs, instruments and roles of columns of X, and where they are from."""
     from ...runs import role_of
     from ..guessing import UnclearColumnsError
 
+    if not options.files:
+        X, y = skhoid.load_human_tracking("difficulty 80")
+        source = "bundled recording: a person follows a pseudo-random target with a mouse "
+        return X, y, list(X.columns), [], {}, source + "(Matic 2022, MIT licence)"
     asked = options.named_input = list(options.input or [])
     others = (options.instruments or ["f_t"]) if options.method == "iv" else []
     inside = [name for name in others if name in asked]
     if inside:
         raise ValueError(f"{inside[0]!r} is an input and cannot be its own instrument.")
-    if options.x in asked and options.x not in roles:
-        raise ValueError(
-            f"--x names {options.x!r}, which is an input: name different channels, or say "
-            f"--role {options.x}=x if the model is to answer x."
-        )
-    for name, role in ((options.x, "x"), (options.target, "f_t")):
-        if name is not None and roles.setdefault(name, role) != role:
-            raise ValueError(f"--role says that {name!r} is {roles[name]!r}, and not {role!r}.")
-    beside = [name for name in (options.x, options.target) if name not in (None, *asked)]
-    of_guess = not asked and options.instruments is None  # the target, if there is one
-    wanted = [*asked, *([] if of_guess else others), *beside]
-    given = {name: roles.get(name, str(role_of(name))) for name in dict.fromkeys(wanted)}
+    roles = read_roles(options, {name: "e" for name in asked if name != options.target})
+    # Of a guess the target is a channel already, if there is one.
+    wanted = [*asked, *(others if asked or options.instruments else [])]
+    given = {name: str(role_of(name)) for name in wanted} | roles
     try:
-        found = read_files(options, given | roles, signals=not asked)
+        X, y, guess = read_files(options, given, signals=not asked)
     except UnclearColumnsError as error:
         if others and options.instruments is None and "f_t" not in error.columns:
-            raise ValueError(
-                f"{error} --method iv takes 'f_t' as its instrument, unless --instruments "
-                "names others."
-            ) from error
+            raise ValueError(f"{error} {_of_instruments('f_t')}") from error
         raise
-    X, guess = found.X, found.guess
     inputs = [column_of(X, name) for name in asked] or guess.inputs
-    rest = [name for name in X.columns if name not in inputs]
-    attributes = dict(X.attrs)
-    X = X[[*inputs, *rest]]
-    X.attrs = attributes
-    options.input = inputs
-    of_columns = guess.roles | {column_of(X, name): role for name, role in roles.items()}
-    return X, found.y, _instruments(X, others, of_columns), of_columns, names_of(options.files)
-
-
-def _instruments(X: Any, names: list[str], roles: dict[str, str]) -> list[str]:
-    from ...runs import role_of
-
+    roles = guess.roles | {column_of(X, name): role for name, role in roles.items()}
     columns = {role_of(column, roles): column for column in X.columns}
-    found = [columns["f_t"] if n == "f_t" and "f_t" in columns else column_of(X, n) for n in names]
-    missing = [name for name in found if name not in X.columns]
+    instruments = [
+        columns["f_t"] if name == "f_t" and "f_t" in columns else column_of(X, name)
+        for name in others
+    ]
+    missing = [name for name in instruments if name not in X.columns]
     if missing:
-        raise ValueError(
-            f"--method iv takes {missing[0]!r} as its instrument, unless --instruments names "
-            "others; the files have no such channel."
-        )
-    return found
+        raise ValueError(f"{_of_instruments(missing[0])} The files have no such channel.")
+    return X, y, inputs, instruments, roles, names_of(options.files)
 
 
-def _draw(found: Any, folder: Path, form: str | None) -> list[str]:
+def _of_instruments(name: str) -> str:
+    return f"--method iv takes {name!r} as its instrument, unless --instruments names others."
+
+
+def _draw(found: Any, folder: Path, options: argparse.Namespace) -> list[str]:
     without_screen()
     show = skhoid.plotting
     displays: dict[str, Any] = {
-        "simulation.png": show.SimulationDisplay.from_estimator(
+        "simulation": show.SimulationDisplay.from_estimator(
             found.best.pipeline, found.X, found.y, centered=found.centered, **found.held_out_view
         )
     }
-    if found.delay_searches:
-        displays["delay.png"] = show.DelayLossDisplay.from_estimator(
-            found.delay_searches["one_step"], unit=found.units.get(str(found.y.name))
-        )
-        displays["delay-vaf.png"] = show.DelayLossDisplay.from_estimator(
-            found.delay_searches["vaf"]
-        )
+    searches = found.delay_searches
+    if searches:
+        unit = found.units.get(str(found.y.name))
+        draw = show.DelayLossDisplay.from_estimator
+        displays |= {
+            "delay": draw(searches["one_step"], unit=unit),
+            "delay-vaf": draw(searches["vaf"]),
+        }
     if found.order_search is not None:
-        displays["orders.png"] = show.VAFContourDisplay.from_estimator(found.order_search)
+        displays["orders"] = show.VAFContourDisplay.from_estimator(found.order_search)
     if found.adapting is not None:
-        displays["parameters.png"] = show.ParametersDisplay.from_estimator(
+        displays["parameters"] = show.ParametersDisplay.from_estimator(
             {m.name: m.model for m in (found.adapting, found.best)}
         )
     figures = {name: d.figure_ for name, d in displays.items()}
     more: dict[str, Any] = {"others": PICTURES, "named": (found.X, found.y)}
-    return save_figures(figures, folder, "identify", form=form or "png", **more)
+    return save_figures(figures, folder, "identify", options.format, **more)
 
 
-def _as_dict(found: Any, source: str, columns: Any) -> dict[str, Any]:
-    layout = found.layout
+def _numbers_of(found: Any) -> dict[str, Any]:
+    layout, least = found.layout, found.least_delay
     return {
-        "skhoid": __version__,
-        "source": source,
-        "columns": columns,
         "inputs": found.best.model.inputs_,
         "output": found.y.name,
         "units": found.units,
@@ -363,7 +253,6 @@ def _as_dict(found: Any, source: str, columns: Any) -> dict[str, Any]:
         "dt_s": layout.dt,
         "jitter": layout.jitter,
         "n_gaps": found.n_gaps,
-        "model_dt_s": found.best.model.dt_,
         "centered": found.centered,
         "estimation": found.estimation,
         "validation": found.validation,
@@ -371,11 +260,8 @@ def _as_dict(found: Any, source: str, columns: Any) -> dict[str, Any]:
             criterion: {"nk": search.best_nk_, "seconds": search.best_delay_}
             for criterion, search in found.delay_searches.items()
         },
-        "domain": found.least_delay.domain,
-        "least_delay": {
-            "nk": found.least_delay.samples,
-            "seconds": found.least_delay.seconds,
-        },
+        "domain": least.domain,
+        "least_delay": {"nk": least.samples, "seconds": least.seconds},
         "left_out": found.left_out.to_dict("records"),
         "notes": list(map(str, found.notes)),
         "models": [model.as_dict() for model in found.models],
@@ -383,94 +269,57 @@ def _as_dict(found: Any, source: str, columns: Any) -> dict[str, Any]:
     }
 
 
-def _clock(found: Any) -> str:
-    jitter, gaps = found.layout.jitter, found.n_gaps
-    text = "regular clock" if jitter < 1e-4 else f"jitter {100 * jitter:.2g} %"
-    return text + (f", {gaps} gaps at which the free run restarts from zero" if gaps else "")
+def _tell(found: Any) -> Any:
+    """The identification as a document."""
+    from ...search import parameters_table
+    from ...text import Document, Notes, Paragraph
 
-
-def _print(found: Any, source: str, criterion: str, options: argparse.Namespace) -> None:
-    from ...text import counted
-
-    layout, best, units = found.layout, found.best.model, found.units
-
-    def named(channel: str) -> str:
-        return f"{channel} ({units[channel]})" if channel in units else channel
-
-    print_source(options, source)
-    print_wrapped(
-        f"Measured: {counted(len(layout.labels), 'run')}, {layout.n_rows} rows at "
-        f"{1 / layout.dt:.6g} Hz (dt = {layout.dt:.6g} s), {_clock(found)}"
+    chosen, means = found.best, "about the mean" if found.centered else "means kept"
+    bias = "Instrumental variables: remnant does not bias them."
+    if chosen.model.method == "ols":
+        bias = "They do not include the bias that remnant causes in a closed loop."
+    clock = ""
+    if found.layout.jitter >= 1e-4:
+        clock += f"; the clock has a jitter of {100 * found.layout.jitter:.2g} %"
+    if found.n_gaps:
+        clock += f"; {found.n_gaps} gaps, at which the free run restarts from zero"
+    return Document(
+        f"Verdict: held-out VAF {chosen.vaf_validation:.1f} % ({chosen.name}; {means}): "
+        f"{chosen.verdict}",
+        [
+            Paragraph(f"Fitted on {found.estimation}; held out {found.validation}{clock}."),
+            Notes(found.notes),
+            _table_of_models(found, means),
+            *([_table_of_delays(found)] if found.delay_searches else []),
+            parameters_table(chosen.model),
+            Paragraph(
+                "Standard errors concern the ARX model's own parameters and allow for a coloured "
+                f"error. {bias}"
+            ),
+        ],
     )
-    print_wrapped(
-        f"  input {', '.join(map(named, best.inputs_))}, output {named(str(found.y.name))}"
-    )
-    print_wrapped(f"  fitted on {found.estimation}; held out {found.validation}")
-    if best.dt_ > layout.dt:
-        print_wrapped(f"  the models run at dt = {best.dt_:.6g} s, which their samples count")
-    print()
-    chosen = found.best
-    print_bold(
-        f"Verdict: held-out VAF {chosen.vaf_validation:.1f} % "
-        f"({chosen.name}{'; about the mean' if found.centered else ''}): {chosen.verdict}"
-    )
-    for note in found.notes:
-        print_wrapped(f"  note: {message_for(note, options)}")
-    print()
-    _print_models(found)
-    if found.delay_searches:
-        _print_delays(found, criterion)
-    parameters = [
-        (str(name), f"{value:.5g}", f"{error:.2g}")
-        for name, value, error in zip(
-            best.parameter_names_, best.coef_, best.standard_errors_, strict=True
-        )
-    ]
-    print()
-    title = f"Parameters, {chosen.name}, ± one standard error"
-    print_table(title, ["name", "value", "±"], parameters, left=["name"])
-    bias = (
-        "They do not include the bias that remnant causes in a closed loop."
-        if best.method == "ols"
-        else "Instrumental variables: remnant does not bias them."
-    )
-    print_wrapped(
-        "  Standard errors concern the ARX model's own parameters and allow for a coloured error. "
-        + bias
-    )
-    print()
 
 
-def _print_models(found: Any) -> None:
+def _table_of_models(found: Any, means: str) -> Any:
+    from ...text import DASH, TextTable
+
     rows = []
-    for model in found.fitted:
-        orders = model.model.orders_
+    for one in found.fitted:
+        orders = one.model.orders_
         nb, nk = (v[0] if len(set(v)) == 1 else list(v) for v in (orders.nb, orders.nk))
-        figures = [f"{model.vaf_estimation:.2f}", f"{model.vaf_validation:.2f}"]
-        ratio = f"{model.ratio:.3f}" if model.vaf_validation > 0 else "-"
-        rows.append([model.name, f"{orders.na}, {nb}, {nk}", *figures, ratio, model.verdict])
-    headings = ["model", "na, nb, nk", "fitted", "held out", "ratio", ""]
-    title = "VAF of the simulated output, %, " + (
-        "about the means" if found.centered else "means kept"
-    )
-    print_table(title, headings, rows, left=["model", ""], folded=["model", ""])
+        figures = [f"{one.vaf_estimation:.2f}", f"{one.vaf_validation:.2f}"]
+        ratio = f"{one.ratio:.3f}" if one.vaf_validation > 0 else DASH
+        rows.append([one.name, f"{orders.na}, {nb}, {nk}", *figures, ratio, str(one.verdict)])
+    header = ["model", "na, nb, nk", "fitted", "held out", "ratio", "verdict"]
+    title = f"VAF of the simulated output, %, {means}"
+    return TextTable(title, header, rows, left=("model", "verdict"))
 
 
-def _print_delays(found: Any, criterion: str) -> None:
+def _table_of_delays(found: Any) -> Any:
+    from ...text import TextTable
+
     rows = [
-        (
-            CRITERIA[name],
-            str(search.best_nk_),
-            f"{search.best_delay_:.4g}",
-            "used above" if name == criterion else "",
-        )
+        [CRITERIA[name], str(search.best_nk_), f"{search.best_delay_:.4g}"]
         for name, search in found.delay_searches.items()
     ]
-    print()
-    headings = ["criterion", "samples", "seconds", ""]
-    print_table("Delay", headings, rows, left=["criterion", ""])
-    one_step, vaf = (search.best_nk_ for search in found.delay_searches.values())
-    if abs(one_step - vaf) > 1:
-        print_wrapped(
-            f"  The criteria are {abs(one_step - vaf)} samples apart: see how flat the curves are."
-        )
+    return TextTable("Delay", ["criterion", "samples", "seconds"], rows, left=("criterion",))

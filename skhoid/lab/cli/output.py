@@ -1,4 +1,4 @@
-"""How the command line prints: text and tables that fit the terminal, JSON, and what to do next."""
+"""How the command line prints: documents that fit the terminal, JSON, and what to do next."""
 
 from __future__ import annotations
 
@@ -6,25 +6,16 @@ import argparse
 import json
 import math
 import os
-import re
 import shlex
 import shutil
 import sys
 import textwrap
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 MOST, LEAST = 100, 40  # columns of text, however wide or narrow the terminal is
-_STAY = "\N{NO-BREAK SPACE}"
-# A number stays with its unit or noun, and with the sign or word that relates it to another.
-_JOINS = (
-    re.compile(r"(?<=[\d%]) (?=(?:±|->|to (?=[-+]?\d)|%|[^\W\d]\S{0,11}))"),
-    re.compile(r"(?<=[ \xa0])(=|±|->|<|to|p =|p <) (?=[-+]?[\d.])"),
-    re.compile(r"(?<=\w) (?=[=<][ \xa0]?[-+]?[\d.])"),
-    re.compile(r"(?<=\w:) (?=[-+]?\d+(?:\.\d+)?$)"),
-    re.compile(r"(?<=\w) (?=\"\w{1,12}\")"),
-)
 
 
 def width() -> int:
@@ -32,9 +23,14 @@ def width() -> int:
     return max(LEAST, min(shutil.get_terminal_size().columns, MOST))
 
 
-def print_json(found: dict[str, Any]) -> None:
+def print_json(options: argparse.Namespace, found: dict[str, Any]) -> None:
     """Print one JSON document; it has no NaN, so null stands for it."""
-    print(json.dumps(_finite(found), indent=2, allow_nan=False))
+    from ... import __version__
+
+    guess = getattr(options, "columns", None)
+    columns = {} if guess is None else {"columns": guess.as_dict()}
+    whole = {"skhoid": __version__, **columns, **found}
+    print(json.dumps(_finite(whole), indent=2, allow_nan=False))
 
 
 def _finite(value: Any) -> Any:
@@ -47,10 +43,12 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def say(text: str, options: argparse.Namespace) -> None:
-    """Print for people; prints nothing where the output is JSON."""
-    if not options.json:
-        print_wrapped(text)
+def print_document(document: Any, options: argparse.Namespace) -> None:
+    """Print a document, its title in bold letters on a terminal; hints are those of options."""
+    text = document.text(width(), say=partial(message_for, options=options))
+    head = "\n".join(textwrap.wrap(document.title, width()))
+    print_bold(head)
+    print(text.removeprefix(head).removeprefix("\n"), flush=True)
 
 
 def print_source(options: argparse.Namespace, source: str) -> None:
@@ -69,11 +67,7 @@ def shows_progress(options: argparse.Namespace) -> bool:
 def note(text: str) -> None:
     """Print a note on stderr."""
     whole = f"skhoid: note: {' '.join(text.split())}"
-    if sys.stderr.isatty():
-        whole = textwrap.fill(
-            whole, width(), subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
-        )
-    print(whole, file=sys.stderr)
+    print(_wrapped(whole) if sys.stderr.isatty() else whole, file=sys.stderr)
 
 
 def message_for(said: Any, options: argparse.Namespace) -> str:
@@ -105,69 +99,22 @@ def as_option(options: argparse.Namespace, name: str, value: str = "") -> str:
     return f"{option} {value if value in ('NAME', 'SECONDS') else shlex.quote(value)}"
 
 
-def joined(text: str) -> str:
-    """A text in which numbers stay with their units, and with what they are compared with."""
-    indent = len(text) - len(text.lstrip())
-    body = text[indent:]
-    for pattern in _JOINS:
-        body = pattern.sub(lambda match: match[0].replace(" ", _STAY), body)
-    return text[:indent] + body
-
-
-def wrapped(line: str, columns: int | None = None) -> str:
-    """A line, wrapped under its indentation; numbers and their units stay together."""
+def _wrapped(line: str) -> str:
+    """A line, wrapped under its indentation."""
     indent = " " * (len(line) - len(line.lstrip()) + 2)
-    filled = textwrap.fill(
-        joined(line),
-        columns or width(),
-        subsequent_indent=indent,
-        break_on_hyphens=False,
-        break_long_words=False,
+    return textwrap.fill(
+        line, width(), subsequent_indent=indent, break_on_hyphens=False, break_long_words=False
     )
-    return filled.replace(_STAY, " ")
 
 
 def print_wrapped(line: str) -> None:
     """Print a line that fits the terminal, at once."""
-    print(wrapped(line), flush=True)
+    print(_wrapped(line), flush=True)
 
 
-def print_bold(line: str) -> None:
-    """Print a line that is to be seen first, in bold letters on a terminal."""
-    text = wrapped(line)
+def print_bold(text: str) -> None:
+    """Print what is to be seen first, in bold letters on a terminal."""
     print(f"\x1b[1m{text}\x1b[0m" if sys.stdout.isatty() else text, flush=True)
-
-
-def print_table(
-    title: str,
-    headings: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    *,
-    left: Sequence[str] = (),
-    folded: Sequence[str] = (),
-) -> None:
-    """Print a table that fits the terminal.
-
-    Columns of numbers are on the right, those of ``left`` on the left; cells of ``folded`` may
-    take several lines.
-    """
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-
-    if title:
-        print_bold(title)
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, show_edge=False, header_style="")
-    for heading in headings:
-        side: Any = "left" if heading in left else "right"
-        table.add_column(heading, justify=side, no_wrap=heading not in folded)
-    for row in rows:
-        table.add_row(*row)
-    narrow = Console(width=width() - 2, highlight=False, markup=False, emoji=False, soft_wrap=False)
-    with narrow.capture() as printed:
-        narrow.print(table)
-    text = "\n".join(f"  {line}".rstrip() for line in printed.get().rstrip("\n").splitlines())
-    print(text, flush=True)
 
 
 def say_files(files: dict[str, Any]) -> None:
@@ -194,7 +141,7 @@ def say_next(steps: Sequence[tuple[str, str]]) -> None:
             print(f"  {command:<{longest}}  {why}")
         else:
             print(f"  {command}")
-            print(wrapped(f"      {why}"))
+            print(_wrapped(f"      {why}"))
 
 
 # Options that say what is in the files, which the next command needs too.
@@ -210,11 +157,11 @@ def typed(options: argparse.Namespace, command: str) -> str:
             text = f"{value:.12g}" if isinstance(value, float) else str(value)
             words += [f"--{name.replace('_', '-')}", text]
     for name in ("unit", "role"):
-        for value in getattr(options, name, None) or []:
+        for value in getattr(options, name):
             words += [f"--{name}", value]
-    if getattr(options, "resample", False):
+    if options.resample:
         words.append("--resample")
-    inputs = getattr(options, "named_input", None)
+    inputs = getattr(options, "named_input", [])
     if inputs:
         words += ["--input", *inputs]
     return shlex.join(words)

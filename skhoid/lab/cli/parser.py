@@ -11,9 +11,9 @@ import os
 import re
 import shlex
 import shutil
-import sys
 import textwrap
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 from typing import Any, NoReturn
 
 from ...exceptions import did_you_mean
@@ -28,6 +28,7 @@ MAX_EFFECTS = 4
 TABLES = "tsv"
 PICTURES = ("png", "pdf", "svg")
 DOMAINS = ("human", "machine")
+NO_ROLES: Mapping[str, str] = MappingProxyType({})
 _CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
 _UNKNOWN = "unrecognized arguments: "
 
@@ -35,21 +36,14 @@ _UNKNOWN = "unrecognized arguments: "
 class Parser(argparse.ArgumentParser):
     """Remembers its arguments, for tab completion; keeps the layout of examples."""
 
-    def __init__(self, *, description: str, usage: str | None = None, **more: Any) -> None:
+    def __init__(self, *, description: str, **more: Any) -> None:
         self.arguments: list[argparse.Action] = []
         width = shutil.get_terminal_size().columns - 2  # as argparse
         super().__init__(
             description=textwrap.fill(description, width),
             formatter_class=argparse.RawDescriptionHelpFormatter,
-            usage=usage,
             **more,
         )
-
-    def add_argument(self, *names: Any, **more: Any) -> argparse.Action:
-        """Add an argument, and remember it."""
-        argument = super().add_argument(*names, **more)
-        self.arguments.append(argument)
-        return argument
 
     def section(self, title: str) -> Callable[..., argparse.Action]:
         """A function that adds arguments under a heading of the help."""
@@ -66,16 +60,12 @@ class Parser(argparse.ArgumentParser):
         """Say what is wrong in one line, and what was meant."""
         # argparse has no other way to tell what was wrong than its message.
         wrong = _CHOICE.search(message)
-        if wrong is not None and self._subparsers is not None:
-            known = re.findall(r"[\w-]+", wrong[2])
-            message = f"There is no command {wrong[1]!r}.{did_you_mean(wrong[1], known)}"
+        if wrong is not None:
+            if self._subparsers is not None:
+                message = f"There is no command {wrong[1]!r}."
+            message += did_you_mean(wrong[1], re.findall(r"[\w-]+", wrong[2]))
             if os.path.exists(wrong[1]):
                 message += f" To look into a file: skhoid diagnose {shlex.quote(wrong[1])}"
-            else:
-                message += f" There are: {', '.join(known)}."
-        elif wrong is not None:
-            known = re.findall(r"[\w-]+", wrong[2])
-            message += did_you_mean(wrong[1], known)
         elif message.startswith(_UNKNOWN):
             options = [name for a in self.arguments for name in a.option_strings]
             words = message.removeprefix(_UNKNOWN).split()
@@ -83,30 +73,20 @@ class Parser(argparse.ArgumentParser):
             message += "." + "".join(dict.fromkeys(near))
         self.exit(2, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
 
-    def _print_message(self, message: str, file: Any = None) -> None:
-        """Print, and let fail what argparse lets pass: that nothing can be written."""
-        if file is sys.stdout:
-            file.write(message)
-        else:
-            super()._print_message(message, file)
-
 
 def add_command(
-    commands: Any,
-    name: str,
-    help: str,
-    description: str,
-    examples: str,
-    usage: str = "[OPTIONS]",
+    commands: Any, work: Callable[[argparse.Namespace], int], about: str, usage: str, examples: str
 ) -> Parser:
-    """Add a command to the parser; returns the parser of the command."""
+    """Add the command that is called as the function that does it; returns its parser.
+
+    ``about`` is a line for the list of commands, and below it a description.
+    """
+    name = work.__name__
+    help, _, description = about.partition("\n")
     command: Parser = commands.add_parser(
-        name,
-        help=help,
-        description=description,
-        epilog=examples,
-        usage=f"skhoid {name} {usage}",
+        name, help=help, description=description, epilog=examples, usage=f"skhoid {name} {usage}"
     )
+    command.set_defaults(work=work)
     return command
 
 
@@ -140,8 +120,11 @@ def workers(text: str) -> int:
 
 def _number(what: str, fits: Callable[[float], bool]) -> Callable[[str], float]:
     def read(text: str) -> float:
-        number = _finite(text)
-        if not fits(number):
+        try:
+            number = float(text)
+        except ValueError:
+            number = math.nan
+        if not (math.isfinite(number) and fits(number)):
             raise argparse.ArgumentTypeError(f"must be a number{what}; got {text!r}")
         return number
 
@@ -150,31 +133,9 @@ def _number(what: str, fits: Callable[[float], bool]) -> Callable[[str], float]:
 
 positive = _number(" above 0", lambda number: number > 0)
 not_negative = _number(", at least 0", lambda number: number >= 0)
-probability = _number(" above 0 and below 1", lambda number: 0 < number < 1)
 
 
-def _finite(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        return math.nan
-    return number if math.isfinite(number) else math.nan
-
-
-def with_one_element(words: list[str]) -> list[str]:
-    """Arguments in which the two numbers of a controlled element are one word.
-
-    Two numbers and one text cannot both be an option's values, as file names may follow it.
-    """
-    for i, word in enumerate(words):
-        numbers = words[i + 1 : i + 3]
-        known = [text for text in numbers if not math.isnan(_finite(text))]
-        if word == "--controlled-element" and len(known) == 2:
-            return [*words[: i + 1], " ".join(numbers), *words[i + 3 :]]
-    return words
-
-
-def pairs(items: Iterable[str], option: str, example: str) -> dict[str, str]:
+def _read_pairs(items: Iterable[str], option: str, example: str) -> dict[str, str]:
     """NAME=VALUE pairs of an option that may be repeated."""
     found: dict[str, str] = {}
     for item in items:
@@ -191,12 +152,23 @@ def pairs(items: Iterable[str], option: str, example: str) -> dict[str, str]:
 
 def read_units(options: argparse.Namespace) -> dict[str, str]:
     """Units of channels, by ``--unit``."""
-    return pairs(options.unit, "--unit", "NAME=UNIT, such as e=deg")
+    return _read_pairs(options.unit, "--unit", "NAME=UNIT, such as e=deg")
 
 
-def read_roles(options: argparse.Namespace) -> dict[str, str]:
-    """Roles of channels, by ``--role``."""
-    return pairs(options.role, "--role", "NAME=ROLE, such as roll=motion")
+def read_roles(options: argparse.Namespace, known: Mapping[str, str] = NO_ROLES) -> dict[str, str]:
+    """Roles of channels, by ``--role``, ``--x`` and ``--target``; of inputs they are ``known``."""
+    roles = _read_pairs(options.role, "--role", "NAME=ROLE, such as roll=motion")
+    said = {**known, **roles}
+    for name, role in ((options.x, "x"), (options.target, "f_t")):
+        if name is None:
+            continue
+        if said.setdefault(name, role) != role:
+            raise ValueError(
+                f"The channel {name!r} has two roles, {said[name]!r} and {role!r}: name different "
+                "channels."
+            )
+        roles[name] = role
+    return roles
 
 
 def refuse(options: argparse.Namespace, names: Iterable[str], why: str) -> None:
@@ -205,13 +177,6 @@ def refuse(options: argparse.Namespace, names: Iterable[str], why: str) -> None:
         value: Any = getattr(options, name, None)
         if not (value is None or value is False or value == []):  # 0 is a value
             raise ValueError(f"--{name.replace('_', '-')} {why}")
-
-
-def refuse_of_other_core(options: argparse.Namespace) -> None:
-    """Refuse options of a core that the model has not."""
-    for core, names in OF_CORE.items():
-        if core != options.core:
-            refuse(options, names, f"needs --core {core}.")
 
 
 ABOUT_FILES = ["time", "dt", "run", "subject", "condition", "unit", "resample"]
@@ -231,18 +196,23 @@ def refuse_at_once(options: argparse.Namespace) -> None:
         )
     if "tables" in options and options.tables is None:
         refuse(options, ["table_format"], "needs --tables FOLDER: else no tables are written.")
-    _check_effects(getattr(options, "effects", None) or ["all"], options.command)
+    for core, names in OF_CORE.items():
+        if "core" in options and core != options.core:
+            refuse(options, names, f"needs --core {core}.")
+    effects = getattr(options, "effects", None)
+    if effects == ["none"] and options.command in NO_SEARCH:
+        refuse(options, OF_SEARCH, "is for the search, and --effects none makes none.")
+    elif effects is not None:
+        _check_effects(effects)
 
 
-def _check_effects(names: list[str], command: str) -> None:
-    if names == ["all"] or (names == ["none"] and command in NO_SEARCH):
+def _check_effects(names: list[str]) -> None:
+    if names == ["all"]:
         return
-    if "all" in names:
-        raise ValueError("--effects all takes no other names: it is all of them.")
-    if "none" in names:
+    if "all" in names or "none" in names:
         raise ValueError(
-            "--effects none stands alone, in skhoid report and experiment, which then make no "
-            "search; else name the effects to search for, or leave --effects out to search for all."
+            "--effects all and --effects none (of skhoid report and experiment) stand alone: name "
+            "the effects to search for, or leave --effects out to search for all."
         )
     from ...effects import catalogue
 
@@ -260,137 +230,81 @@ def _check_effects(names: list[str], command: str) -> None:
 
 def add_file_options(add: Callable[..., Any]) -> None:
     """Options that say which files, and what is in them."""
-    add(
-        "files",
-        nargs="*",
-        default=(),
-        metavar="FILES",
-        help="CSV, Parquet or MAT files, or patterns; their columns are guessed, and said",
-    )
+    files = "CSV, Parquet or MAT files, or patterns; their columns are guessed, and said"
+    add("files", nargs="*", default=(), metavar="FILES", help=files)
     add("--output", metavar="NAME", help="output column (default: guessed)")
     add("--time", metavar="NAME", help="time column, in seconds (default: guessed)")
     add("--run", metavar="NAME", help="column with run labels (default: guessed, or each file)")
     for level in ("subject", "condition"):
-        add(
-            f"--{level}",
-            metavar="LABEL",
-            help=f"take the runs of one {level} only (default: all)",
-        )
-    add(
-        "--dt",
-        type=positive,
-        metavar="S",
-        help="sampling time: of files without a time channel, or to resample to",
-    )
+        add(f"--{level}", metavar="LABEL", help=f"take the runs of one {level} only (default: all)")
+    dt = "sampling time: of files without a time channel, or to resample to"
+    add("--dt", type=positive, metavar="S", help=dt)
     add_unit(add)
-    add(
-        "--resample",
-        action="store_true",
-        help="bring an irregular clock onto a regular grid by interpolation first",
-    )
+    resample = "bring an irregular clock onto a regular grid by interpolation first"
+    add("--resample", action="store_true", help=resample)
 
 
 def add_unit(add: Callable[..., Any]) -> None:
     """The option on units of channels."""
-    add(
-        "--unit",
-        action="append",
-        default=[],
-        metavar="NAME=UNIT",
-        help="unit of a channel; 'ms' for time converts it; may be repeated",
-    )
+    text = "unit of a channel; 'ms' for time converts it; may be repeated"
+    add("--unit", action="append", default=[], metavar="NAME=UNIT", help=text)
 
 
 def add_channel_options(add: Callable[..., Any]) -> None:
     """Options that say which channels there are besides inputs and output, and the run-in."""
     add("--x", metavar="NAME", help="the controlled element's output (default: guessed)")
     add("--target", metavar="NAME", help="the target f_t (default: guessed)")
-    add(
-        "--role",
-        action="append",
-        default=[],
-        metavar="NAME=ROLE",
-        help="another channel, or another role: e, x, f_t, dist..., motion... or empty; may be "
-        "repeated",
-    )
+    role = "another channel, or another role: e, x, f_t, dist..., motion... or empty; may be "
+    add("--role", action="append", default=[], metavar="NAME=ROLE", help=role + "repeated")
     add_run_in(add)
 
 
 def add_run_in(add: Callable[..., Any]) -> None:
     """The option that discards the start of each run."""
-    add(
-        "--run-in",
-        type=not_negative,
-        metavar="S",
-        help="discard this much at the start of each run",
-    )
+    text = "discard this much at the start of each run"
+    add("--run-in", type=not_negative, metavar="S", help=text)
 
 
 def add_recording_options(command: Parser) -> None:
     """Options of files, their channels, and the model."""
     add = command.section("Data")
     add_file_options(add)
-    add(
-        "--input",
-        metavar="NAME",
-        help="the error, or else the target; then no other channel is guessed (default: guessed)",
-    )
+    text = "the error, or else the target; then no other channel is guessed (default: guessed)"
+    add("--input", metavar="NAME", help=text)
     add_channel_options(add)
-    add(
-        "--remove-means",
-        action="store_true",
-        help="subtract the mean of each channel first, for positions far from zero",
-    )
+    text = "subtract the mean of each channel first, for positions far from zero"
+    add("--remove-means", action="store_true", help=text)
     add_model_options(command.section("Model"), "the operator")
 
 
 def add_model_options(add: Callable[..., Any], who: str) -> None:
     """Options that say what the model is, what ``who`` sees, and what is controlled."""
-    add(
-        "--core",
-        choices=list(OF_CORE),
-        default="operator",
-        help="what the model is: the operator's physics, or ARX (default: operator)",
-    )
-    add(
-        "--delay", type=not_negative, metavar="S", help="delay of the operator (default: estimated)"
-    )
+    core = "what the model is: the operator's physics, or ARX (default: operator)"
+    add("--core", choices=list(OF_CORE), default="operator", help=core)
+    text = "delay of the operator (default: estimated)"
+    add("--delay", type=not_negative, metavar="S", help=text)
     add("--na", type=order, metavar="N", help="order of the ARX core (default: 2)")
     add("--nb", type=order, metavar="N", help="order of the ARX core (default: 2)")
     add("--nk", type=samples, metavar="N", help="delay of the ARX core in samples (default: found)")
-    add(
-        "--display",
-        choices=["compensatory", "pursuit", "preview"],
-        help=f"what {who} could see (default: not said)",
-    )
-    add(
-        "--controlled-element",
-        metavar="ELEMENT",
-        help='what makes x of the output: "1/(s(s+1))", or the numbers K_C OMEGA_B of K_c / (s (s '
-        "+ omega_b)) (default: estimated where x is given)",
-    )
+    text = f"what {who} could see (default: not said)"
+    add("--display", choices=["compensatory", "pursuit", "preview"], help=text)
+    text = 'what makes x of the output: "1/(s(s+1))", or in quotes the numbers "K_C OMEGA_B" of '
+    text += "K_c / (s (s + omega_b)) (default: estimated where x is given)"
+    add("--controlled-element", metavar="ELEMENT", help=text)
 
 
 def add_lost_control(add: Callable[..., Any]) -> None:
     """The option on stretches in which control was lost."""
-    add(
-        "--lost-control",
-        choices=["leave_out", "keep"],
-        default="leave_out",
-        help="what becomes of stretches in which control was lost: left out of fit and judgement, "
-        "or kept (default: leave_out)",
-    )
+    text = "what becomes of stretches in which control was lost: left out of fit and judgement, "
+    text += "or kept (default: leave_out)"
+    add("--lost-control", choices=["leave_out", "keep"], default="leave_out", help=text)
 
 
 def add_search_options(add: Callable[..., Any], more: str = "") -> None:
     """Options of the search."""
     add("--effects", nargs="+", metavar="ID", help=f"effects to search for (default: all{more})")
-    add(
-        "--max-effects",
-        type=whole(0),
-        metavar="N",
-        help=f"to add at most (default: {MAX_EFFECTS})",
-    )
+    text = f"to add at most (default: {MAX_EFFECTS})"
+    add("--max-effects", type=whole(0), metavar="N", help=text)
     add_lost_control(add)
 
 
@@ -398,12 +312,14 @@ def add_plot_options(add: Callable[..., Any], folder: str) -> None:
     """Options of the plots."""
     add("--out", metavar="FOLDER", help=f"for the plots (default: {folder})")
     add("--no-pictures", action="store_true", help="draw nothing")
-    add_format(add)
-
-
-def add_format(add: Callable[..., Any]) -> None:
-    """The option that says in which format pictures are drawn."""
     add("--format", choices=PICTURES, help="format of the pictures (default: png)")
+
+
+def add_page_options(add: Callable[..., Any], page: str) -> None:
+    """Options of the page that a command writes."""
+    add("--title", metavar="TEXT", help="title of the page")
+    add("--out", default=page, metavar="FILE", help=f"the file (default: {page})")
+    add("--overwrite", action="store_true", help="replace files that exist")
 
 
 def add_output_options(add: Callable[..., Any], tables: bool = True) -> None:
@@ -422,8 +338,5 @@ def add_debug(add: Callable[..., Any]) -> None:
 
 def add_table_format(add: Callable[..., Any], default: str) -> None:
     """The option that says in which format tables are written."""
-    add(
-        "--table-format",
-        choices=["tsv", "csv", "parquet"],
-        help=f"tab-separated or comma-separated text, or Parquet (default: {default})",
-    )
+    text = f"tab-separated or comma-separated text, or Parquet (default: {default})"
+    add("--table-format", choices=["tsv", "csv", "parquet"], help=text)

@@ -9,67 +9,33 @@ from typing import Any
 
 import skhoid
 
-from ... import __version__
 from .files import check_plot_file, new_file, without_screen
-from .output import print_json, say
-from .parser import (
-    add_command,
-    add_output_options,
-    at_least_one,
-    not_negative,
-    positive,
-    refuse,
-    seed,
-)
+from .output import print_json, print_wrapped
+from .parser import add_command, add_output_options, at_least_one, not_negative, positive, seed
 
+ABOUT = """\
+simulate runs of a tracking task and write them to a file
+Simulate a human operator in the closed loop of the thesis, with remnant, and write the runs to a
+file that `skhoid identify` reads."""
 EXAMPLES = """\
 examples:
   skhoid simulate --condition C4 --runs 5 --remnant 0.15 --out runs.parquet
   skhoid diagnose runs.parquet
-  skhoid simulate --condition C1 --remnant 0.2 --remnant-order 3 --out c1.mat
+  skhoid simulate --condition C1 --remnant 0.2 --effect dead_zone --out c1.mat
 """
 
 
 def add_simulate(commands: Any) -> None:
     """Add the command to the parser."""
-    command = add_command(
-        commands,
-        "simulate",
-        "simulate runs of a tracking task and write them to a file",
-        "Simulate a human operator in the closed loop of the thesis, with remnant, and "
-        "write the runs to a file that `skhoid identify` reads.",
-        EXAMPLES,
-        "--out FILE [OPTIONS]",
-    )
-    command.set_defaults(work=simulate)
+    command = add_command(commands, simulate, ABOUT, "--out FILE [OPTIONS]", EXAMPLES)
     add = command.section("Data")
     add("--condition", default="C1", metavar="C", help="C1 to C6 (Table III; default: C1)")
     add("--runs", type=at_least_one, default=5, metavar="N", help="number of runs (default: 5)")
-    add(
-        "--remnant",
-        type=not_negative,
-        default=0.0,
-        metavar="P",
-        help="P_n, such as 0.15 (default: 0)",
-    )
-    add("--remnant-order", metavar="M", help="1, 2, 3, 4 or nm (default: 2)")
-    add(
-        "--channels",
-        nargs="+",
-        default=["e", "x", "f_t"],
-        metavar="NAME",
-        help="of e, x, f_t, dist (default: e x f_t)",
-    )
-    add(
-        "--effect",
-        nargs="+",
-        default=[],
-        metavar="ID",
-        help="hidden in the operator: ids of skhoid's catalogue, as large as in skhoid demo",
-    )
+    text = "P_n, such as 0.15 (default: 0)"
+    add("--remnant", type=not_negative, default=0.0, metavar="P", help=text)
+    text = "hidden in the operator: ids of skhoid's catalogue, as large as in skhoid demo"
+    add("--effect", nargs="+", default=[], metavar="ID", help=text)
     add("--rate", type=positive, default=100.0, metavar="HZ", help="sampling rate (default: 100)")
-    add("--random-phases", action="store_true", help="new phases of the target in each run")
-    add("--open-loop", action="store_true", help="remnant does not go round the loop")
     add("--seed", type=seed, metavar="N", help="the same number gives the same runs")
     add = command.section("Output")
     add("--out", required=True, metavar="FILE", help=".csv, .tsv, .parquet or .mat")
@@ -82,10 +48,10 @@ def hidden_effects(names: list[str]) -> Any:
     """Effects of ids, as large as they matter in simulated runs."""
     from ...effects import Effects
 
-    return Effects.of([_hidden(name) for name in names])
+    return Effects.of([_hide(name) for name in names])
 
 
-def _hidden(name: str) -> Any:
+def _hide(name: str) -> Any:
     from ...effects import effect
 
     known = effect(name)
@@ -104,9 +70,6 @@ def simulate(options: argparse.Namespace) -> int:
     from ...io import save_figure
     from ...text import counted
 
-    if options.remnant == 0:
-        refuse(options, ["remnant_order", "open_loop"], "needs --remnant P: there is none.")
-    order = options.remnant_order or "2"
     number = secrets.randbelow(2**31) if options.seed is None else options.seed
     path = new_file(options.out, options.overwrite)
     if options.picture:
@@ -115,50 +78,44 @@ def simulate(options: argparse.Namespace) -> int:
         options.condition,
         options.runs,
         remnant_intensity=options.remnant,
-        remnant_order=int(order) if order.isdecimal() else order,
-        channels=options.channels,
+        channels=["e", "x", "f_t"],
         sampling_rate=options.rate,
         effects=hidden_effects(options.effect) if options.effect else None,
-        random_phases=options.random_phases,
-        open_loop=options.open_loop,
         random_state=number,
         return_truth=True,
     )
     skhoid.write_runs(X, y, path, overwrite=options.overwrite)
-    runs = counted(options.runs, "run")
-    condition = options.condition.upper()
-    rows = f"{len(X)} rows at {options.rate:g} Hz, seed {number}"
-    say(f"{path}: {runs} of {condition}, {rows}", options)
     by_run = truth.remnant.groupby(level="run").var() / y.groupby(level="run").var()
-    if options.remnant:
-        say(
-            f"remnant: P_n = {by_run.mean():.3f} on average ({by_run.min():.3f} to "
-            f"{by_run.max():.3f}), wanted {options.remnant:g}",
-            options,
-        )
     if options.picture:
         without_screen()
         display = skhoid.plotting.TrackingDisplay.from_runs(X, y, truth=truth)
         save_figure(display.figure_, options.picture)
-        say(f"picture: {options.picture}", options)
     follow = shlex.join(["skhoid", "diagnose", str(path)])
-    if not options.json:
-        print(f"next: {follow}")  # not wrapped: to be copied
+    condition = options.condition.upper()
     if options.json:
-        print_json(
-            {
-                "skhoid": __version__,
-                "file": str(path),
-                "condition": condition,
-                "n_runs": options.runs,
-                "n_rows": len(X),
-                "dt_s": 1 / options.rate,
-                "channels": [*X.columns, y.name],
-                "effects": options.effect,
-                "seed": number,
-                "remnant": {str(label): share for label, share in by_run.items()},
-                "picture": options.picture,
-                "next": follow,
-            }
+        found = {
+            "file": str(path),
+            "condition": condition,
+            "n_runs": options.runs,
+            "n_rows": len(X),
+            "dt_s": 1 / options.rate,
+            "channels": [*X.columns, y.name],
+            "effects": options.effect,
+            "seed": number,
+            "remnant": {str(label): share for label, share in by_run.items()},
+            "picture": options.picture,
+            "next": follow,
+        }
+        print_json(options, found)
+        return 0
+    rows = f"{len(X)} rows at {options.rate:g} Hz, seed {number}"
+    print_wrapped(f"{path}: {counted(options.runs, 'run')} of {condition}, {rows}")
+    if options.remnant:
+        print_wrapped(
+            f"remnant: P_n = {by_run.mean():.3f} on average ({by_run.min():.3f} to "
+            f"{by_run.max():.3f}), wanted {options.remnant:g}"
         )
+    if options.picture:
+        print_wrapped(f"picture: {options.picture}")
+    print(f"next: {follow}")  # not wrapped: to be copied
     return 0

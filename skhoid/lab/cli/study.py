@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,11 @@ import skhoid
 
 from ...exceptions import did_you_mean
 from .files import check_folders, read_files, save_figures, without_screen, write_tables
-from .output import print_json, say_files
+from .output import print_document, print_json, say_files
 from .parser import (
+    PICTURES,
     add_command,
     add_file_options,
-    add_format,
     add_output_options,
     add_table_format,
     at_least_one,
@@ -26,6 +27,13 @@ from .parser import (
     workers,
 )
 
+ABOUT = """\
+Monte-Carlo studies: the paper's figures, an experiment, which method to use
+Simulate many runs, fit them all, and say how it compares with the thesis: 'list' names the studies;
+'all' makes every one of the paper; 'experiment' analyses subjects, conditions and runs (simulated,
+or your files of one subject and condition); 'recommend' finds the memory horizon for an experiment
+to come, or with --question the method; 'tournament' lets all methods that follow a changing
+operator compete."""
 EXAMPLES = """\
 examples:
   skhoid study list
@@ -39,14 +47,7 @@ examples:
   skhoid study experiment s1_*.csv --measurement-time 81.92
 """
 TABLES = "csv"
-QUESTIONS = (
-    "follow",
-    "final",
-    "detect",
-    "predict",
-    "delay",
-)  # of skhoid.lab.studies, not loaded here
-SIZES = ("full", "small")
+QUESTIONS = ("follow", "final", "detect", "predict", "delay")  # of skhoid.lab.studies
 OF_EXPERIMENT = ("paths", "batch", "scores", "validation", "changes", "delays", "verdicts")
 OTHERS = {
     "experiment": "subjects, conditions and runs: Figs. 16-17, App. M, Table VI",
@@ -54,56 +55,28 @@ OTHERS = {
     "tournament": "methods that follow a changing operator, compared",
     "all": "every study of the paper",
 }
-PARTS = {  # options of a paper's study, as far as its function has them
-    "conditions": "conditions",
-    "intensities": "intensities",
-    "orders": "orders",
-    "validation": "n_validation",
-    "gains": "gains",
-}
+WHOLE = ["appG", "fig12", "fig13", "appI", "appK"]  # whose cells include those of all others
+# Options that a study takes; of the paper's only those that its function has.
 OF_OUT = ["no_pictures", "format", "table_format"]
-KEPT = ["jobs", "out", *OF_OUT]
+KEPT = ["seed", "jobs", "out", *OF_OUT]
+CELLS = ["replications", "validation", "conditions", "intensities"]
 OF_FILES = ["input", "output", "time", "run", "subject", "condition", "dt", "unit", "resample"]
 OF_FILES += ["measurement_time"]
-APPLY = {
+TAKES = {
     "list": [],
-    "all": ["replications", *PARTS, "seed", *KEPT],
-    "recommend": ["replications", "validation", "conditions", "intensities", "rate", "seed", *KEPT],
-    "recommend with --question": [
-        *("question", "causal", "methods", "replications", "validation", "conditions"),
-        *("intensities", "orders", "rate", "seed", *KEPT),
-    ],
-    "tournament": [
-        *("methods", "size", "replications", "validation", "conditions", "intensities", "orders"),
-        *("seed", *KEPT),
-    ],
-    "experiment": ["subjects", "conditions", "runs", "last", "seed", *KEPT],
-    "experiment with files": [*OF_FILES, "last", *KEPT],
+    "all": [*CELLS, "gains", *KEPT],
+    "recommend": [*CELLS, "rate", "question", "causal", "methods", *KEPT],
+    "tournament": [*CELLS, "methods", "size", *KEPT],
+    "experiment": ["conditions", *OF_FILES, *KEPT],
 }
-WHOLE = ["appG", "fig12", "fig13", "appI", "appK"]  # whose cells include those of all others
 
 
 def add_study(commands: Any) -> None:
     """Add the command to the parser."""
-    command = add_command(
-        commands,
-        "study",
-        "Monte-Carlo studies: the paper's figures, an experiment, which method to use",
-        "Simulate many runs, fit them all, and say how it compares with the thesis: "
-        "'list' names the studies; 'all' makes every one of the paper; 'experiment' analyses "
-        "subjects, conditions and runs (simulated, or your files of one subject and condition); "
-        "'recommend' finds the memory horizon for an experiment to come, or with --question the "
-        "method; 'tournament' lets all methods that follow a changing operator compete.",
-        EXAMPLES,
-        "NAME [FILES] [OPTIONS]",
-    )
-    command.set_defaults(work=study)
+    command = add_command(commands, study, ABOUT, "NAME [FILES] [OPTIONS]", EXAMPLES)
     add = command.section("Data")
-    add(
-        "name",
-        metavar="NAME",
-        help="fig9, fig10, fig12 ... (see list), all, experiment, recommend, tournament",
-    )
+    text = "fig9, fig10, fig12 ... (see list), all, experiment, recommend, tournament"
+    add("name", metavar="NAME", help=text)
     add_file_options(add)
     add("--input", metavar="NAME", help="input column of files (default: guessed)")
     add("--measurement-time", type=positive, metavar="S", help="keep the end of runs of files")
@@ -112,70 +85,21 @@ def add_study(commands: Any) -> None:
     add("--validation", type=at_least_one, metavar="V", help="validation runs (default: 10)")
     add("--conditions", nargs="+", metavar="C", help="such as C1 C4")
     add("--intensities", nargs="+", type=not_negative, metavar="P", help="P_n, such as 0 0.15")
-    add("--orders", nargs="+", metavar="M", help="of the remnant filter: 1 2 3 4 nm")
+    add("--gains", choices=["table", "tuned"], help="K_n: Table G.1, or found (default: table)")
     add("--rate", type=positive, metavar="HZ", help="of recommend (default: 100)")
     add("--question", choices=QUESTIONS, help="of recommend: which method answers it best")
     add("--causal", action="store_true", help="with --question: only methods without later data")
     add("--methods", nargs="+", metavar="NAME", help="of tournament and --question (default: all)")
-    add("--size", choices=SIZES, help="of tournament: its cells and runs (default: full)")
-    add("--gains", choices=["table", "tuned"], help="K_n: Table G.1, or found (default: table)")
-    add("--subjects", type=at_least_one, metavar="N", help="of experiment (default: 3)")
-    add("--runs", type=at_least_one, metavar="N", help="of experiment (default: 7)")
-    add("--last", type=at_least_one, metavar="N", help="runs used (default: 5)")
+    text = "of tournament: its cells and runs (default: full)"
+    add("--size", choices=["full", "small"], help=text)
     add("--seed", type=seed, metavar="N", help="of the simulation (default: 0)")
     add("--jobs", type=workers, metavar="N", help="workers (default: 1; -1: all processors)")
     add = command.section("Output")
     add("--out", metavar="FOLDER", help="keep blocks, tables and plots in FOLDER/NAME")
     add("--no-pictures", action="store_true", help="draw nothing")
-    add_format(add)
+    add("--format", choices=PICTURES, help="format of the pictures (default: png)")
     add_table_format(add, TABLES)
     add_output_options(add, tables=False)
-
-
-def study(options: argparse.Namespace) -> int:
-    """Run one study, or all of the paper."""
-    from ..studies import PAPER_STUDIES
-
-    _check(options)
-    if options.name == "list":
-        studies = {name: one.what for name, one in PAPER_STUDIES.items()} | OTHERS
-        if options.json:
-            print_json({"studies": studies})
-        else:
-            print("\n".join(f"{name:<11} {what}" for name, what in studies.items()))
-        return 0
-    if options.name == "experiment":
-        return _experiment(options)
-    if options.name == "tournament":
-        return _tournament(options)
-    if options.name == "recommend":
-        return _recommend(options) if options.question is None else _recommend_method(options)
-    names = WHOLE if options.name == "all" else [options.name]
-    found = [_paper(name, options) for name in names]
-    if options.json:
-        print_json(found[0] if len(found) == 1 else {"studies": found})
-    return 0
-
-
-def _check(options: argparse.Namespace) -> None:
-    """Refuse a study that cannot run, before the work begins."""
-    from ...io import check_table_format
-
-    name, known = options.name, names_of_studies()
-    if name not in known:
-        raise ValueError(
-            f"No study {name!r}; there are {', '.join(known)}.{did_you_mean(name, known)}"
-        )
-    if options.files and name != "experiment":
-        raise ValueError(f"Only 'experiment' takes files; {name!r} does not.")
-    what, applying = _applying(options)
-    others = {option for some in APPLY.values() for option in some if option not in applying}
-    refuse(options, sorted(others), f"does not apply to {what}.")
-    if options.out is None:
-        refuse(options, OF_OUT, "needs --out FOLDER: else nothing is written.")
-        return
-    check_folders(options.out, Path(options.out) / name)
-    check_table_format(options.table_format or TABLES)
 
 
 def names_of_studies() -> tuple[str, ...]:
@@ -185,47 +109,87 @@ def names_of_studies() -> tuple[str, ...]:
     return ("list", *OTHERS, *PAPER_STUDIES)
 
 
-def _applying(options: argparse.Namespace) -> tuple[str, list[str]]:
-    """A name for what is asked for, and the options that it takes."""
-    name = options.name
-    if name == "experiment":
-        if options.files:
-            return "'experiment' with files", APPLY["experiment with files"]
-        return "'experiment' without files: name them first", APPLY["experiment"]
-    if name == "recommend" and options.question is not None:
-        return "'recommend' with --question", APPLY["recommend with --question"]
-    if name in APPLY:
-        return repr(name), APPLY[name]
-    missing = {part for part, key in PARTS.items() if key not in _parameters(name)}
-    return f"the study {name!r}", [option for option in APPLY["all"] if option not in missing]
-
-
-def _parameters(name: str) -> set[str]:
+def study(options: argparse.Namespace) -> int:
+    """Run one study, or all of the paper."""
     from ..studies import PAPER_STUDIES
 
-    return set(PAPER_STUDIES[name].options)
+    _check(options)
+    name = options.name
+    if name == "list":
+        studies = {known: one.what for known, one in PAPER_STUDIES.items()} | OTHERS
+        if options.json:
+            print_json(options, {"studies": studies})
+        else:
+            print("\n".join(f"{known:<11} {what}" for known, what in studies.items()))
+        return 0
+    others = {"experiment": _experiment, "tournament": _tournament, "recommend": _recommend}
+    names = WHOLE if name == "all" else [name]
+    found = [others[name](options)] if name in others else [_paper(n, options) for n in names]
+    if options.json:
+        print_json(options, {"studies": found} if name == "all" else found[0])
+    return 0
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse a study that cannot run, before the work begins."""
+    from ...io import check_table_format
+    from ..studies import PAPER_STUDIES
+
+    name, known = options.name, names_of_studies()
+    if name not in known:
+        raise ValueError(
+            f"No study {name!r}; there are {', '.join(known)}.{did_you_mean(name, known)}"
+        )
+    if options.files and name != "experiment":
+        raise ValueError(f"Only 'experiment' takes files; {name!r} does not.")
+    takes = TAKES.get(name, TAKES["all"])
+    if name in PAPER_STUDIES and "n_validation" not in PAPER_STUDIES[name].options:
+        takes = [option for option in takes if option != "validation"]
+    if name == "experiment":
+        unused = ["conditions", "seed"] if options.files else OF_FILES
+        takes = [option for option in takes if option not in unused]
+    others = {option for some in TAKES.values() for option in some} - set(takes)
+    refuse(options, sorted(others), f"does not apply to the study {name!r} here.")
+    if options.question is None:
+        refuse(options, ["causal"], "needs --question.")
+    if options.out is None:
+        refuse(options, OF_OUT, "needs --out FOLDER: else nothing is written.")
+        return
+    check_folders(options.out, Path(options.out) / name)
+    check_table_format(options.table_format or TABLES)
+
+
+def _shared(options: argparse.Namespace) -> dict[str, Any]:
+    """What every study takes."""
+    return {
+        "random_state": options.seed or 0,
+        "n_jobs": options.jobs,
+        "progress": False if options.json else None,
+    }
 
 
 def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
-    from ..studies import paper_study
+    from ..studies import PAPER_STUDIES, paper_study
 
-    given = {key: getattr(options, part) for part, key in PARTS.items()}
-    has = _parameters(name)
-    given = {key: value for key, value in given.items() if value is not None and key in has}
+    has = PAPER_STUDIES[name].options
+    given = {
+        "conditions": options.conditions,
+        "intensities": options.intensities,
+        "n_validation": options.validation,
+        "gains": options.gains,
+    }
     folder = None if options.out is None else Path(options.out) / name
     begin = time.perf_counter()
     result = paper_study(
         name,
         options.replications or 100,
         every_figure=options.name == "all",
-        random_state=options.seed or 0,
-        n_jobs=options.jobs,
         out=None if folder is None else folder / "blocks",
-        progress=False if options.json else None,
-        **given,
+        **_shared(options),
+        **{key: value for key, value in given.items() if value is not None and key in has},
     )
     seconds = time.perf_counter() - begin
-    files = [] if folder is None else _save(result, folder, options)
+    files = _save(result, folder, options, result.figures)
     if not options.json:
         print(f"{name}: {result.title}")
         for line in [*result.claims, *result.notes]:
@@ -242,17 +206,31 @@ def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _save(result: Any, folder: Path, options: argparse.Namespace) -> list[str]:
+def _save(
+    result: Any, folder: Path | None, options: argparse.Namespace, pictures: dict[str, Any]
+) -> list[str]:
+    """Write a result and its pictures, which are functions by name."""
+    if folder is None:
+        return []
+    form = options.table_format or TABLES
+    files = list(map(str, result.save(folder, figures=False, table_format=form)))
+    return files + _draw(pictures, folder, options)
+
+
+def _draw(
+    pictures: dict[str, Any], folder: Path, options: argparse.Namespace, named: Any = None
+) -> list[str]:
+    if options.no_pictures:
+        return []
     without_screen()
-    files = result.save(folder, figures=False, table_format=options.table_format or TABLES)
-    pictures = []
-    if not options.no_pictures:
-        figures = {f"{name}.png": draw().figure_ for name, draw in result.figures.items()}
-        pictures = save_figures(figures, folder, "study", form=options.format or "png")
-    return [*map(str, files), *pictures]
+    paths = []
+    for name, draw in pictures.items():  # one at a time: there may be dozens
+        figure = {name: draw().figure_}
+        paths += save_figures(figure, folder, "study", options.format, named=named)
+    return paths
 
 
-def _tournament(options: argparse.Namespace) -> int:
+def _tournament(options: argparse.Namespace) -> dict[str, Any]:
     from ..studies import tournament_cells
 
     size = options.size or "full"
@@ -260,57 +238,26 @@ def _tournament(options: argparse.Namespace) -> int:
     begin = time.perf_counter()
     result = skhoid.run_tournament(
         options.methods,
-        tournament_cells(
-            size,
-            conditions=options.conditions,
-            intensities=options.intensities,
-            orders=options.orders,
-        ),
+        tournament_cells(size, conditions=options.conditions, intensities=options.intensities),
         size=size,
         n_replications=options.replications,
         n_validation=options.validation or 3,
-        random_state=options.seed or 0,
         out=None if folder is None else folder / "blocks",
-        n_jobs=options.jobs,
-        progress=False if options.json else None,
+        **_shared(options),
     )
     seconds = time.perf_counter() - begin
-    files = []
-    if folder is not None:
-        files = [
-            str(path)
-            for path in result.save(
-                folder, figures=False, table_format=options.table_format or TABLES
-            )
-        ]
-        if not options.no_pictures:
-            without_screen()
-            figures = _pictures(result)
-            files += save_figures(figures, folder, "study", form=options.format or "png")
-    if options.json:
-        print_json(
-            {
-                "ranking": _rankings(result),
-                "notes": result.notes,
-                "seconds": seconds,
-                "files": files,
-            }
-        )
-    else:
-        print(result)
+    # Nothing settles where nothing changes.
+    kinds = ["winners", "bias"]
+    kinds += ["settling"] if (result.table["kind"] == "changing").any() else []
+    files = _save(result, folder, options, {kind: partial(result.plot, kind) for kind in kinds})
+    if not options.json:
+        print_document(result.document(), options)
         print(f"{len(result.table)} rows in {seconds:.1f} s.")
         say_files({"files": files})
-    return 0
+    return {"ranking": _rank(result), "notes": result.notes, "seconds": seconds, "files": files}
 
 
-def _pictures(result: Any) -> dict[str, Any]:
-    """The figures of a tournament; nothing settles where nothing changes."""
-    changing = (result.table["kind"] == "changing").any()
-    kinds = ["winners", "bias", *(["settling"] if changing else [])]
-    return {f"{kind}.png": result.plot(kind).figure_ for kind in kinds}
-
-
-def _rankings(result: Any) -> dict[str, Any]:
+def _rank(result: Any) -> dict[str, Any]:
     """Methods by the question to follow K_edot, the best first."""
     return {
         kind: result.ranking(causal=causal)["loss"].to_dict()
@@ -319,124 +266,78 @@ def _rankings(result: Any) -> dict[str, Any]:
     }
 
 
-def _one_task(options: argparse.Namespace) -> Any:
+def _recommend(options: argparse.Namespace) -> dict[str, Any]:
+    """A memory horizon, or with a question a method."""
     conditions = options.conditions or ["C4"]
     if len(conditions) > 1:
         raise ValueError("recommend takes one condition; an average over tasks suits none of them.")
-    return skhoid.CompensatoryTask.of_condition(conditions[0], sampling_rate=options.rate or 100.0)
-
-
-def _recommend_method(options: argparse.Namespace) -> int:
-    task = _one_task(options)
-    orders = options.orders or [2]
-    if len(orders) > 1:
-        raise ValueError("recommend takes one order of the remnant filter.")
-    advice = skhoid.recommend_method(
-        task,
-        options.intensities or [0.15],
-        question=options.question,
-        causal=True if options.causal else None,
-        methods=options.methods,
-        remnant_order=int(orders[0]) if str(orders[0]).isdigit() else orders[0],
-        n_replications=options.replications or 10,
-        n_validation=options.validation or 3,
-        random_state=options.seed or 0,
-        n_jobs=options.jobs,
-        progress=False if options.json else None,
-    )
-    files = []
-    if options.out is not None:
-        folder = Path(options.out) / "recommend"
-        files = write_tables({"ranking": advice.ranking}, folder, options.table_format or TABLES)
-        if not options.no_pictures:
-            without_screen()
-            figures = {"bias.png": advice.plot().figure_}
-            files += save_figures(figures, folder, "study", form=options.format or "png")
-    if options.json:
+    task = skhoid.CompensatoryTask.of_condition(conditions[0], sampling_rate=options.rate or 100.0)
+    intensities = options.intensities or [0.15]
+    advice: Any
+    if options.question is None:
+        refuse(options, ["methods"], "needs --question.")
+        advice = skhoid.recommend_forgetting(
+            task,
+            intensities,
+            n_replications=options.replications or 20,
+            n_validation=options.validation or 10,
+            **_shared(options),
+        )
+        names = ("memory_horizon", "memory_time", "gain", "forgetting", "close")
+        found = {name: getattr(advice, name) for name in names}
+        table, picture = {"summary": advice.summary}, "trade-off"
+    else:
+        advice = skhoid.recommend_method(
+            task,
+            intensities,
+            question=options.question,
+            causal=True if options.causal else None,
+            methods=options.methods,
+            n_replications=options.replications or 10,
+            n_validation=options.validation or 3,
+            **_shared(options),
+        )
         found = {name: getattr(advice, name) for name in ("question", "method", "close")}
-        print_json(found | {"estimator": repr(advice.estimator), "files": files})
-    else:
-        print(advice)
-        say_files({"files": files})
-    return 0
-
-
-def _recommend(options: argparse.Namespace) -> int:
-    advice = skhoid.recommend_forgetting(
-        _one_task(options),
-        options.intensities or [0.15],
-        n_replications=options.replications or 20,
-        n_validation=options.validation or 10,
-        random_state=options.seed or 0,
-        n_jobs=options.jobs,
-        progress=False if options.json else None,
-    )
+        found["estimator"] = repr(advice.estimator)
+        table, picture = {"ranking": advice.ranking}, "bias"
     files = []
     if options.out is not None:
         folder = Path(options.out) / "recommend"
-        files = write_tables({"summary": advice.summary}, folder, options.table_format or TABLES)
-        if not options.no_pictures:
-            without_screen()
-            figures = {"trade-off.png": advice.plot().figure_}
-            files += save_figures(figures, folder, "study", form=options.format or "png")
-    if options.json:
-        found = {name: getattr(advice, name) for name in ("memory_horizon", "memory_time", "gain")}
-        found |= {"forgetting": advice.forgetting, "close": advice.close, "files": files}
-        print_json(found)
-    else:
-        print(advice)
+        files = write_tables(table, folder, options.table_format or TABLES)
+        files += _draw({picture: advice.plot}, folder, options)
+    if not options.json:
+        print_document(advice.document(), options)
         say_files({"files": files})
-    return 0
+    return {**found, "files": files}
 
 
-def _experiment(options: argparse.Namespace) -> int:
-    last = options.last or 5
+def _experiment(options: argparse.Namespace) -> dict[str, Any]:
+    more: dict[str, Any] = {}
     if options.files:
         named = {} if options.input is None else {options.input: "e"}
-        found = read_files(options, named, signals=options.input is None)
-        X, y = found.X, found.y
-        channel = found.guess.inputs[0]
-        result = skhoid.analyse_experiment(
-            X,
-            y,
-            last=last,
-            input=channel,
-            measurement_time=options.measurement_time,
-            n_jobs=options.jobs,
-        )
+        X, y, guess = read_files(options, named, signals=options.input is None)
+        more = {"input": guess.inputs[0], "measurement_time": options.measurement_time}
     else:
+        conditions = options.conditions or "C1-C6"
         X, y = skhoid.simulate_experiment(
-            options.subjects or 3,
-            options.conditions or "C1-C6",
-            options.runs or 7,
-            random_state=options.seed or 0,
-            n_jobs=options.jobs,
+            3, conditions, 7, random_state=options.seed or 0, n_jobs=options.jobs
         )
-        result = skhoid.analyse_experiment(X, y, last=last, n_jobs=options.jobs)
+    result = skhoid.analyse_experiment(X, y, last=5, n_jobs=options.jobs, **more)
     files = []
     if options.out is not None:
         folder = Path(options.out) / "experiment"
         tables = {name: getattr(result, name) for name in OF_EXPERIMENT}
         files = write_tables(tables, folder, options.table_format or TABLES)
-        if not options.no_pictures:
-            files += _draw_experiment(result, folder, X, y, options.format or "png")
-    if options.json:
-        print_json({"summary": result.summary(), "files": files})
-    else:
-        print(result.summary())
+        pictures = {
+            f"{condition}-{form}-{parameters}": partial(
+                result.plot, condition=condition, form=form, parameters=parameters
+            )
+            for condition in result.conditions
+            for form in ("lambda", "Lambda")
+            for parameters in ("arx", "operator")
+        }
+        files += _draw(pictures, folder, options, named=(X, y))
+    if not options.json:
+        print_document(result.document(), options)
         say_files({"files": files})
-    return 0
-
-
-def _draw_experiment(result: Any, folder: Path, X: Any, y: Any, ending: str) -> list[str]:
-    without_screen()
-    files = []
-    for condition in result.conditions:
-        for form in ("lambda", "Lambda"):
-            for parameters in ("arx", "operator"):
-                display = result.plot(condition=condition, form=form, parameters=parameters)
-                name = f"{condition}-{form}-{parameters}.png"
-                files += save_figures(
-                    {name: display.figure_}, folder, "study", named=(X, y), form=ending
-                )
-    return files
+    return {"summary": result.summary(), "files": files}

@@ -12,10 +12,15 @@ from .parser import (
     add_search_options,
     read_roles,
     read_units,
-    refuse_of_other_core,
     whole,
 )
 
+ABOUT = """\
+explore recordings in the browser: fit, see where, try effects, by hand
+Serve a page, to this machine alone, in which a model of your recordings is fitted, compared with
+them and extended by hand: effects are tried and seen at once, found by a search, and kept as a
+report and a script. What is done is kept in a folder, the session. It needs pip install
+"skhoid[workbench]"."""
 EXAMPLES = """\
 examples:
   skhoid workbench                        choose files in the browser
@@ -28,26 +33,12 @@ examples:
 
 def add_workbench(commands: Any) -> None:
     """Add the command to the parser."""
-    command = add_command(
-        commands,
-        "workbench",
-        "explore recordings in the browser: fit, see where, try effects, by hand",
-        "Serve a page, to this machine alone, in which a model of your recordings is fitted, "
-        "compared with them and extended by hand: effects are tried and seen at once, found by a "
-        "search, and kept as a report and a script. What is done is kept in a folder, the "
-        'session. It needs pip install "skhoid[workbench]".',
-        EXAMPLES,
-        "[FILES] [OPTIONS]",
-    )
-    command.set_defaults(work=workbench)
+    command = add_command(commands, workbench, ABOUT, "[FILES] [OPTIONS]", EXAMPLES)
     add_recording_options(command)
     add_search_options(command.section("Search"))
     add = command.section("Server")
-    add(
-        "--session",
-        metavar="FOLDER",
-        help="where all is kept, and gone on with (default: skhoid-workbench)",
-    )
+    text = "where all is kept, and gone on with (default: skhoid-workbench)"
+    add("--session", metavar="FOLDER", help=text)
     add("--port", type=whole(1, 65535), metavar="N", help="port of 127.0.0.1 (default: a free one)")
     add("--no-browser", action="store_true", help="print the address only")
     add_debug(add)
@@ -58,7 +49,6 @@ def workbench(options: argparse.Namespace) -> int:
     from ...io import expand_paths
     from ..workbench.server import check_installed, opened_session, serve
 
-    refuse_of_other_core(options)
     check_installed()
     paths = [path.absolute() for path in expand_paths(options.files)] if options.files else []
     choices = choices_of(options)
@@ -80,10 +70,8 @@ def choices_of(options: argparse.Namespace) -> Any:
     """What the options say of columns and model."""
     from ..workbench.columns import Choices
 
-    roles = read_roles(options)
-    for name, role in ((options.input, "e"), (options.x, "x"), (options.target, "f_t")):
-        if name is not None:
-            roles.setdefault(name, role)
+    known = {} if options.input is None else {options.input: "e"}
+    roles = {**known, **read_roles(options, known)}
     named: dict[str, Any] = {
         "roles": roles,
         "output": options.output,

@@ -40,26 +40,20 @@ def run_files(tmp_path):
     return paths
 
 
-@pytest.fixture(scope="session")
-def biased_runs():
-    """Three short runs with an offset in the output."""
-    return make_tracking_runs(
+@pytest.fixture
+def biased_file(tmp_path):
+    """Three short runs with an offset, under names of their own, and the words that say so."""
+    X, y = make_tracking_runs(
         "C1",
         n_runs=3,
         duration=20.48,
-        sampling_rate=50,
+        sampling_rate=40,
         channels=["e", "x", "f_t"],
         remnant_intensity=0.05,
         random_state=1,
         effects=Bias(level=0.1),
     )
-
-
-@pytest.fixture
-def biased_file(tmp_path, biased_runs):
-    """The same in one file whose channels have names of their own, and the words that say so."""
-    X, y = biased_runs
-    renamed = X.rename(columns={"e": "error", "x": "angle", "f_t": "wanted"})
+    renamed = X.rename(columns={"e": "e [deg]", "x": "angle", "f_t": "wanted"})
     write_runs(renamed, y.rename("stick"), tmp_path / "runs.csv")
-    words = ["--input", "error", "--x", "angle", "--target", "wanted", "--output", "stick"]
-    return [str(tmp_path / "runs.csv"), *words, "--time", "time", "--run", "run"]
+    words = ["--input", "e [deg]", "--x", "angle", "--target", "wanted", "--output", "stick"]
+    return ["runs.csv", *words, "--time", "time", "--run", "run"]

@@ -1,6 +1,5 @@
 """The command ``skhoid compare``."""
 
-import json
 from pathlib import Path
 
 import joblib
@@ -90,7 +89,6 @@ def test_picture_and_page_are_written(files, capsys):
         ("model.joblib", ["--input", "e", "x"], "fitted on the columns e"),
         ("model.joblib", ["--x", "e"], "channel 'e' has two roles, 'e' and 'x'"),
         ("model.joblib", ["--x", "x", "--target", "x"], "'x' has two roles, 'x' and 'f_t'"),
-        ("model.joblib", ["--overwrite"], "--overwrite is for the file"),
         ("model.joblib", ["--out", "page.txt"], "no image file"),
     ],
 )
@@ -102,8 +100,3 @@ def test_what_is_wrong_is_said(files, capsys, model, more, said):
 def test_without_recordings_there_is_nothing_to_compare(files, capsys):
     assert main(["compare", str(files[0] / "model.joblib")]) == 2
     assert "recordings" in capsys.readouterr().err
-
-
-def test_json_is_one_document(files, capsys):
-    assert main(words(files, "--json")) == 0
-    assert json.loads(capsys.readouterr().out)["findings"] is not None

@@ -33,7 +33,7 @@ def test_scripts(capsys, shell):
         ("skhoid demo --effect dead", "dead_zone"),
         ("skhoid diagnose --effects dead_zone bia", "bias"),
         ("skhoid study fig1", "fig10 fig12 fig13 fig14 fig15"),
-        ("skhoid simulate --condition C4 --channels e --cond", "--condition"),
+        ("skhoid simulate --condition C4 --cond", "--condition"),
     ],
 )
 def test_bash_completes(capsys, tmp_path, line, expected):

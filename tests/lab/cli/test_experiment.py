@@ -16,7 +16,7 @@ def recordings(tmp_path):
     folder = tmp_path / "recordings"
     folder.mkdir()
     X, y = simulate_experiment(
-        3, ["C1", "C2"], runs=2, duration=20.0, run_in=2.0, sampling_rate=50.0, random_state=1
+        3, ["C1", "C2"], runs=2, duration=15.0, run_in=2.0, sampling_rate=50.0, random_state=1
     )
     for key, part in X.groupby(level=["subject", "condition", "run"]):
         table = part.reset_index()[["time", "e", "x", "f_t"]]
@@ -65,8 +65,6 @@ def test_a_search_in_the_group_as_json(capsys, recordings):
         (["--subject", "who"], "--subject is about files, and there are none"),
         (["x.csv", "--effects", "none", "--display", "pursuit"], "--display is for the search"),
         (["x.csv", "--na", "2"], "--na needs --core arx"),
-        (["x.csv", "--time", "t", "--dt", "0.01"], "give one of them"),
-        (["x.csv", "--effects", "sturation"], "No effect is called 'sturation'"),
         (["nothing-here"], "nothing-here"),
     ],
 )

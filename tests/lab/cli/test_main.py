@@ -14,7 +14,7 @@ from support.places import ROOT
 from skhoid import exceptions, make_tracking_runs, write_runs
 from skhoid.exceptions import UsageError
 from skhoid.lab.cli import main, make_parsers
-from skhoid.lab.cli.output import message_for, print_table, say_next, wrapped
+from skhoid.lab.cli.output import message_for, say_next
 from skhoid.text import Note
 
 COMMANDS = ["demo", "identify", "compare", "diagnose", "simulate", "study", "report"]
@@ -34,15 +34,6 @@ def test_help_lists_the_commands_with_an_example_each(capsys):
         assert f"\n  skhoid {command}" in printed
     assert main([]) == 2
     assert "examples:" in capsys.readouterr().err
-
-
-def test_help_says_what_options_are_and_their_defaults(capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(["identify", "--help"])
-    assert stop.value.code == 0
-    printed = " ".join(capsys.readouterr().out.split())
-    assert "longest delay to try (default: 0.5)" in printed
-    assert "for the plots (default: skhoid-identify)" in printed
 
 
 def test_examples_of_help_and_docs_can_be_parsed():
@@ -74,8 +65,8 @@ def test_examples_of_help_and_docs_can_be_parsed():
     [
         (["identfy"], "no command 'identfy'. Did you mean 'identify'?"),
         (["runs.csv"], "skhoid diagnose runs.csv"),
-        (["identify", "--critrion", "vaf"], "Did you mean '--criterion'?"),
-        (["identify", "--criterion", "vav"], "Did you mean 'vaf'?"),
+        (["identify", "--memry-time", "2"], "Did you mean '--memory-time'?"),
+        (["identify", "--domain", "humn"], "Did you mean 'human'?"),
         (["study"], "arguments are required: NAME (see skhoid study --help)"),
     ],
 )
@@ -91,7 +82,6 @@ def test_unknown_words(capsys, words, said):
     ("line", "said"),
     [
         ("identify nothing-here.csv --time t", "nothing-here.csv"),
-        ("identify run.csv", "There is no file run.csv"),
         (f"identify {os.devnull} --time t", "is not a regular file"),
         ("identify run.csv --dt 0.01 --unit deg", "--unit takes NAME=UNIT"),
         ("diagnose run.csv --time t --role roll", "--role takes NAME=ROLE"),
@@ -100,9 +90,7 @@ def test_unknown_words(capsys, words, said):
         ("demo --effect dedd_zone", "No effect is called 'dedd_zone'"),
         ("demo --effect none bias", "--effect none hides nothing"),
         ("demo --effects none", "leave --effects out to search for all"),
-        ("report --effects none bias", "--effects none stands alone"),
-        ("report --effects all bias", "--effects all takes no other names"),
-        ("diagnose --effects nosuch", "No effect is called 'nosuch'. The effects are: wrong_"),
+        ("report --effects all bias", "stand alone"),
         ("report --effects dead_zon", "Did you mean 'dead_zone'?"),
         ("identify --table-format csv", "--table-format needs --tables FOLDER"),
     ],
@@ -128,13 +116,6 @@ def test_an_unknown_column_names_those_near(capsys):
         main([*words, "--debug"])
 
 
-def raising(error):
-    def function(*given, **named):
-        raise error
-
-    return function
-
-
 @pytest.mark.parametrize(
     ("error", "code", "said"),
     [
@@ -151,7 +132,10 @@ def raising(error):
     ids=lambda value: type(value).__name__,
 )
 def test_exit_codes(capsys, monkeypatch, error, code, said):
-    monkeypatch.setattr("skhoid.make_tracking_runs", raising(error))
+    def fail(*given, **named):
+        raise error
+
+    monkeypatch.setattr("skhoid.make_tracking_runs", fail)
     assert main(["simulate", "--out", "runs.csv"]) == code
     printed = capsys.readouterr()
     assert printed.out == ""
@@ -160,14 +144,14 @@ def test_exit_codes(capsys, monkeypatch, error, code, said):
 
 
 def test_warnings_are_notes_on_one_line(capsys, monkeypatch):
-    def warned(*given, **named):
+    def warn(*given, **named):
         with warnings.catch_warnings():
             warnings.simplefilter("always")
             for _ in range(3):
                 warnings.warn("two\n lines", stacklevel=1)
         return make_tracking_runs(*given, **named)
 
-    monkeypatch.setattr("skhoid.make_tracking_runs", warned)
+    monkeypatch.setattr("skhoid.make_tracking_runs", warn)
     assert main(["simulate", "--runs", "1", "--out", "runs.csv"]) == 0
     assert capsys.readouterr().err == "skhoid: note: two lines\n"
 
@@ -208,23 +192,16 @@ def test_errors_and_warnings_of_the_package_name_options(capsys):
 @pytest.mark.parametrize(
     "line",
     [
-        "compare m --false-alarm 0",
         "demo --max-effects -1",
         "demo --runs 99999999999",
-        "demo --seed -1",
         "diagnose --delay inf",
         "diagnose run.csv --dt 0",
-        "identify --nk 99999999999",
         "identify --longest-delay nan",
         "identify --memory-time long",
         "identify --na 1000",
-        "identify --run-in -0.5",
         "report --nb 1.5",
         f"simulate --out a.csv --runs {'1' * 5000}",
-        "study fig9 --intensities 0 -1",
         "study fig9 --jobs 0",
-        "study recommend --rate -1",
-        "workbench --port 70000",
     ],
     ids=lambda line: line[:40],
 )
@@ -256,7 +233,7 @@ def test_delays_and_grids_without_end(capsys):
         assert said in capsys.readouterr().err
 
 
-# Streams.
+# What is printed.
 
 
 @pytest.mark.slow  # a process for each
@@ -264,48 +241,20 @@ def test_delays_and_grids_without_end(capsys):
 @pytest.mark.parametrize(
     ("line", "code", "said"),
     [
-        ("study list >&-", 0, ""),
-        ("simulate --runs 1 --out a.csv >&- 2>&-", 0, ""),
         ("study list >/dev/full", 2, "skhoid: error: the output: No space left on device\n"),
-        ("--version >/dev/full", 2, "skhoid: error: the output: No space left on device\n"),
-        ("identify --nk 7 --na 2 --no-pictures | true; exit ${PIPESTATUS[0]}", 141, ""),
+        ("study list | true; exit ${PIPESTATUS[0]}", 141, ""),
     ],
 )
-def test_closed_and_full_streams(line, code, said):
+def test_full_and_closed_streams(line, code, said):
     if "/dev/full" in line and not Path("/dev/full").is_char_device():
         pytest.skip("this machine has no /dev/full")
     command = ["bash", "-c", f"{sys.executable} -m skhoid {line}"]
     done = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False)
     assert (done.returncode, done.stderr) == (code, said)
-    if "a.csv" in line:
-        assert Path("a.csv").read_text().startswith("run,time,e,x,f_t,u\n")
 
 
-# Text and tables that fit the terminal.
-
-LINE = (
-    "  with bias and dead zone: held-out VAF 80.8 -> 89.1 %, RMSE 0.03194 -> 0.02412 deg, "
-    "p < 1e-6; K_e = 0.04 ± 0.01 deg/deg, over 4 runs"
-)
-WHOLE = ("80.8 -> 89.1 %", "0.03194 -> 0.02412 deg", "p < 1e-6", "K_e = 0.04 ± 0.01 deg/deg")
-
-
-@pytest.mark.parametrize("columns", [40, 54, 61, 82, 100])
-def test_numbers_stay_with_their_units(columns):
-    text = wrapped(LINE, columns)
-    assert max(map(len, text.splitlines())) <= columns
-    assert all(part in text for part in WHOLE)
-    assert " ".join(text.split()) == LINE.strip()
-
-
-def test_tables_fit_and_commands_are_never_broken(capsys, monkeypatch):
+def test_commands_are_never_broken(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "60")
-    rows = [["an effect of many words (in a form)", "+1.00", "limit = 0.10 ± 0.02 deg"]]
-    headings = ["effect", "gain", "its numbers"]
-    print_table("Title", headings, rows, left=["effect", "its numbers"], folded=["effect"])
-    printed = capsys.readouterr().out
-    assert max(map(len, printed.splitlines())) <= 60
-    assert "limit = 0.10 ± 0.02 deg" in printed
     command = "skhoid diagnose " + "a long name.csv " * 6
     say_next([(command, "why")])
     assert command in capsys.readouterr().out

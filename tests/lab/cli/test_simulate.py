@@ -11,13 +11,13 @@ from skhoid import make_tracking_runs, read_runs
 from skhoid.lab.cli import main
 
 
-@pytest.mark.parametrize("extension", ["csv", "tsv", "parquet", "mat"])
+@pytest.mark.parametrize("extension", ["csv", "mat"])
 def test_simulated_runs_can_be_identified(capsys, tmp_path, extension):
     path = str(tmp_path / f"some runs.{extension}")
-    words = ["--condition", "c1", "--runs", "2", "--remnant", "0.05", "--remnant-order", "nm"]
+    words = ["--condition", "c1", "--runs", "2", "--remnant", "0.05"]
     assert main(["simulate", *words, "--seed", "3", "--out", path]) == 0
     printed = capsys.readouterr().out
-    assert "2 runs of C1, 16384 rows at 100 Hz" in printed
+    assert "2 runs of C1, 16384 rows at 100 Hz" in " ".join(printed.split())
     assert "wanted 0.05" in printed
     next_words = shlex.split(printed.split("next: skhoid ")[1])
     assert next_words == ["diagnose", path]
@@ -26,9 +26,7 @@ def test_simulated_runs_can_be_identified(capsys, tmp_path, extension):
     found = json.loads(capsys.readouterr().out)
     assert found["n_rows"] == 16384
     assert found["models"][0]["vaf_validation"] > 90
-    X, _ = make_tracking_runs(
-        "C1", n_runs=2, remnant_intensity=0.05, remnant_order="nm", random_state=3
-    )
+    X, _ = make_tracking_runs("C1", n_runs=2, remnant_intensity=0.05, random_state=3)
     again, _ = read_runs(
         path, inputs="e", output="u", time="time", run=None if extension == "mat" else "run"
     )
@@ -47,9 +45,7 @@ def test_simulate_draws(capsys, tmp_path):
     ("picture", "message"),
     [
         ("precious.png", "precious.png exists; choose another name, or --overwrite."),
-        ("nowhere/runs.png", "The folder nowhere of nowhere/runs.png does not exist."),
         ("runs.csv", "runs.csv is no image file; its name ends in one of "),
-        ("precious", "precious is no image file"),  # Matplotlib would write precious.png
     ],
 )
 def test_a_picture_is_checked_before_anything_is_written(capsys, picture, message):
@@ -71,8 +67,6 @@ def test_a_picture_is_checked_before_anything_is_written(capsys, picture, messag
         (["--remnant", "15"], "15 percent is 0.15"),
         (["--condition", "C2", "--remnant", "0.9"], "No gain gives P_n = 0.9"),
         (["--rate", "10"], "too slow for the neuromuscular mode"),
-        (["--remnant", "0.1", "--remnant-order", "5"], "order must be 1, 2, 3, 4 or 'nm'"),
-        (["--channels", "q"], "channels must list some of"),
     ],
 )
 def test_simulate_says_what_is_wrong(capsys, tmp_path, words, message):
@@ -80,20 +74,6 @@ def test_simulate_says_what_is_wrong(capsys, tmp_path, words, message):
     assert main(["simulate", *words, "--out", str(out)]) == 2
     assert message in capsys.readouterr().err
     assert not out.exists()
-
-
-def test_a_missing_folder_is_found_before_the_work(capsys, monkeypatch):
-    monkeypatch.setattr("skhoid.make_tracking_runs", None)
-    assert main(["simulate", "--out", "nowhere/runs.csv"]) == 2
-    assert "The folder nowhere of nowhere/runs.csv does not exist" in capsys.readouterr().err
-
-
-def test_simulate_keeps_files(capsys, tmp_path):
-    out = tmp_path / "runs.csv"
-    out.write_text("precious")
-    assert main(["simulate", "--out", str(out)]) == 2
-    assert "--overwrite" in capsys.readouterr().err
-    assert out.read_text() == "precious"
 
 
 def test_json_says_what_is_in_the_file(run_json):

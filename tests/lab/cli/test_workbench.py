@@ -23,9 +23,9 @@ def test_files_and_what_is_said_of_them(served, biased_file, capsys, tmp_path):
     session, kept, paths, choices, more = served[0]
     assert session.path == tmp_path / "skhoid-workbench"
     assert kept is None
-    assert [str(path) for path in paths] == biased_file[:1]
+    assert paths == [tmp_path / "runs.csv"]
     assert choices.named["output"] == "stick"
-    assert choices.named["roles"] == {"error": "e", "angle": "x", "wanted": "f_t"}
+    assert choices.named["roles"] == {"e [deg]": "e", "angle": "x", "wanted": "f_t"}
     assert choices.named["signals"] is False
     assert more["port"] == 8765
     assert more["browser"] is False
