@@ -129,7 +129,7 @@ SHARED = {
     ),
     "dt_": (
         "dt_ : float",
-        "Sampling time of the fitted grid in seconds.",
+        "Sampling time (of the fitted grid) in seconds.",
     ),
     "inputs_": (
         "inputs_ : list of str",
@@ -146,6 +146,68 @@ SHARED = {
     "parameter_names_": (
         "parameter_names_ : list of str",
         "Names of the parameters.",
+    ),
+    "orders": (
+        "na, nb, nk : int, or one per input for nb and nk, default=2, 2, 0",
+        "Orders and input delay in samples, as for :class:`ARXRegressor`.",
+    ),
+    "fit_intercept": (
+        "fit_intercept : bool, default=False",
+        "Add a constant to the regressors.",
+    ),
+    "memory_time": (
+        "memory_time : float or None, default=None",
+        "T0 in seconds: a row so old has e^-1 of the weight of the newest. None: nothing is",
+        "forgotten.",
+    ),
+    "init_window": (
+        "init_window : float, default=30.72",
+        "Seconds of data from which the model begins, from the first row that is not NaN.",
+    ),
+    "store_covariance": (
+        "store_covariance : bool, default=False",
+        "Keep ``covariance_path_``.",
+    ),
+    "error": (
+        "inputs : column name or list with one, or None, default=None",
+        "The error. None means the column of role ``e``.",
+    ),
+    "time_path_": (
+        "time_path_ : ndarray of shape (n_instants,)",
+        "Time in the run in seconds.",
+    ),
+    "standard_errors_": (
+        "standard_errors_ : ndarray of shape (n_params,)",
+        "Square roots of the diagonal of ``covariance_``.",
+    ),
+    "last_parameters_": (
+        "parameters_ : DataFrame",
+        "The last parameters: value, sd, low and high (95 % interval), unit, meaning.",
+    ),
+    "covariance_path_": (
+        "covariance_path_ : ndarray of shape (n_instants, n_params, n_params)",
+        "Covariance of ``coef_path_``; with ``store_covariance``.",
+    ),
+    "parameters_path_": (
+        "parameters_path_ : DataFrame of shape (n_instants, 12)",
+        "Over time (s): K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm and their standard errors",
+        "``sd_K_e`` ...",
+    ),
+    "jitter_": (
+        "jitter_ : float",
+        "Largest deviation of a step of the clock, as a fraction of the sampling time.",
+    ),
+    "run_labels_": (
+        "run_labels_ : list",
+        "Labels of the runs.",
+    ),
+    "n_rows_missing_": (
+        "n_rows_missing_ : int",
+        "Rows left out because y or an input in their lags is NaN.",
+    ),
+    "run_errors": (
+        "ShortRunError, RunIndexError, IrregularSamplingError",
+        "If runs are too short, or rows, runs or time violate the data convention.",
     ),
 }
 

@@ -196,7 +196,11 @@ def test_scorer_at_model_rate(data):
 
 
 @pytest.mark.parametrize(
-    "search", [DelaySearchCV(nk=[2, 3]), OrderSearchCV(na=[2], nb=[2], nk=[3])]
+    "search",
+    [
+        DelaySearchCV(ARXRegressor(), nk=[2, 3]),
+        OrderSearchCV(ARXRegressor(), na=[2], nb=[2], nk=[3]),
+    ],
 )
 def test_scorer_reads_through_a_search(data, search):
     X, y = data

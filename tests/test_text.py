@@ -224,7 +224,9 @@ def test_delay_search_says_what_it_searched(runs):
 
 @pytest.mark.parametrize("criterion", ["vaf", "bic"])
 def test_order_search_marks_the_chosen(runs, criterion):
-    search = OrderSearchCV(na=[1, 2, 3], nb=[1, 2], nk=[15], criterion=criterion).fit(*runs)
+    search = OrderSearchCV(
+        ARXRegressor(), na=[1, 2, 3], nb=[1, 2], nk=[15], criterion=criterion
+    ).fit(*runs)
     text = search.summary()
     check_lines(text)
     chosen = next(line for line in text.splitlines() if line.endswith("chosen"))
@@ -239,8 +241,11 @@ def test_order_search_marks_the_chosen(runs, criterion):
     [
         (ARXRegressor(2, 2, 15), {"method": "iv", "instruments": ["f_t"], "covariance": "hac"}),
         (RecursiveARX(2, 2, 15), {"smooth": True, "combine": "average_estimates"}),
-        (DelaySearchCV(nk=[6, 7]), {"criterion": "vaf"}),
-        (OrderSearchCV(na=[1, 2], nb=[1], nk=[15]), {"criterion": "bic", "rule": "best"}),
+        (DelaySearchCV(ARXRegressor(), nk=[6, 7]), {"criterion": "vaf"}),
+        (
+            OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[1], nk=[15]),
+            {"criterion": "bic", "rule": "best"},
+        ),
     ],
     ids=lambda part: str(part).split(" at 0x")[0],
 )
@@ -276,8 +281,8 @@ UNFITTED = [
     RecursiveARX(2, 2, 15),
     RecursiveARXCV([64, np.inf], nk=15),
     OperatorRegressor(),
-    DelaySearchCV(nk=[6, 7]),
-    OrderSearchCV(na=[1, 2], nb=[1], nk=[15]),
+    DelaySearchCV(ARXRegressor(), nk=[6, 7]),
+    OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[1], nk=[15]),
     EffectSearchCV(OperatorRegressor(), effects=["bias"]),
 ]
 

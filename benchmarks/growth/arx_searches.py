@@ -12,27 +12,29 @@ from growth.harness import Data, Work, main
 
 
 def one_step(data: Data) -> Any:
-    from skhoid import DelaySearchCV
+    from skhoid import ARXRegressor, DelaySearchCV
 
-    return DelaySearchCV().fit(*data)
+    return DelaySearchCV(ARXRegressor()).fit(*data)
 
 
 def vaf(data: Data) -> Any:
-    from skhoid import DelaySearchCV
+    from skhoid import ARXRegressor, DelaySearchCV
 
-    return DelaySearchCV(criterion="vaf").fit(*data)
+    return DelaySearchCV(ARXRegressor(), criterion="vaf").fit(*data)
 
 
 def orders(data: Data) -> Any:
-    from skhoid import OrderSearchCV
+    from skhoid import ARXRegressor, OrderSearchCV
 
-    return OrderSearchCV(na=[1, 2, 3], nb=[1, 2, 3], nk=[28, 29, 30]).fit(*data)
+    return OrderSearchCV(ARXRegressor(), na=[1, 2, 3], nb=[1, 2, 3], nk=[28, 29, 30]).fit(*data)
 
 
 def orders_bic(data: Data) -> Any:
-    from skhoid import OrderSearchCV
+    from skhoid import ARXRegressor, OrderSearchCV
 
-    return OrderSearchCV(na=[1, 2, 3], nb=[1, 2, 3], nk=[28, 29, 30], criterion="bic").fit(*data)
+    return OrderSearchCV(
+        ARXRegressor(), na=[1, 2, 3], nb=[1, 2, 3], nk=[28, 29, 30], criterion="bic"
+    ).fit(*data)
 
 
 UP_TO_1E6 = (100_000, 1_000_000)

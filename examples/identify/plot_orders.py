@@ -16,13 +16,13 @@ The data are four runs of one person who tracks the same target repeatedly (``"p
 # runs at a time, and scores its simulation of the fourth. Pixels are counted from the middle of the
 # target's path, because the model is not about the mean of the signals.
 
-from skhoid import OrderSearchCV, load_human_tracking
+from skhoid import ARXRegressor, OrderSearchCV, load_human_tracking
 
 X, y = load_human_tracking([f"phase-size 2{letter}" for letter in "bcde"])
 middle = X["f_t"].mean()
 X, y = X - middle, y - middle
 
-search = OrderSearchCV(na=range(1, 7), nb=range(1, 7), nk=[1, 4, 7, 10]).fit(X, y)
+search = OrderSearchCV(ARXRegressor(), na=range(1, 7), nb=range(1, 7), nk=[1, 4, 7, 10]).fit(X, y)
 print(f"{len(search.cv_results_['params'])} models")
 
 # %%

@@ -456,17 +456,23 @@ def check_row_count(n_rows: int, n_params: int, grid: ModelGrid) -> None:
 
 
 def arx_parameter_table(
-    names: list[str], theta: np.ndarray, sd: np.ndarray, units: list[str]
+    names: list[str],
+    theta: np.ndarray,
+    sd: np.ndarray,
+    units: list[str],
+    meaning: list[str] | None = None,
 ) -> pd.DataFrame:
     """Values, standard errors, 95 % intervals and units of coefficients."""
-    meaning = {"a": "of the output", "b": "of the input", "i": "constant"}
+    if meaning is None:
+        of = {"a": "of the output", "b": "of the input", "i": "constant"}
+        meaning = [of[name[0]] for name in names]
     columns = {
         "value": theta,
         "sd": sd,
         "low": theta - NORMAL_95 * sd,
         "high": theta + NORMAL_95 * sd,
         "unit": units,
-        "meaning": [meaning[name[0]] for name in names],
+        "meaning": meaning,
     }
     return pd.DataFrame(columns, index=pd.Index(names, name="parameter"))
 

@@ -93,8 +93,7 @@ class ARXRegressor(BaseARX):
         The constant c, 0 without ``fit_intercept``.
     covariance_ : ndarray of shape (n_params, n_params)
         Covariance of ``coef_``.
-    standard_errors_ : ndarray of shape (n_params,)
-        Standard errors of ``coef_``, square roots of the diagonal of ``covariance_``.
+    {standard_errors_}
     noise_variance_ : float
         Variance of the equation error, in the squared unit of ``y``.
     parameters_ : DataFrame
@@ -107,10 +106,7 @@ class ARXRegressor(BaseARX):
     {initial_, dt_, inputs_}
     n_rows_used_ : int
         Rows in the regression.
-    n_rows_missing_ : int
-        Rows left out because y or an input in their lags is NaN.
-    jitter_ : float
-        Largest deviation of a step of the clock, as a fraction of the sampling time.
+    {n_rows_missing_, jitter_}
     {n_features_in_, feature_names_in_}
 
     See Also
@@ -201,10 +197,7 @@ class ARXRegressor(BaseARX):
         ------
         RankDeficiencyError
             If the parameters cannot all be estimated; the message names the cause.
-        ShortRunError
-            If a run has fewer rows than the lags need.
-        RunIndexError, IrregularSamplingError
-            If rows, runs or time violate the data convention.
+        {run_errors}
 
         Warns
         -----

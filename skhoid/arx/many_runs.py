@@ -1,8 +1,6 @@
-"""Delays, batch fits and forgetting of many runs at once, on bare arrays: for studies.
+"""Delays, batch fits and forgetting of many runs at once, for studies of the thesis's ARX[2, 2].
 
-The same results as :class:`~skhoid.DelaySearchCV`, :class:`~skhoid.ARXRegressor` and
-:class:`~skhoid.RecursiveARX` for the ARX[2, 2] models of the thesis, without tables and checks of
-single runs. Signals have one run per row and no missing values.
+Signals are bare arrays with one run per row and no missing values.
 """
 
 from __future__ import annotations
@@ -31,103 +29,29 @@ N_PARAMS = ORDERS.n_params
 
 
 def search_delays(e: Any, u: Any, before: int, nks: Any) -> tuple[np.ndarray, np.ndarray]:
-    """One-step losses of ARX[2, 2, nk] by ordinary least squares, for many delays and runs.
+    """One-step losses of ARX[2, 2, nk] by least squares (Eq. 24), for many delays and runs.
 
-    The losses that :class:`~skhoid.DelaySearchCV` finds on the window of each run: all candidates
-    are fitted to the same rows, those whose lags lie in the window even for the longest delay.
+    Signals have the shape (n_runs, before + n), of which ``before`` samples are not used. Returns
+    losses (n_runs, n_nk), as those of :class:`~skhoid.DelaySearchCV`: NaN where regressors are
+    linearly dependent, and on the rows that the longest delay leaves; and theta (n_runs, n_nk, 4).
 
-    Parameters
-    ----------
-    e : array-like of shape (n_runs, before + n)
-        Input, such as the error in deg.
-    u : array-like of shape (n_runs, before + n)
-        Output, such as the control output in deg.
-    before : int
-        Samples before the window, which are not used.
-    nks : array-like of int of shape (n_nk,)
-        Candidate delays in samples. All delays between them are computed too.
-
-    Returns
-    -------
-    losses : ndarray of shape (n_runs, n_nk)
-        Mean squared one-step error, in units of u squared; NaN where regressors are linearly
-        dependent.
-    theta : ndarray of shape (n_runs, n_nk, 4)
-        a1, a2, b0, b1 for each run and delay.
-
-    Raises
-    ------
-    ValueError
-        If shapes do not match, a value is missing, a delay is negative, or a window is too short
-        for the longest one.
-
-    Notes
-    -----
-    Normal equations with one step of refinement, nine times as fast as the search's factorisation
-    of all lags, and losses from residuals. QR is used where the preceding regressors explain all
-    but 1e-10 of a regressor's power.
-
-    References
-    ----------
-    Van Grootheest, thesis, Eq. 24 (with the square missing in print) and Section III-D step 3.
-
-    Examples
-    --------
-    >>> from skhoid import make_tracking_runs
-    >>> X, y = make_tracking_runs("C1", 2, remnant_intensity=0.1, random_state=0)
-    >>> e, u = X["e"].to_numpy().reshape(2, -1), y.to_numpy().reshape(2, -1)
-    >>> nks = range(15, 49)
-    >>> losses, theta = search_delays(e, u, 0, nks)
-    >>> [nks[at] for at in losses.argmin(axis=1)]  # 29 without remnant
-    [31, 31]
+    Normal equations with one step of refinement are nine times as fast as the search's
+    factorisation of all lags. QR is used where the preceding regressors explain all but 1e-10 of a
+    regressor's power.
     """
-    e, u = _windows(e, u, before)
     candidates = np.asarray(nks)
-    if candidates.ndim != 1 or candidates.size == 0 or candidates.dtype.kind not in "iu":
-        raise ValueError(f"nks must be one array of at least one whole number; got {nks!r}.")
     shortest, longest = int(candidates.min()), int(candidates.max())
-    if shortest < 0:
-        raise ValueError(f"A delay cannot be negative; got {shortest} samples.")
-    losses, theta = _fits(e, u, shortest, longest)
+    losses, theta = _fits(*_windows(e, u, before), shortest, longest)
     chosen = candidates - shortest
     return losses[:, chosen], theta[:, chosen]
 
 
 def fit_runs(e: Any, u: Any) -> np.ndarray:
-    """Ordinary least squares of ARX[2, 2, 0] for many runs, as :class:`~skhoid.ARXRegressor`.
+    """Least squares of ARX[2, 2, 0] for many runs, of shape (n_runs, 4); ``e`` is delayed already.
 
-    Parameters
-    ----------
-    e : array-like of shape (n_runs, n)
-        Input, already delayed.
-    u : array-like of shape (n_runs, n)
-        Output.
-
-    Returns
-    -------
-    theta : ndarray of shape (n_runs, 4)
-        a1, a2, b0, b1; NaN where regressors are linearly dependent.
-
-    Raises
-    ------
-    ValueError
-        If shapes do not match, a value is missing, or there are fewer than 7 rows.
-
-    References
-    ----------
-    Van Grootheest, thesis, Eqs. 8-10.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from scipy.signal import lfilter
-    >>> e = np.random.default_rng(0).standard_normal((3, 100))
-    >>> u = lfilter([0.5, 0.2], [1, -1.5, 0.7], e, axis=1)
-    >>> fit_runs(e, u)[0].round(6).tolist()
-    [-1.5, 0.7, 0.5, 0.2]
+    NaN where regressors are linearly dependent.
     """
-    e, u = _windows(e, u, 0)
-    return _fits(e, u, 0, 0)[1][:, 0]
+    return _fits(*_windows(e, u, 0), 0, 0)[1][:, 0]
 
 
 def score_horizons(
@@ -143,75 +67,17 @@ def score_horizons(
     """VAF of recursions of one run by memory horizon, on that run and on validation runs.
 
     Recursive least squares of ARX[2, 2, 0] from ``theta0`` and P0 = I, once for each form of
-    forgetting and memory horizon, then free runs along its path on each recording, from zero output
-    at the beginning of the measurement window, with the error known one sample before.
-
-    Parameters
-    ----------
-    e_est : array-like of shape (1 + n,)
-        Input of the estimation run, already delayed, from one sample before the measurement window.
-    u_est : array-like of shape (n,)
-        Output of the estimation run, from the beginning of the window.
-    theta0 : array-like of shape (4,)
-        Initial a1, a2, b0, b1.
-    e_val : array-like of shape (n_val, 1 + n)
-        Input of validation runs, delayed like that of the estimation run.
-    u_val : array-like of shape (n_val, n)
-        Output of validation runs.
-    horizons : array-like of shape (n_horizons,)
-        Memory horizons N0 in samples; infinity means no forgetting.
-    forms : sequence of {"lambda", "Lambda"}, default=("lambda", "Lambda")
-        ``"lambda"`` forgets all parameters, ``"Lambda"`` only b0 and b1.
-    window : tuple of int, default=(3072, 5120)
-        First sample to score, and the one after the last; the default is the transition of the
-        thesis at 100 Hz. Later samples are not used.
-
-    Returns
-    -------
-    vaf : ndarray of shape (n_forms, n_horizons, 1 + n_val)
-        VAF (clipped at 0) in percent, of the estimation run and of each validation run.
-
-    Raises
-    ------
-    ValueError
-        If shapes do not match, a form is unknown, or runs end before ``window`` does.
-
-    References
-    ----------
-    Van Grootheest, thesis, Eqs. 17-20, 25 and Section V-B (Fig. 13).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from skhoid import make_tracking_runs
-    >>> X, y = make_tracking_runs("C4", 2, remnant_intensity=0.1, keep_run_in=1.0, random_state=0)
-    >>> e, u = X["e"].to_numpy().reshape(2, -1), y.to_numpy().reshape(2, -1)[:, 100:]
-    >>> e = e[:, 100 - 29 - 1 : -29]
-    >>> theta0 = fit_runs(e[:1, 1:3073], u[:1, :3072])[0]
-    >>> vaf = score_horizons(e[0], u[0], theta0, e[1:], u[1:], [64, 256, np.inf])
-    >>> vaf[0, :, 1].round(1).tolist()  # of the other run, all parameters forgotten
-    [83.4, 83.6, 72.4]
+    forgetting and memory horizon in samples, then free runs along its path on each recording, from
+    zero output at the beginning of the measurement window (Section V-B and Fig. 13). Inputs
+    ``e_est`` of shape (1 + n,) and ``e_val`` (n_val, 1 + n) are delayed, and begin one sample
+    before the outputs ``u_est`` and ``u_val``. ``window`` are the first sample to score, and the
+    one after the last. The VAF (clipped at 0, in percent) has the shape (n_forms, n_horizons,
+    1 + n_val).
     """
     begin, end = window
     e_est, u_est, e_val, u_val = (np.asarray(x, dtype=float) for x in (e_est, u_est, e_val, u_val))
-    n = u_est.size
-    if (e_est.shape, u_est.shape) != ((n + 1,), (n,)):
-        raise ValueError(
-            "e_est must begin one sample before u_est and end with it; got shapes "
-            f"{e_est.shape} and {u_est.shape}."
-        )
-    if (e_val.shape, u_val.shape) != ((len(u_val), n + 1), (len(u_val), n)):
-        raise ValueError(
-            "Validation runs must be as long as the estimation run, with e_val and u_val of shapes "
-            f"(n_val, {n + 1}) and (n_val, {n}); got {e_val.shape} and {u_val.shape}."
-        )
-    if not 0 <= begin < end <= n:
-        raise ValueError(f"window={window!r} does not lie in runs of {n} samples.")
     e = np.concatenate((e_est[None, : end + 1], e_val[:, : end + 1]))
     u = np.concatenate((u_est[None, :end], u_val[:, :end]))
-    unknown = [form for form in forms if form not in FORMS]
-    if unknown:
-        raise ValueError(f"A form of forgetting must be one of {FORMS}; got {unknown[0]!r}.")
     factors = forgetting_factor(np.atleast_1d(np.asarray(horizons, dtype=float)))
     power = np.sum(u[:, begin:] ** 2, axis=1)
     vaf = np.empty((len(forms), factors.size, len(u)))
@@ -262,31 +128,15 @@ def _inflation(factors: tuple[float, ...], form: str, lanes: int) -> tuple[np.nd
 
 def _windows(e: Any, u: Any, before: int) -> tuple[np.ndarray, np.ndarray]:
     """Signals of the window, as the kernels take them."""
-    e, u = np.asarray(e, dtype=float), np.asarray(u, dtype=float)
-    if e.ndim != 2 or e.shape != u.shape:
-        raise ValueError(
-            f"e and u must have one run per row and the same number of samples; got shapes "
-            f"{e.shape} and {u.shape}."
-        )
-    if not 0 <= before < e.shape[1]:
-        raise ValueError(f"before={before} leaves none of {e.shape[1]} samples.")
-    e, u = _kernels.gate(e[:, before:]), _kernels.gate(u[:, before:])
-    if not np.isfinite(e.sum() + u.sum()):
-        raise ValueError("e or u has missing or infinite values; skhoid's estimators take those.")
-    return e, u
+    return tuple(_kernels.gate(np.asarray(x, dtype=float)[:, before:]) for x in (e, u))
 
 
 def _fits(
     e: np.ndarray, u: np.ndarray, shortest: int, longest: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Losses and theta of all delays in a range, on the rows that the longest one allows."""
-    n_runs, n = u.shape
+    n_runs = len(u)
     first = max(ORDERS.na, longest + 1)
-    if n - first <= N_PARAMS:
-        raise ValueError(
-            f"Runs of {n} samples are too short for lags up to {first}: at least "
-            f"{first + N_PARAMS + 1} are needed."
-        )
     lanes = longest - shortest + 1
     losses, theta = np.empty((n_runs, lanes)), np.empty((n_runs, N_PARAMS, lanes))
     for run in range(n_runs):

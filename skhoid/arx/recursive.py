@@ -68,7 +68,6 @@ class FollowedPath(BaseARX):
     ``_numbers`` are the sample numbers of its instants, and ``initial_coef_`` what held before.
     """
 
-    parameters: str
     coef_path_: np.ndarray
     time_path_: np.ndarray
     initial_coef_: np.ndarray
@@ -145,7 +144,8 @@ class FollowedPath(BaseARX):
 
     @property
     def _follows_path(self) -> bool:
-        return as_fitted(self).parameters == "path" and "coef_path_" in vars(self)
+        wanted = getattr(as_fitted(self), "parameters", "path")
+        return wanted == "path" and "coef_path_" in vars(self)
 
     def _fitted(self, regressors: np.ndarray, rows: np.ndarray, grid: ModelGrid) -> np.ndarray:
         """Output that the regressors give with the parameters of the instant before."""
@@ -524,11 +524,7 @@ class RecursiveARX(RecursiveLeastSquares):
 
     Parameters
     ----------
-    na, nb, nk : int, or one per input for nb and nk, default=2, 2, 0
-        Orders and input delay, as for :class:`ARXRegressor`.
-    {inputs}
-    fit_intercept : bool, default=False
-        Add a constant to the regressors.
+    {orders, inputs, fit_intercept}
     forgetting : float, array, callable, "auto", "variable" or None, default=None
         λ in (0, 1], one number or one per parameter (Λ); over time as an array of shape
         (n_instants,) or (n_instants, n_params) or as a function that gives it for times in seconds.
@@ -565,32 +561,23 @@ class RecursiveARX(RecursiveLeastSquares):
         Smooth the path by also using later data (fixed-interval smoothing), with the random walk of
         the parameters that the forgetting implies: their covariance grows from P to P / λ. It needs
         one λ for all parameters, and is not for streaming.
-    store_covariance : bool, default=False
-        Keep ``covariance_path_``.
-    {roles, dt, run}
+    {store_covariance, roles, dt, run}
 
     Attributes
     ----------
     coef_path_ : ndarray of shape (n_instants, n_params)
         θ(t) after the update at each instant. Absent after ``partial_fit``.
-    time_path_ : ndarray of shape (n_instants,)
-        Time in the run in seconds.
+    {time_path_}
     coef_ : ndarray of shape (n_params,)
         The last θ, ordered as in :class:`ARXRegressor`; not smoothed.
     a_, b_, intercept_ : ndarray, ndarray or list of them, float
         The parts of ``coef_``.
     covariance_ : ndarray of shape (n_params, n_params)
         Covariance of ``coef_``: σ² P (1 + λ^n) / (1 + λ) after n instants.
-    standard_errors_ : ndarray of shape (n_params,)
-        Square roots of its diagonal.
-    parameters_ : DataFrame
-        The last parameters: value, sd, low and high (95 % interval), unit, meaning.
-    covariance_path_ : ndarray of shape (n_instants, n_params, n_params)
-        Covariance of ``coef_path_``; with ``store_covariance``.
+    {standard_errors_, parameters_, covariance_path_}
     coef_paths_ : ndarray of shape (n_runs, n_instants, n_params)
         θ(t) of each run, NaN outside it; with ``combine="average_estimates"``.
-    run_labels_ : list
-        Labels of the runs.
+    {run_labels_}
     one_step_errors_ : ndarray of shape (n_grid_rows,)
         ε of each row of the fitted grid (of X, unless decimated), by θ before its update; NaN
         where there was none. Pooled runs are taken in turn at each instant.
@@ -609,11 +596,7 @@ class RecursiveARX(RecursiveLeastSquares):
     n_held_ : int
         Instants at which some information was not forgotten, because no new information replaced
         it.
-    {parameter_names_, dt_, inputs_}
-    jitter_ : float
-        Largest deviation of a step of the clock, as a fraction of the sampling time.
-    n_rows_missing_ : int
-        Rows without an update because y or an input in their lags is NaN.
+    {parameter_names_, dt_, inputs_, jitter_, n_rows_missing_}
     {n_features_in_, feature_names_in_}
 
     See Also
@@ -734,10 +717,7 @@ class RecursiveARX(RecursiveLeastSquares):
         ------
         ValueError
             If forgetting, init or p0 do not fit the model.
-        ShortRunError
-            If a run has fewer rows than the lags need.
-        RunIndexError, IrregularSamplingError
-            If rows, runs or time violate the data convention.
+        {run_errors}
 
         Warns
         -----

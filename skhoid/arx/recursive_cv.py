@@ -39,24 +39,9 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
     memory_horizons : sequence of float or of one per parameter, or None, default=None
         N0 in samples of the fitted grid; an entry such as ``(inf, inf, 256, 256)`` is a Λ. None
         means 2, 4, ... 8192 and infinity.
-    na, nb, nk : int, or one per input for nb and nk, default=2, 2, 0
-        Orders and input delay; these and the next seven are those of :class:`RecursiveARX`.
-    inputs : list of column names or positions, or None, default=None
-        Linear inputs.
-    fit_intercept : bool, default=False
-        Add a constant to the regressors.
-    forgetting_form : {"joint", "diagonal"}, default="joint"
-        What one horizon per parameter means.
-    init : {"ols", "zeros"} or array of shape (n_params,), default="ols"
-        θ0.
-    init_window : float, default=30.72
-        Seconds of data for ``init="ols"`` and ``p0=None``.
-    p0 : float, array of shape (n_params,) or (n_params, n_params), or None, default=None
-        P0.
-    parameters : {"path", "last"}, default="path"
-        What predictions use, including those that are scored.
-    store_covariance : bool, default=False
-        Keep its ``covariance_path_``.
+    {orders, inputs, fit_intercept}
+    init, init_window, p0
+        As for :class:`RecursiveARX`.
     cv : int, splitter, iterable or None, default=None
         Folds of whole runs; None leaves out one run at a time. To train on one run and validate on
         the others, as the thesis does, use ``LeavePGroupsOut(n_runs - 1)``.
@@ -109,6 +94,8 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
     (64.0, 3)
     """
 
+    store_covariance = False
+
     _parameter_constraints: dict = {
         **RecursiveLeastSquares._parameter_constraints,
         "memory_horizons": "no_validation",
@@ -126,12 +113,9 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
         *,
         inputs: Any = None,
         fit_intercept: bool = False,
-        forgetting_form: str = "joint",
         init: Any = "ols",
         init_window: float = 30.72,
         p0: Any = None,
-        parameters: str = "path",
-        store_covariance: bool = False,
         cv: Any = None,
         scoring: VAFScorer | None = None,
         n_jobs: int | None = None,
@@ -145,12 +129,9 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
         self.nk = nk
         self.inputs = inputs
         self.fit_intercept = fit_intercept
-        self.forgetting_form = forgetting_form
         self.init = init
         self.init_window = init_window
         self.p0 = p0
-        self.parameters = parameters
-        self.store_covariance = store_covariance
         self.cv = cv
         self.scoring = scoring
         self.n_jobs = n_jobs
@@ -187,7 +168,6 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
             self._read_y(X, y),
             self.scoring or VAFScorer(),
             self._start,
-            self.parameters == "last",
         )
         folds = self._folds(validation, routed)
         context = self._init_callback_context(max_subtasks=len(folds) + 1)
@@ -233,7 +213,7 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
                 None,
                 entry,
                 None,
-                form=self.forgetting_form,
+                form="joint",
                 n_params=self.orders_.n_params,
                 time=data.instants.time,
                 dt=self.dt_,
@@ -333,10 +313,9 @@ class _HorizonScores:
         y: np.ndarray,
         scorer: VAFScorer,
         start: Callable[[RecursionData, np.ndarray], tuple[np.ndarray, np.ndarray]],
-        last: bool,
     ) -> None:
         """``inputs`` are those to simulate from; ``start`` gives theta0 and P0 of some runs."""
-        self.data, self.y, self.scorer, self.start, self.last = data, y, scorer, start, last
+        self.data, self.y, self.scorer, self.start = data, y, scorer, start
         if self.scorer.rate == "model":
             raise ValueError(
                 "A search scores at the full rate; VAFScorer(rate='model') cannot choose between "
@@ -367,9 +346,6 @@ class _HorizonScores:
         target = np.ascontiguousarray(data.target[:, train])
         known = data.instants.of_row[np.isin(data.instants.run, train)]
         at = np.maximum(data.instants.of_row, known.min())
-        last = self.last
-        if last:
-            at = np.zeros_like(at)
         scores = np.empty((2, len(settings)))
         lanes = _kernels.rls.MANY
         for first in range(0, len(settings), lanes):
@@ -382,9 +358,8 @@ class _HorizonScores:
                 RecursionState(*start, lanes), signals, target, data.orders, block[0],
                 inflation=kernel_arrays(factors), keep=("theta",),
             )  # fmt: skip
-            path = paths.theta[-1:] if last else paths.theta
             for kind, chosen in enumerate((test, train)):
-                vaf = self._vaf(path, at, chosen)
+                vaf = self._vaf(paths.theta, at, chosen)
                 scores[kind, first : first + lanes] = vaf[: len(block)]
         return scores
 

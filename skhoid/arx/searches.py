@@ -10,19 +10,25 @@ from typing import Any, Self
 
 import numpy as np
 from scipy.stats import rankdata, sem
-from sklearn.base import BaseEstimator, MetaEstimatorMixin, RegressorMixin, clone
-from sklearn.callback import CallbackSupportMixin, with_callbacks
+from sklearn.base import clone
+from sklearn.callback import with_callbacks
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
-from .._sklearn import FittedDisplay, HasMethods, Interval, StrOptions, fit_context
+from .._sklearn import (
+    BaseSearchCV,
+    FittedDisplay,
+    HasMethods,
+    Interval,
+    StrOptions,
+    fit_context,
+)
 from ..metrics import VAFScorer
 from ..pipelines import final_step, raw_layout, reach_model, taken_apart
 from ..preprocessing import Decimator, RunInTrimmer
 from ..preprocessing.base import RemembersParameters, as_fitted
 from ..text import Summary, TextTable, number, vaf_name, wrapped
-from .batch import ARXRegressor
 from .candidates import (
     CandidateTable,
     Evaluated,
@@ -40,33 +46,23 @@ N_SHOWN = 5
 MOST_WINDOWS = 1_000_000
 N_CANDIDATES = 50
 DEFAULT_ORDERS = (1, 2, 3, 4)
+PENALTY = 3.0  # weight of the complexity in the modified BIC (Drop et al. 2018)
 
 Evaluate = Callable[[Any, Callable[[CandidateTable], list[dict[str, Any]]], str], Evaluated]
 
 
-class ModelSearch(
-    RemembersParameters,
-    SplitsRuns,
-    FittedDisplay,
-    CallbackSupportMixin,
-    MetaEstimatorMixin,
-    RegressorMixin,
-    BaseEstimator,
-):
-    """A search as those of scikit-learn are: its ``__init__``, and one ``_run_search``.
+class ModelSearch(RemembersParameters, SplitsRuns, FittedDisplay, BaseSearchCV):
+    """scikit-learn's search, with an evaluation of its own: only ``fit`` differs.
 
-    ``BaseSearchCV`` fits each candidate anew to a copy of each fold's rows. Here candidates are
+    ``BaseSearchCV.fit`` fits each candidate anew to a copy of each fold's rows. Here candidates are
     compared on the same rows, which the longest lags of all leave, share one factorisation of each
-    run, and may be judged without folds; so the evaluation is this package's own.
+    run, and may be judged without folds.
     """
 
-    estimator: Any
     criterion: str
-    scoring: Any
     n_jobs: Any = None
-    best_estimator_: Any
-    best_index_: int
-    cv_results_: dict[str, Any]
+    refit = True
+    multimetric_ = False
 
     def _run_search(self, evaluate_candidates: Evaluate, variants: dict[Any, Any]) -> Any:
         """Evaluate candidates of each variant, set ``cv_results_``, return the best one unfitted.
@@ -95,8 +91,7 @@ class ModelSearch(
         -------
         self : estimator
         """
-        estimator = ARXRegressor() if self.estimator is None else clone(self.estimator)
-        variants = self._variants(estimator)
+        variants = self._variants(clone(self.estimator))
         context = self._init_callback_context(max_subtasks=len(variants) + 1)
         context.call_on_fit_task_begin(estimator=self, X=X, y=y)
         routed: dict[str, Any] | None = None
@@ -130,9 +125,8 @@ class ModelSearch(
         self.best_estimator_ = best.fit(X, y)
         refit.call_on_fit_task_end(estimator=self, X=X, y=y)
         self.keep_parameters()
-        for name in ("n_features_in_", "feature_names_in_"):
-            if hasattr(self.best_estimator_, name):
-                setattr(self, name, getattr(self.best_estimator_, name))
+        if hasattr(self.best_estimator_, "feature_names_in_"):
+            self.feature_names_in_ = self.best_estimator_.feature_names_in_
         context.call_on_fit_task_end(estimator=self, X=X, y=y)
         return self
 
@@ -140,25 +134,9 @@ class ModelSearch(
     def _vaf_name(self) -> str:
         return vaf_name(centered=self.scorer_.centered)
 
-    def predict(self, X: Any) -> np.ndarray:
-        """Simulate the output with the best model (free run).
-
-        Parameters
-        ----------
-        {X}
-
-        Returns
-        -------
-        y_pred : ndarray of shape (n_rows,)
-        """
-        check_is_fitted(self, "best_estimator_")
-        return self.best_estimator_.predict(X)
-
     @available_if(
-        lambda self: (
-            hasattr(taken_apart(self.best_estimator_)[1], "predict_ahead")
-            if hasattr(self, "best_estimator_")
-            else self.estimator is None or hasattr(final_step(self.estimator)[1], "predict_ahead")
+        lambda self: hasattr(
+            final_step(getattr(self, "best_estimator_", self.estimator))[1], "predict_ahead"
         )
     )
     def predict_ahead(self, X: Any, y: Any, horizon: int = 1) -> np.ndarray:
@@ -166,10 +144,7 @@ class ModelSearch(
 
         Parameters
         ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-        y : Series or array of shape (n_rows,)
-            Measured output.
+        {X, y}
         horizon : int, default=1
             Steps ahead, in samples of the fitted grid.
 
@@ -177,23 +152,9 @@ class ModelSearch(
         -------
         y_pred : ndarray of shape (n_rows,)
         """
-        check_is_fitted(self, "best_estimator_")
+        check_is_fitted(self)
         model, passed_on = reach_model(self.best_estimator_, X)
         return model.predict_ahead(passed_on, y, horizon)
-
-    def score(self, X: Any, y: Any) -> float:
-        """Score the free run of the best model by its VAF in percent.
-
-        Parameters
-        ----------
-        {X, y}
-
-        Returns
-        -------
-        vaf : float
-        """
-        check_is_fitted(self, "best_estimator_")
-        return self.best_estimator_.score(X, y)
 
     def summary(self, X: Any = None, y: Any = None) -> Summary:
         """Summarise what was searched and found, and the best model.
@@ -210,7 +171,7 @@ class ModelSearch(
         text : Summary
             A string with lines of at most 88 columns, which notebooks show line by line.
         """
-        check_is_fitted(self, "best_estimator_")
+        check_is_fitted(self)
         found, candidates = self._found()
         steps, model = taken_apart(self.best_estimator_)
         lines = [*wrapped(found), "", candidates.caption, *candidates.lines(), ""]
@@ -241,9 +202,8 @@ class DelaySearchCV(ModelSearch):
 
     Parameters
     ----------
-    estimator : ARXRegressor or Pipeline that ends in one, or None, default=None
-        Model whose ``nk`` is searched; its other parameters are kept. None means
-        ``ARXRegressor()``.
+    estimator : ARXRegressor or Pipeline that ends in one
+        Model whose ``nk`` is searched; its other parameters are kept.
     nk : sequence of int, or of one tuple per input, or None, default=None
         Candidates, in samples of the grid the model is fitted on. An int is the delay of every
         input. None means 1 to 50, but at most a quarter of the shortest run.
@@ -318,7 +278,7 @@ class DelaySearchCV(ModelSearch):
     """
 
     _parameter_constraints: dict = {
-        "estimator": [HasMethods(["fit", "predict"]), None],
+        "estimator": [HasMethods(["fit", "predict"])],
         "nk": ["array-like", None],
         "criterion": [StrOptions({"one_step", "vaf"})],
         "cv": ["cv_object"],
@@ -329,7 +289,7 @@ class DelaySearchCV(ModelSearch):
 
     def __init__(
         self,
-        estimator: Any = None,
+        estimator: Any,
         nk: Any = None,
         *,
         criterion: str = "one_step",
@@ -452,8 +412,8 @@ class OrderSearchCV(ModelSearch):
 
     Parameters
     ----------
-    estimator : ARXRegressor or Pipeline that ends in one, or None, default=None
-        Model whose orders are searched. None means ``ARXRegressor()``.
+    estimator : ARXRegressor or Pipeline that ends in one
+        Model whose orders are searched.
     na, nb : sequence of int or None, default=None
         Candidates; None means 1 to 4. Entries of ``nb`` may be tuples, one number per input.
     nk : sequence of int, dict or None, default=None
@@ -465,13 +425,11 @@ class OrderSearchCV(ModelSearch):
         added in front. None keeps the estimator's own.
     criterion : {"vaf", "bic", "mbic"}, default="vaf"
         Cross-validated VAF of the free run at full rate; the Bayesian information criterion ln V +
-        p ln(N) / N of the one-step errors; or the same with ``penalty`` times the second term. The
-        last two only compare models with the same decimation factor, and simulate nothing.
+        p ln(N) / N of the one-step errors; or the same with three times the second term. The last
+        two only compare models with the same decimation factor, and simulate nothing.
     rule : {"one_standard_error", "best"}, default="one_standard_error"
         With ``"vaf"``, take the model with the fewest parameters (then the highest VAF) among
         those within one standard error of the best, or the best itself.
-    penalty : float, default=3.0
-        Weight c of the complexity in the modified BIC; tune it by simulating the task.
     cv : int, splitter, iterable or None, default=None
         Folds; an int is a number of folds of whole runs. None leaves out one run at a time; a
         single run is fitted on its first half and scored on its second.
@@ -525,7 +483,7 @@ class OrderSearchCV(ModelSearch):
     --------
     >>> from skhoid import ARXRegressor, OrderSearchCV, load_human_tracking
     >>> X, y = load_human_tracking(1)
-    >>> search = OrderSearchCV(na=[1, 2], nb=[1, 2], nk=[6, 7, 8]).fit(X, y)
+    >>> search = OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[1, 2], nk=[6, 7, 8]).fit(X, y)
     >>> sorted(search.best_params_)
     ['factor', 'na', 'nb', 'nk']
 
@@ -535,20 +493,20 @@ class OrderSearchCV(ModelSearch):
     >>> from skhoid import make_tracking_runs, run_labels
     >>> X, y = make_tracking_runs(n_runs=4, duration=10.24, sampling_rate=50, random_state=0)
     >>> people = np.array(["Ann", "Ann", "Bob", "Cleo"])[run_labels(X) - 1]
-    >>> search = OrderSearchCV(na=[1, 2], nb=[1], nk=[15]).fit(X, y, groups=people)
+    >>> search = OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[1], nk=[15])
+    >>> search = search.fit(X, y, groups=people)
     >>> [key for key in search.cv_results_ if key.startswith("split")]
     ['split0_test_score', 'split1_test_score', 'split2_test_score']
     """
 
     _parameter_constraints: dict = {
-        "estimator": [HasMethods(["fit", "predict"]), None],
+        "estimator": [HasMethods(["fit", "predict"])],
         "na": ["array-like", None],
         "nb": ["array-like", None],
         "nk": ["array-like", dict, None],
         "factor": ["array-like", None],
         "criterion": [StrOptions({"vaf", "bic", "mbic"})],
         "rule": [StrOptions({"one_standard_error", "best"})],
-        "penalty": [Interval(Real, 0, None, closed="neither")],
         "cv": ["cv_object"],
         "scoring": [VAFScorer, None],
         "n_jobs": [Integral, None],
@@ -556,7 +514,7 @@ class OrderSearchCV(ModelSearch):
 
     def __init__(
         self,
-        estimator: Any = None,
+        estimator: Any,
         *,
         na: Any = None,
         nb: Any = None,
@@ -564,7 +522,6 @@ class OrderSearchCV(ModelSearch):
         factor: Any = None,
         criterion: str = "vaf",
         rule: str = "one_standard_error",
-        penalty: float = 3.0,
         cv: Any = None,
         scoring: VAFScorer | None = None,
         n_jobs: int | None = None,
@@ -576,7 +533,6 @@ class OrderSearchCV(ModelSearch):
         self.factor = factor
         self.criterion = criterion
         self.rule = rule
-        self.penalty = penalty
         self.cv = cv
         self.scoring = scoring
         self.n_jobs = n_jobs
@@ -610,7 +566,7 @@ class OrderSearchCV(ModelSearch):
         )
         with np.errstate(divide="ignore"):
             fit = np.log(np.concatenate([part.losses for part in found]))
-        results["bic"], results["mbic"] = fit + complexity, fit + self.penalty * complexity
+        results["bic"], results["mbic"] = fit + complexity, fit + PENALTY * complexity
         if self.criterion == "vaf":
             results |= _scored(np.vstack([part.scores for part in found]))
         self.cv_results_ = results

@@ -80,10 +80,10 @@ class DelayLossDisplay(Display):
 
     Examples
     --------
-    >>> from skhoid import DelaySearchCV, load_human_tracking
+    >>> from skhoid import ARXRegressor, DelaySearchCV, load_human_tracking
     >>> from skhoid.plotting import DelayLossDisplay
     >>> X, y = load_human_tracking(1)
-    >>> search = DelaySearchCV(nk=range(1, 21)).fit(X, y)
+    >>> search = DelaySearchCV(ARXRegressor(), nk=range(1, 21)).fit(X, y)
     >>> display = DelayLossDisplay.from_estimator(search, unit="px")
     >>> display.ax_.get_ylabel()
     'mean squared one-step error, px²'
@@ -300,10 +300,10 @@ class VAFContourDisplay(Display):
 
     Examples
     --------
-    >>> from skhoid import OrderSearchCV, load_human_tracking
+    >>> from skhoid import ARXRegressor, OrderSearchCV, load_human_tracking
     >>> from skhoid.plotting import VAFContourDisplay
     >>> X, y = load_human_tracking(1)
-    >>> search = OrderSearchCV(na=[1, 2, 3], nb=[1, 2, 3], nk=[6, 7]).fit(X, y)
+    >>> search = OrderSearchCV(ARXRegressor(), na=[1, 2, 3], nb=[1, 2, 3], nk=[6, 7]).fit(X, y)
     >>> display = VAFContourDisplay.from_estimator(search)
     >>> [ax.get_title() for ax in display.axes_]
     ['$n_k$ = 6 (0.1 s)', '$n_k$ = 7 (0.117 s)']

@@ -92,35 +92,27 @@ def read_table(
             f"{type(estimator).__name__} was fitted on X with run and time in its index, but now "
             "gets X without them. " + SET_OUTPUT_HINT
         )
-    layout, names = None, None
+    layout = None
+    names = list(X.columns) if hasattr(X, "columns") else None
     if frame and len(X):
         layout = read_layout(X, dt=told.dt, run=told.run, fallback_dt=known_dt)
-        names = list(X.columns)
         if told.run is not None:
-            position = run_column(names, told.run)
+            position = run_column(list(X.columns), told.run)
             if X.dtypes.iloc[position].kind not in "iufb":
                 X = X.copy(deep=False)
                 X.isetitem(position, layout.run_of(np.arange(len(X))))
     if frame:
         check_numbers(X, "X")
         X = without_text(X)
-    try:
-        with np.errstate(invalid="ignore"):  # scikit-learn sums infinities of both signs
-            values = validate_data(
-                estimator, X, reset=reset, dtype=dtypes, ensure_all_finite="allow-nan"
-            )
-    except (TypeError, ValueError, OverflowError) as error:
-        refuse_objects(X, error)
-        columns = list(X.columns) if hasattr(X, "columns") else None
-        if columns is not None and not frame:
-            check_numbers(pd.DataFrame({name: np.asarray(X[name]) for name in columns}), "X")
-        if "infinity" in str(error):
-            check_not_infinite(_as_numbers(X), "X", columns)
-        raise
+    elif names is not None:
+        check_numbers(pd.DataFrame({name: np.asarray(X[name]) for name in names}), "X")
+    else:
+        refuse_objects(X)
+    values = validate_data(estimator, X, reset=reset, dtype=dtypes, ensure_all_finite=False)
+    check_not_infinite(values, "X", names)
     check_not_too_large(values, "X", names)
     if layout is None:
         refuse_flat(X, dt=estimator.dt, run=estimator.run)  # values have lost their names
-        names = list(X.columns) if hasattr(X, "columns") else None
         columns = names or list(range(values.shape[1]))
         run = None if told.run is None else run_column(columns, told.run)
         layout = read_layout(values, dt=told.dt, run=run, fallback_dt=known_dt)
@@ -128,12 +120,6 @@ def read_table(
         label = layout.run_column if told.run is None else told.run
         known = Reading(layout.dt, layout.indexed, names, label)
     return layout, values, known
-
-
-def _as_numbers(X: Any) -> np.ndarray:
-    if isinstance(X, pd.DataFrame):
-        return X.to_numpy(np.float64, na_value=np.nan)
-    return np.asarray(X, dtype=np.float64)
 
 
 class RowPreservingTransformer(

@@ -88,10 +88,9 @@ def check_not_too_large(values: np.ndarray, what: str, names: list[Any] | None =
 
 def check_not_infinite(values: np.ndarray, what: str, names: list[Any] | None = None) -> None:
     """Refuse infinite values."""
-    table = values if values.ndim == 2 else values[:, None]
-    bad = np.argwhere(np.isinf(table))
-    if bad.size:
-        row, column = bad[0].tolist()
+    infinite = np.isinf(values)
+    if infinite.any():
+        row, column = np.argwhere(infinite.reshape(len(values), -1))[0].tolist()
         where = f"column {column if names is None else names[column]!r}, " if what == "X" else ""
         raise ValueError(
             f"Input {what} contains infinity or a value too large for dtype('float64'), first in "
@@ -177,26 +176,30 @@ def without_text(table: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-def refuse_objects(X: Any, error: Exception) -> None:
+def refuse_objects(X: Any) -> None:
     """Name what an array or a list holds in place of numbers, if it is that."""
     listed = isinstance(X, (list, tuple))
     if not (listed or (isinstance(X, np.ndarray) and X.ndim > 0 and X.dtype.kind in "OSU")):
         return
-    for number, row in enumerate(rows := [_entries(row) for row in X]):
-        if len(row) != len(rows[0]):
-            raise ValueError(
-                f"Row {number} of X holds {len(row)} values but row 0 holds {len(rows[0])}: give "
-                "all rows the same number, with NaN where one is missing."
-            ) from error
-        for position, entry in enumerate(row):
-            nested = isinstance(entry, (list, tuple, np.ndarray))
-            if "inhomogeneous" in str(error) if nested else not _reads_as_number(entry):
-                kind = TypeError if isinstance(error, TypeError) else ValueError
-                raise kind(
-                    f"Row {number} of X holds {reprlib.repr(entry)} in column {position}; each "
-                    "argument must be a string of a number, or a number. Mark missing values by "
-                    "NaN."
+    try:
+        np.asarray(X, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        rows = [_entries(row) for row in X]
+        for number, row in enumerate(rows):
+            if len(row) != len(rows[0]):
+                raise ValueError(
+                    f"Row {number} of X holds {len(row)} values but row 0 holds {len(rows[0])}: "
+                    "give all rows the same number, with NaN where one is missing."
                 ) from error
+            for position, entry in enumerate(row):
+                if not _reads_as_number(entry):
+                    kind = TypeError if isinstance(error, TypeError) else ValueError
+                    raise kind(
+                        f"Row {number} of X holds {reprlib.repr(entry)} in column {position}; each "
+                        "argument must be a string of a number, or a number. Mark missing values "
+                        "by NaN."
+                    ) from error
+        raise
 
 
 def _entries(row: Any) -> list[Any]:

@@ -42,9 +42,7 @@ class Decimator(RowPreservingTransformer):
         exact when the measurement window holds whole periods of the forcing function (trim the
         run-in before decimating). ``"odd"`` reflects the run about its end points; use it for runs
         that end at a different value than they began, which otherwise ring near both ends.
-    {dt}
-    run : column name or position, or None, default=None
-        Run column of data without a run index; it passes through unchanged.
+    {dt, run}
 
     Attributes
     ----------
@@ -148,12 +146,8 @@ class DelayShift(RowPreservingTransformer):
         Delay in seconds, rounded to the nearest whole sample. It includes the sample that
         zero-order hold adds: 0.29 s for an operator with tau_e = 0.28 s at 100 Hz.
     inputs : list of column names or positions, or None, default=None
-        Channels to shift. None means the column named ``e`` if there is one, else all.
-    roles : dict or None, default=None
-        Roles of columns, ``{column: role}``; a column of role ``e`` is the input.
-    {dt}
-    run : column name or position, or None, default=None
-        Run column of data without a run index; it passes through unchanged.
+        Channels to shift. None means the column of role ``e`` if there is one, else all.
+    {roles, dt, run}
 
     Attributes
     ----------
@@ -161,8 +155,7 @@ class DelayShift(RowPreservingTransformer):
         Delay in samples of the full rate.
     delay_ : float
         Delay in seconds after rounding to whole samples.
-    dt_ : float
-        Sampling time in seconds.
+    {dt_}
     {n_features_in_, feature_names_in_}
 
     References
@@ -255,14 +248,11 @@ class RunInTrimmer(RowPreservingTransformer):
     measurement_time : float or None, default=None
         Length of the measurement window T_m in seconds; the last ``measurement_time`` of each run
         is kept. Give at most one of the two; with neither, nothing is marked.
-    {dt}
-    run : column name or position, or None, default=None
-        Run column of data without a run index; it passes through unchanged.
+    {dt, run}
 
     Attributes
     ----------
-    dt_ : float
-        Sampling time in seconds.
+    {dt_}
     {n_features_in_, feature_names_in_}
 
     Notes

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from .. import _kernels
-from .._sklearn import StrOptions, fit_context
 from ..arx.orders import Orders
-from .whitened import CONSTRAINTS, Start, WhitenedFilter, WhitenedRecursion, Window, stabilised
+from .whitened import Start, WhitenedFilter, WhitenedRecursion, Window
 
 
 class BoxJenkinsFilter(WhitenedFilter):
@@ -22,7 +21,7 @@ class BoxJenkinsFilter(WhitenedFilter):
     ) -> None:
         super().__init__(start, orders, lam, dt)
         self.advance = _kernels.whitened.prediction_errors
-        self.forgetting = np.concatenate([np.sqrt(lam[:-1]), self.shares])
+        self.forgetting = np.concatenate([np.sqrt(lam), self.shares])
         self.shared = np.concatenate([self.worth * start.information.ravel(), self.largest])
         na, nd = orders.na, start.d.size
         length = 2 + 3 * (na + 1) + 2 * nd + 1
@@ -50,25 +49,17 @@ class RecursiveBoxJenkins(WhitenedRecursion):
 
     Parameters
     ----------
-    na, nb, nk : int, or one per input for nb and nk, default=2, 2, 0
-        Orders of F and B, and input delay in samples, as for :class:`RecursiveARX`.
-    {inputs}
+    {orders, inputs}
     noise_order : int, default=8
-        Order of D. Eight describe the remnant filters of the thesis, of orders 1 to 4.
-    forgetting, memory_horizon, memory_time : float or one per parameter, default=None
-        λ, N0 in samples, or T0 in seconds; at most one. None: nothing is forgotten.
-    noise_memory_time : float or None, default=None
-        T0 of D in seconds. None: nothing is forgotten, as people's remnant hardly changes.
-    init : "pem" or array of shape (n_params,), default="pem"
-        theta0: by prediction errors in batch on the first ``init_window`` seconds, or given; D
-        comes from that window in both cases.
+        Order of D. Eight describe the remnant filters of the thesis, of orders 1 to 4; with 0 it is
+        a recursive output error model. Nothing of D is forgotten, as people's remnant hardly
+        changes.
+    memory_time : float or one per parameter, default=None
+        T0 in seconds. None: nothing is forgotten.
     init_window : float, default=30.72
-        Seconds of data from the first row that is not NaN, or as many as there are.
-    parameters : {"path", "last"}, default="path"
-        What predictions use: theta at the same time in the run, or the last one.
-    store_covariance : bool, default=False
-        Keep ``covariance_path_``.
-    {roles, dt, run}
+        Seconds of data, or as many as there are, in which prediction errors in batch find theta0
+        and D; from the first row that is not NaN.
+    {store_covariance, roles, dt, run}
 
     Attributes
     ----------
@@ -76,20 +67,14 @@ class RecursiveBoxJenkins(WhitenedRecursion):
         theta(t) = [f_1 ... b_0 ...] after each instant. Absent after ``partial_fit``.
     noise_path_ : ndarray of shape (n_instants, noise_order)
         Coefficients of D.
-    time_path_ : ndarray of shape (n_instants,)
-        Time in the run in seconds.
+    {time_path_}
     coef_, noise_ar_ : ndarray
         The last theta and coefficients of D.
     a_, b_ : ndarray, ndarray or list of them
         The parts of ``coef_``: F without its first 1, and B.
     covariance_ : ndarray of shape (n_params, n_params)
         Covariance of ``coef_``: σ² R^-1 (1 + λ^n) / (1 + λ) after n updates.
-    standard_errors_ : ndarray of shape (n_params,)
-        Square roots of its diagonal.
-    parameters_ : DataFrame
-        The last parameters: value, sd, low and high (95 % interval), unit, meaning.
-    covariance_path_ : ndarray of shape (n_instants, n_params, n_params)
-        Covariance of ``coef_path_``; with ``store_covariance``.
+    {standard_errors_, parameters_, covariance_path_}
     one_step_errors_ : ndarray of shape (n_grid_rows,)
         eps of each row of the fitted grid by the estimates before it; NaN where there was no
         update.
@@ -147,7 +132,6 @@ class RecursiveBoxJenkins(WhitenedRecursion):
     [0.09, 0.04, 11.2]
     """
 
-    _parameter_constraints: dict = {**CONSTRAINTS, "init": [StrOptions({"pem"}), "array-like"]}
     method_name = "recursive prediction errors"
 
     def __init__(
@@ -158,13 +142,8 @@ class RecursiveBoxJenkins(WhitenedRecursion):
         *,
         inputs: Any = None,
         noise_order: int = 8,
-        forgetting: Any = None,
-        memory_horizon: Any = None,
         memory_time: Any = None,
-        noise_memory_time: float | None = None,
-        init: Any = "pem",
         init_window: float = 30.72,
-        parameters: str = "path",
         store_covariance: bool = False,
         roles: dict | None = None,
         dt: float | None = None,
@@ -175,60 +154,12 @@ class RecursiveBoxJenkins(WhitenedRecursion):
         self.nk = nk
         self.inputs = inputs
         self.noise_order = noise_order
-        self.forgetting = forgetting
-        self.memory_horizon = memory_horizon
         self.memory_time = memory_time
-        self.noise_memory_time = noise_memory_time
-        self.init = init
         self.init_window = init_window
-        self.parameters = parameters
         self.store_covariance = store_covariance
         self.roles = roles
         self.dt = dt
         self.run = run
 
-    @fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X: Any, y: Any) -> Self:
-        """Run the recursion over recorded runs, all at once, aligned by time in the run.
-
-        Parameters
-        ----------
-        {X, y}
-
-        Returns
-        -------
-        self : RecursiveBoxJenkins
-
-        Raises
-        ------
-        ValueError
-            If forgetting or init do not fit the model.
-        ShortRunError
-            If the first window has too few rows for the model of the noise.
-        RunIndexError, IrregularSamplingError
-            If rows, runs or time violate the data convention.
-
-        Warns
-        -----
-        MissingDataWarning
-            With the number of rows that are NaN.
-        """
-        return self._fit_recursion(X, y)
-
-    def _given_start(self) -> np.ndarray:
-        names = self.parameter_names_
-        try:
-            theta = np.array(self.init, dtype=np.float64)
-        except (TypeError, ValueError):
-            theta = np.empty(0)
-        if theta.shape != (len(names),) or not np.isfinite(theta).all():
-            raise ValueError(
-                f"init must be 'pem' or theta0: {len(names)} finite numbers for "
-                f"{', '.join(names)}; got {self.init!r}."
-            )
-        return stabilised(theta, self.orders_.na)
-
     def _filter(self, window: Window, lam: np.ndarray, n_runs: int) -> BoxJenkinsFilter:
-        by_name = isinstance(self.init, str)
-        start = window.estimate() if by_name else window.at(self._given_start())
-        return BoxJenkinsFilter(start, self.orders_, lam, self.dt_, n_runs)
+        return BoxJenkinsFilter(window.estimate(), self.orders_, lam, self.dt_, n_runs)

@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from copy import copy
 from dataclasses import replace
-from numbers import Real
+from numbers import Integral, Real
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import _kernels
-from .._sklearn import Interval, StrOptions, fit_context
+from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..arx.base import check_lengths, check_row_count
-from ..arx.forgetting import Forgetting, read_forgetting
+from ..arx.forgetting import Forgetting, forgetting_factor
 from ..arx.orders import Orders, whole_number
 from ..arx.recursive import (
-    MEMORY,
     MOST_ROWS_BACK,
     OF_RUNS,
     RecursiveLeastSquares,
@@ -38,6 +37,8 @@ from ..text import ModelSummary, number
 
 VARIANCE_MEMORY = 20.48  # s
 TEMPER = 3.0  # over the horizon in samples: the power of the likelihood
+AHEAD = 0.2  # s that errors predict ahead; of 0 to 0.2 s the best in simulated loops
+STAY_TIME = 5.0  # s for which the operator stays at a delay, on average
 LANES = 16  # as many as the widest kernels of the recursion take
 
 
@@ -68,8 +69,8 @@ class Bank:
         dt = model.dt_
         self.forgetting, self.orders = forgetting, each[0]
         self.first_row = each[-1].first_row  # of the longest delay
-        self.horizon = max(round(whole_samples(model.ahead, dt)), 1)
-        self.leave = dt / model.stay_time if len(starts) > 1 else 0.0
+        self.horizon = max(round(whole_samples(AHEAD, dt)), 1)
+        self.leave = min(dt / STAY_TIME, 1.0) if len(starts) > 1 else 0.0
         self.power = min(1.0, TEMPER / self.horizon)
         self.memory = max(VARIANCE_MEMORY / dt, 2.0 * _kernels.delay_bank.SETTLED)
         self.n_delays = len(starts)
@@ -250,33 +251,10 @@ class DelayBankARX(RecursiveLeastSquares):
     {inputs}
     fit_intercept : bool, default=False
         Add a constant to the regressors.
-    stay_time : float, default=5.0
-        Mean time in seconds for which the operator stays at a candidate before changing to one of
-        the two beside it: π_jj = 1 - dt / stay_time.
-    ahead : float, default=0.2
-        How many seconds ahead the errors ε_j predict, in whole samples and at least one; 0 is one
-        sample ahead, as in the literature, and best where the equation error is white.
     path : {"filtered", "viterbi"}, default="filtered"
         Delay at each instant from the data up to it, or the most probable path from all data
         (Viterbi). The latter is not for streaming.
-    forgetting : float, array, callable or None, default=None
-        λ of all candidates; as for :class:`RecursiveARX`, but neither ``"auto"`` nor
-        ``"variable"``.
-    memory_horizon, memory_time : float or one per parameter, default=None
-        N0 in samples, or T0 in seconds; as for :class:`RecursiveARX`.
-    forgetting_form : {"joint", "diagonal"}, default="joint"
-        What one λ per parameter means.
-    init : {"ols", "zeros"} or array of shape (n_params,), default="ols"
-        θ0 of each candidate.
-    init_window : float, default=30.72
-        Seconds of data for ``init="ols"`` and ``p0=None``.
-    p0 : float, array of shape (n_params,) or (n_params, n_params), or None, default=None
-        P0.
-    parameters : {"path", "last"}, default="path"
-        What predictions use: delay and θ at the same time in the run, or the last ones.
-    store_covariance : bool, default=False
-        Keep ``covariance_path_``.
-    {roles, dt, run}
+    {memory_time, init_window, store_covariance, roles, dt, run}
 
     Attributes
     ----------
@@ -299,8 +277,7 @@ class DelayBankARX(RecursiveLeastSquares):
         The last of ``nk_path_``, to which ``coef_`` belongs.
     coef_path_ : ndarray of shape (n_instants, n_params)
         θ(t) of the recursion with the delay ``nk_path_``.
-    time_path_ : ndarray of shape (n_instants,)
-        Time in the run in seconds.
+    {time_path_}
     coef_ : ndarray of shape (n_params,)
         The last θ.
     covariance_, standard_errors_, covariance_path_ : ndarray
@@ -327,23 +304,16 @@ class DelayBankARX(RecursiveLeastSquares):
     mean different things with different delays; so this is a bank with Markov weights, and not the
     interacting multiple models of Blom and Bar-Shalom (1988), which also mix states.
 
-    ε_j is the error of a simulation that begins ``ahead`` before, with the θ of then. σ² is the
-    mean of Σ w_j ε_j² over the last 20 s, and γ = min(1, 3 / k) for k samples ahead, since errors k
-    ahead overlap.
+    ε_j is the error of a simulation that begins 0.2 s before, with the θ of then. σ² is the mean of
+    Σ w_j ε_j² over the last 20 s, and γ = min(1, 3 / k) for k samples ahead, since errors k ahead
+    overlap. The operator stays at a candidate for 5 s on average before it changes to one of the
+    two beside it: π_jj = 1 - dt / 5 s.
 
-    **What to expect.** Measured on single runs in the loop (C2, 21 candidates two samples apart, N0
-    256 or 1024 samples) whose delay changes by ±0.12 s, the root mean square error of the delay is
-    0.01-0.02 s without remnant, 0.02 s at P_n = 0.05 and 0.03 s at 0.15 with remnant of order 2,
-    and 0.05 s with remnant of order 1. Most of the latter is bias, here towards *long* delays, that
-    more data do not remove: the noise model 1 / A(q) of ARX does not fit such remnant.
-    ``delay_sd_path_`` does not contain this bias, nor the lag behind changes; two of them hold the
-    truth at 87-96 % of the instants with remnant of order 2, but at 25-65 % with order 1.
-    The literature calls a varying delay found in this way "not sufficiently accurate".
-
-    ``ahead=0.2`` had the smallest error of 0 to 0.2 s in these loops, 0.026 s on average over P_n
-    and orders, where 0 had 0.034-0.038 s. It is slower where one step ahead is right: with a white
-    equation error a jump of 15 samples among neighbours one sample apart settles in 0.8 s with 0,
-    and in 8 s with 0.2 s (N0 = 256).
+    Measured on single runs in the loop (C2, 21 candidates two samples apart) whose delay changes by
+    ±0.12 s, the root mean square error of the delay is 0.01-0.02 s without remnant, 0.03 s at P_n =
+    0.15 with remnant of order 2, and 0.05 s with remnant of order 1. Most of the latter is bias,
+    here towards *long* delays, that more data do not remove: the noise model 1 / A(q) of ARX does
+    not fit such remnant. ``delay_sd_path_`` does not contain this bias, nor the lag behind changes.
 
     References
     ----------
@@ -363,14 +333,21 @@ class DelayBankARX(RecursiveLeastSquares):
     """
 
     _parameter_constraints: dict = {
-        **RecursiveLeastSquares._parameter_constraints,
-        **MEMORY,
         "nk": "no_validation",
-        "stay_time": [Interval(Real, 0, None, closed="neither")],
-        "ahead": [Interval(Real, 0, 10, closed="both")],
+        "na": [Interval(Integral, 0, None, closed="left")],
+        "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
+        "inputs": "no_validation",
+        "fit_intercept": ["boolean"],
+        "memory_time": [Interval(Real, 0, None, closed="neither"), None],
+        "init_window": [Interval(Real, 0, None, closed="neither")],
+        "store_covariance": ["boolean"],
+        "roles": [dict, None],
+        "dt": DT,
+        "run": "no_validation",
         "path": [StrOptions({"filtered", "viterbi"})],
     }
 
+    init, p0 = "ols", None
     _last_share = np.ones(1)
 
     def __init__(
@@ -381,17 +358,9 @@ class DelayBankARX(RecursiveLeastSquares):
         nb: Any = 2,
         inputs: Any = None,
         fit_intercept: bool = False,
-        stay_time: float = 5.0,
-        ahead: float = 0.2,
         path: str = "filtered",
-        forgetting: Any = None,
-        memory_horizon: Any = None,
-        memory_time: Any = None,
-        forgetting_form: str = "joint",
-        init: Any = "ols",
+        memory_time: float | None = None,
         init_window: float = 30.72,
-        p0: Any = None,
-        parameters: str = "path",
         store_covariance: bool = False,
         roles: dict | None = None,
         dt: float | None = None,
@@ -402,17 +371,9 @@ class DelayBankARX(RecursiveLeastSquares):
         self.nb = nb
         self.inputs = inputs
         self.fit_intercept = fit_intercept
-        self.stay_time = stay_time
-        self.ahead = ahead
         self.path = path
-        self.forgetting = forgetting
-        self.memory_horizon = memory_horizon
         self.memory_time = memory_time
-        self.forgetting_form = forgetting_form
-        self.init = init
         self.init_window = init_window
-        self.p0 = p0
-        self.parameters = parameters
         self.store_covariance = store_covariance
         self.roles = roles
         self.dt = dt
@@ -432,12 +393,7 @@ class DelayBankARX(RecursiveLeastSquares):
 
         Raises
         ------
-        ValueError
-            If delays, forgetting, init or p0 do not fit the model.
-        ShortRunError
-            If a run has fewer rows than the lags of the longest delay need.
-        RunIndexError, IrregularSamplingError
-            If rows, runs or time violate the data convention.
+        {run_errors}
 
         Warns
         -----
@@ -480,28 +436,12 @@ class DelayBankARX(RecursiveLeastSquares):
         ]
         self.candidates_ = given
         self.orders_ = self._each_orders[-1]
-        if given.size > 1 and self.stay_time <= self.dt_:
-            raise ValueError(
-                f"stay_time must be longer than the sampling time, {self.dt_:g} s; got "
-                f"{self.stay_time:g} s. It is the mean time in seconds at one delay."
-            )
 
     def _read_forgetting(self, time: np.ndarray) -> Forgetting:
-        if isinstance(self.forgetting, str) and self.forgetting in ("auto", "variable"):
-            raise ValueError(
-                f"DelayBankARX does not take forgetting={self.forgetting!r}: candidates that "
-                "forget differently cannot be compared by their errors. Give one memory to all: "
-                "memory_time in s, memory_horizon in samples, or forgetting as a number."
-            )
-        return read_forgetting(
-            self.forgetting,
-            self.memory_horizon,
-            self.memory_time,
-            form=self.forgetting_form,
-            n_params=self.orders_.n_params,
-            time=time,
-            dt=self.dt_,
-        )
+        factor = 1.0
+        if self.memory_time is not None:
+            factor = forgetting_factor(memory_time=self.memory_time, dt=self.dt_)
+        return Forgetting(np.array([[factor]]))
 
     def _follow(
         self,
@@ -535,7 +475,7 @@ class DelayBankARX(RecursiveLeastSquares):
             chosen = paths.factors[block, at, :, place]
             updated = ~np.isnan(paths.errors[0, :, :, 0]).all(axis=1)
             self.covariance_path_ = self._covariance_along(chosen, np.cumsum(updated), bank, lane)
-        if data.grid.rows is None and self.path == "filtered" and not bank.forgetting.over_time:
+        if data.grid.rows is None and self.path == "filtered":
             alone = data.instants.n_runs == 1
             rows = BankRows(bank, data, paths.theta) if alone else BankRows(bank)
             self._leave_for_streams(rows, data.grid.layout)
@@ -627,14 +567,6 @@ class DelayBankARX(RecursiveLeastSquares):
             raise ValueError(
                 "partial_fit cannot find the most probable path, which needs whole runs: give "
                 "path='filtered', or call fit."
-            )
-        over_time = np.ndim(self.forgetting) > 0 and np.shape(self.forgetting) != (
-            len(vars(self).get("parameter_names_", self.forgetting)),
-        )
-        if callable(self.forgetting) or over_time:
-            raise ValueError(
-                "partial_fit of DelayBankARX takes one forgetting factor, or one per parameter, "
-                "for all time."
             )
 
     def _read_anew(self) -> tuple[Any, ...]:

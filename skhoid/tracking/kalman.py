@@ -23,7 +23,6 @@ SETTLING = 3.0  # s before residuals count
 LAGS = np.geomspace(0.02, 0.5, 15)  # s, time constants of a remnant that are tried
 SHARES = 10.0 ** np.arange(-4.0, 0.6, 0.5)  # of white noise in the remnant's variance, tried
 BAND = (0.1, 4.0)  # Hz in which a residual shows the remnant: not errors of parameters or hold
-MOST_REMNANT_ORDER = 4
 DOUBTFUL = 2.0  # standard errors below which the sign of a gain is not believed
 JITTER = 1e-6  # of the variance of z, per second, as noise that keeps covariances regular
 ERRORS = (0.05, 0.3)  # of logarithms, between which those of a batch fit are taken
@@ -51,16 +50,14 @@ class Noise:
 class Start:
     """What a filter begins with: parameters in the order of ``NAMES``, and noise.
 
-    With a ``covariance``, it is kept. ``usual_square`` is that of an innovation over its variance.
-    ``intercept`` is the constant part of the output, which the filter does not see.
+    ``usual_square`` is that of an innovation over its variance; ``intercept`` the constant part of
+    the output, which the filter does not see.
     """
 
     parameters: np.ndarray
     noise: Noise
     errors: np.ndarray  # standard deviations of the logarithms
     sizes: np.ndarray  # variances of z and z'
-    spread: float = np.nan  # of the logarithm of a gain after a second, if all is constant
-    covariance: np.ndarray | None = None
     usual_square: float = 1.0
     intercept: float = 0.0
 
@@ -78,13 +75,13 @@ def cascade(order: int, time_constant: float, dt: float) -> tuple[np.ndarray, np
 
 def given_values(init: Mapping[str, Any]) -> np.ndarray:
     """Start values from a dict, in the order of ``NAMES``."""
-    known = {name: float(value) for name, value in init.items() if name != "remnant"}
+    known = {name: float(value) for name, value in init.items()}
     if "T_L" in known and "K_edot" not in known and "K_e" in known:
         known["K_edot"] = known.pop("T_L") * known["K_e"]
     if set(known) != set(NAMES):
         raise ValueError(
             f"init must be 'batch' or a dict with {', '.join(NAMES)} (T_L instead of K_edot is "
-            f"fine) and, if known, remnant, its standard deviation; got {sorted(init)}."
+            f"fine); got {sorted(init)}."
         )
     values = np.array([known[name] for name in NAMES])
     if not np.isfinite(values).all() or (values[:3] <= 0).any() or (values[3:] == 0).any():
@@ -150,7 +147,7 @@ def settings_of(
     """Settings of the kernel for a lane.
 
     ``walk`` are the standard deviations of the change of each logarithm in a second; ``bounds``
-    the logarithms of the bounds of omega_nm, zeta_nm and tau_e.
+    those of the logarithms of omega_nm, zeta_nm and tau_e.
     """
     kernel = _kernels.kalman
     at = kernel.settings_layout(start.noise.order)
@@ -226,33 +223,30 @@ def simulated(
     return errors[0, :, 0], filtered[0, :, 5:7]
 
 
-def fitted_noise(
-    residuals: list[np.ndarray], dt: float, orders: list[int], time_constant: float | None
-) -> Noise:
-    """The remnant most likely behind residuals of runs (Whittle), of the likeliest order.
+def fitted_noise(residuals: list[np.ndarray], dt: float, order: int) -> Noise:
+    """The remnant of an order most likely behind residuals of runs (Whittle).
 
     Each residual's periodogram is compared with the spectrum of a sampled cascade of lags with
     white noise added.
     """
     variance = float(np.mean(np.concatenate([r[~np.isnan(r)] for r in residuals]) ** 2))
     variance = max(variance, 1e-300)
-    if orders == [0]:
+    if order == 0:
         return Noise(0, 1.0, 0.0, variance)
     powers, angles = zip(*(periodogram(r, dt) for r in residuals), strict=True)
     power, angle = np.concatenate(powers), np.concatenate(angles)
     z = np.exp(1j * angle)
-    best = (np.inf, Noise(max(orders), 0.06, variance, 1e-3 * variance))
-    for order in orders:
-        for lag in LAGS if time_constant is None else [time_constant]:
-            transition, stationary = cascade(order, lag, dt)
-            drive = stationary - transition @ stationary @ transition.T
-            spectrum = cascade_spectrum(transition, drive, z)
-            for share in SHARES:
-                shape = spectrum + share
-                scale = float(np.mean(power / shape))
-                cost = float(np.mean(np.log(shape)) + np.log(max(scale, 1e-300)))
-                if cost < best[0]:
-                    best = (cost, Noise(order, float(lag), scale, scale * share))
+    best = (np.inf, Noise(order, 0.06, variance, 1e-3 * variance))
+    for lag in LAGS:
+        transition, stationary = cascade(order, lag, dt)
+        drive = stationary - transition @ stationary @ transition.T
+        spectrum = cascade_spectrum(transition, drive, z)
+        for share in SHARES:
+            shape = spectrum + share
+            scale = float(np.mean(power / shape))
+            cost = float(np.mean(np.log(shape)) + np.log(max(scale, 1e-300)))
+            if cost < best[0]:
+                best = (cost, Noise(order, float(lag), scale, scale * share))
     return best[1]
 
 
@@ -295,15 +289,15 @@ METHODS = {
     "ekf": "extended Kalman filter",
     "dual_ekf": "dual extended Kalman filter",
 }
-BOUNDS = {"omega_nm": (3.0, 30.0), "zeta_nm": (0.05, 1.0), "tau_e": (0.05, 0.6)}
+BOUNDS = np.log([[3.0, 30.0], [0.05, 1.0], [0.05, 0.6]])  # omega_nm (rad/s), zeta_nm, tau_e (s)
+GATE = 4.0  # standard deviations of an innovation from which on its influence no longer grows
+NOISE_MEMORY = 10.0  # s over which the scale of the noise follows the innovations
 RATIOS = {"omega_nm": 0.1, "zeta_nm": 0.1, "tau_e": 0.1, "K_e": 1.0, "K_edot": 1.0}
 REACH = 3.0**0.5  # of sigma points: alpha = 1, kappa = 3 - n
 BEND = 1.0  # beta - alpha^2 with beta = 2
 MOST_VARIANCE = 1.0
 SCALES = (0.05, 50.0)  # between which the noise's scale stays
 GIVEN_ERROR = 0.3  # standard deviation of logarithms of parameters that are given
-GIVEN_SHARE = 0.01  # of white noise in a remnant that is given
-FLAT = 10.0  # standard deviation of logarithms about which nothing is known
 NOTHING, NOTHING_WIDE = np.empty((0, 0, 0)), np.empty((0, 0, 0, 0))
 OFFSET = 0.2  # of the output's standard deviation, from which on a constant part is told
 REMEMBERED = 0.5  # s between residuals that have little to do with each other
@@ -378,39 +372,16 @@ def lanes_of(data: DataToFit, instants: Instants) -> Lanes:
     return Lanes(instants.number, e, y, fresh)
 
 
-def log_bounds(bounds: Mapping[str, Any] | None) -> np.ndarray:
-    """Logarithms of the bounds of omega_nm, zeta_nm and tau_e, of shape (3, 2)."""
-    given = {**BOUNDS, **(bounds or {})}
-    refusal = (
-        "bounds must be a dict {name: (low, high)} with 0 < low < high for omega_nm, zeta_nm or "
-        f"tau_e; got {bounds!r}."
-    )
-    if set(given) != set(BOUNDS):
-        raise ValueError(refusal)
-    try:
-        pairs = np.array([given[name] for name in BOUNDS], dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ValueError(refusal) from error
-    if pairs.shape != (3, 2) or not np.isfinite(pairs).all():
-        raise ValueError(refusal)
-    if (pairs[:, 0] <= 0).any() or (pairs[:, 0] >= pairs[:, 1]).any():
-        raise ValueError(refusal)
-    return np.log(pairs)
-
-
-def walk_of(model: Any, start: Start) -> np.ndarray:
+def walk_of(process_noise: Any) -> np.ndarray:
     """Standard deviation of the change of each logarithm in a second."""
-    given = model.process_noise
-    if model.memory_time is not None:
-        given = start.spread / float(model.memory_time)
-    if not isinstance(given, Mapping):
-        return float(given) * np.array([RATIOS[name] for name in NAMES])
-    wrong = set(given) ^ set(NAMES)
-    values = np.array([float(given.get(name, np.nan)) for name in NAMES])
+    if not isinstance(process_noise, Mapping):
+        return float(process_noise) * np.array([RATIOS[name] for name in NAMES])
+    wrong = set(process_noise) ^ set(NAMES)
+    values = np.array([float(process_noise.get(name, np.nan)) for name in NAMES])
     if wrong or not np.isfinite(values).all() or (values < 0).any():
         raise ValueError(
             f"process_noise must be a number or a dict with a number, at least 0, for each of "
-            f"{', '.join(NAMES)}; got {given!r}."
+            f"{', '.join(NAMES)}; got {process_noise!r}."
         )
     return values
 
@@ -418,10 +389,9 @@ def walk_of(model: Any, start: Start) -> np.ndarray:
 class KalmanPlan:
     """What all filters of a model have in common."""
 
-    def __init__(self, model: Any, dt: float, bounds: np.ndarray) -> None:
-        self.model, self.dt, self.bounds = model, dt, bounds
-        names = [*METHODS]
-        self.method = names.index(model.method)
+    def __init__(self, model: Any, dt: float) -> None:
+        self.model, self.dt = model, dt
+        self.method = [*METHODS].index(model.method)
 
     def start(self, windows: list[Window]) -> Start:
         """Parameters and noise to begin with."""
@@ -435,9 +405,7 @@ class KalmanPlan:
                 levels = [np.nanmean(np.concatenate([row[i] for row in rows])) for i in (1, 2)]
                 rows = [(numbers, e - levels[0], y - levels[1]) for numbers, e, y in rows]
             values, deviations = batch_values(rows, self.dt)
-        if model.p0 is not None:
-            deviations = np.full(5, float(model.p0))
-        values[:3] = np.clip(values[:3], *np.exp(self.bounds.T))
+        values[:3] = np.clip(values[:3], *np.exp(BOUNDS.T))
         residuals, states = [], []
         for w in windows:
             e = np.where(np.isnan(w.e), 0.0, w.e)
@@ -449,12 +417,7 @@ class KalmanPlan:
         residuals = [residual - intercept for residual in residuals]
         noise = self._noise(residuals, windows)
         start = Start(values, noise, deviations, sizes, intercept=intercept)
-        start = replace(start, usual_square=self._usual_square(start, windows))
-        if model.memory_time is not None:
-            start = replace(start, spread=self._spread(start, windows))
-        if model.covariance == "constant":
-            start = replace(start, covariance=self._steady(start, windows))
-        return start
+        return replace(start, usual_square=self._usual_square(start, windows))
 
     def _intercept(self, residuals: list[np.ndarray], windows: list[Window]) -> float:
         """Constant part of the output; a large one of which the model does not know is told."""
@@ -483,45 +446,12 @@ class KalmanPlan:
         return 0.0
 
     def _noise(self, residuals: list[np.ndarray], windows: list[Window]) -> Noise:
-        model = self.model
-        order, constant = model.remnant_order, model.remnant_time_constant
-        if isinstance(model.init, Mapping) and "remnant" in model.init and constant is not None:
-            variance = float(model.init["remnant"]) ** 2
-            order = 1 if order == "auto" else order
-            white = GIVEN_SHARE * variance if order else variance
-            return Noise(order, constant, variance if order else 0.0, white)
-        orders = [*range(1, MOST_REMNANT_ORDER + 1)] if order == "auto" else [int(order)]
         if not residuals or max(int((~np.isnan(r)).sum()) for r in residuals) < 50:
             raise ShortRunError(
                 f"The first window holds {sum(w.y.size for w in windows)} rows, too few to "
-                "estimate the remnant. Give a longer init_window, or init={..., 'remnant': "
-                "standard deviation} and remnant_time_constant."
+                "estimate the remnant. Give a longer init_window."
             )
-        return fitted_noise(residuals, self.dt, orders, constant)
-
-    def _steady(self, start: Start, windows: list[Window]) -> np.ndarray:
-        """Mean covariance of an ordinary filter over the second half of the windows."""
-        means = []
-        for w in windows:
-            rows = KalmanRows(self, start)
-            half = w.y.size // 2
-            rows.run(w.e[:half], w.y[:half], w.fresh[:half])
-            n = 7 + start.noise.order
-            kept = np.zeros((1, w.y.size - half, n + n * n))
-            rows.run(w.e[half:], w.y[half:], w.fresh[half:], filtered=kept)
-            means.append(kept[0, :, n:].mean(axis=0).reshape(n, n))
-        return np.mean(means, axis=0)
-
-    def _spread(self, start: Start, windows: list[Window]) -> float:
-        """Standard deviation of the gains' logarithms after windows, times the root of seconds."""
-        total, seconds = np.zeros((5, 5)), 0.0
-        for w in windows:
-            rows = KalmanRows(self, start, method=_kernels.kalman.EKF, fixed=True)
-            rows.run(w.e, w.y, w.fresh)
-            total += np.linalg.inv(rows.covariance[:5, :5])
-            seconds += w.y.size * self.dt
-        variances = np.diag(np.linalg.inv(total))[3:]
-        return float(np.sqrt(np.sqrt(variances.prod()) * seconds))
+        return fitted_noise(residuals, self.dt, int(self.model.remnant_order))
 
     def _usual_square(self, start: Start, windows: list[Window]) -> float:
         """Mean square of innovations over their variance with the parameters of the start.
@@ -530,7 +460,7 @@ class KalmanPlan:
         """
         squares, updates = 0.0, 0.0
         for w in windows:
-            rows = KalmanRows(self, start, method=_kernels.kalman.EKF, fixed=True, p0=0.0)
+            rows = KalmanRows(self, start, method=_kernels.kalman.EKF, fixed=True)
             rows.run(w.e, w.y, w.fresh)
             squares += float(rows.number("squares")[0])
             updates += float(rows.number("updates")[0])
@@ -538,17 +468,15 @@ class KalmanPlan:
 
     def options(self, *, fixed: bool) -> dict[str, float]:
         """Settings of the kernel that are numbers."""
-        model = self.model
-        memory = None if fixed else model.noise_memory
         return {
             "reach": REACH,
             "bend": BEND,
-            "gate": np.inf if fixed else float(model.gate),
+            "gate": np.inf if fixed else GATE,
             "usual_square": 1.0,
-            "scale_gain": 0.0 if memory is None else min(self.dt / memory, 0.1),
+            "scale_gain": 0.0 if fixed else min(self.dt / NOISE_MEMORY, 0.1),
             "least_scale": SCALES[0],
             "most_scale": SCALES[1],
-            "most_variance": FLAT**2 if fixed else max(MOST_VARIANCE, (model.p0 or 0.0) ** 2),
+            "most_variance": MOST_VARIANCE,
             "frozen": 0.0,
         }
 
@@ -563,22 +491,17 @@ class KalmanRows(Recursion):
         *,
         method: int | None = None,
         fixed: bool = False,
-        p0: float = FLAT,
     ) -> None:
         self.start = start
-        self.walk = np.zeros(5) if fixed else walk_of(plan.model, start)
+        self.walk = np.zeros(5) if fixed else walk_of(plan.model.process_noise)
         options = plan.options(fixed=fixed)
-        frozen = start.covariance is not None
-        options["frozen"] = float(frozen)
         options["usual_square"] = start.usual_square
-        self.settings = settings_of(start, plan.dt, self.walk, plan.bounds, options)[None]
-        deviations = np.full(5, p0) if fixed else start.errors
-        self.state = state_of(start, plan.dt, deviations, plan.bounds)[None]
+        self.settings = settings_of(start, plan.dt, self.walk, BOUNDS, options)[None]
+        deviations = np.zeros(5) if fixed else start.errors
+        self.state = state_of(start, plan.dt, deviations, BOUNDS)[None]
         order = start.noise.order
         self._kind = order, plan.method if method is None else method
         self.at, self.n = _kernels.kalman.layout(order), 7 + order
-        if start.covariance is not None:
-            self.covariance[:] = start.covariance
         self._signs = np.sign(start.parameters)
         self.fresh = True
 

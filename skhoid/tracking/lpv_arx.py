@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
 from numbers import Integral
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from scipy.sparse import issparse
 from sklearn.base import clone
 from sklearn.preprocessing import PolynomialFeatures
 
 from .._sklearn import DT, HasMethods, Interval, StrOptions, fit_context
-from ..arx.base import BaseARX, check_row_count
-from ..arx.least_squares import Triangle, newey_west, rank_error
+from ..arx.base import BaseARX, arx_parameter_table, check_row_count
+from ..arx.least_squares import Triangle, rank_error
 from ..arx.model_summary import CLOSED_LOOP, JUDGE, WHITE, orders_text
 from ..arx.orders import regressor_blocks
 from ..arx.rls import Instants, grid_numbers
 from ..exceptions import RankDeficiencyError
-from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
 from ..regression import DataToFit, columns_of
 from ..runs import input_columns
@@ -35,11 +33,10 @@ class Schedule:
     """A basis as a user gives it, fitted if it is a transformer."""
 
     basis: Any
-    channels: list[str]
     descriptions: list[str]
 
     @classmethod
-    def fitted(cls, basis: Any, degree: int, signal: np.ndarray, channels: list[str]) -> Schedule:
+    def fitted(cls, basis: Any, signal: np.ndarray, channels: list[str]) -> Schedule:
         """Check a basis on a signal of shape (n, n_channels) without NaN, and fit transformers."""
         if len(signal) == 0:
             raise ValueError(
@@ -47,23 +44,15 @@ class Schedule:
                 "was measured."
             )
         if isinstance(basis, str):
-            basis = PolynomialFeatures(1 if basis == "linear" else degree)
+            basis = PolynomialFeatures(1)
         if hasattr(basis, "transform"):
             basis = clone(basis).fit(signal)
-            names = [str(n) for n in basis.get_feature_names_out(channels)]
-            return cls(basis, channels, names)
-        if not callable(basis) and not all(map(callable, basis)):
-            raise ValueError(
-                f"basis must be 'linear', 'polynomial', a function, a list of functions, or a "
-                f"transformer; got {basis!r}."
-            )
-        n_functions = cls(basis, channels, [])._evaluated(signal).shape[1]
-        if isinstance(basis, Sequence):
-            return cls(basis, channels, ["1", *map(_name, basis)])
-        argument = signal[:, 0] if signal.shape[1] == 1 else signal
-        if np.ndim(basis(argument.copy())) == 1:
-            return cls(basis, channels, ["1", _name(basis)])
-        return cls(basis, channels, [f"{_name(basis)}[{j}]" for j in range(n_functions)])
+            return cls(basis, [str(n) for n in basis.get_feature_names_out(channels)])
+        n_functions = cls(basis, []).evaluated(signal).shape[1]
+        names = [f"{_name(basis)}[{j}]" for j in range(n_functions)]
+        if np.ndim(basis(_argument(signal))) == 1:
+            names = ["1", _name(basis)]
+        return cls(basis, names)
 
     def described(self) -> list[str]:
         return [f"{j}: {text}" for j, text in enumerate(self.descriptions)]
@@ -73,61 +62,45 @@ class Schedule:
         known = ~np.isnan(signal).any(axis=1)
         values = np.full((len(signal), len(self.descriptions)), np.nan)
         if known.any():
-            found = self._evaluated(signal[known])
-            if found.shape[1] != values.shape[1]:
-                raise ValueError(
-                    f"basis gave {values.shape[1]} functions in fit, and now {found.shape[1]}."
-                )
-            values[known] = found
+            values[known] = self.evaluated(signal[known])
         return values
 
-    def _evaluated(self, signal: np.ndarray) -> np.ndarray:
+    def evaluated(self, signal: np.ndarray) -> np.ndarray:
+        """Functions of a signal, with 1 before them where one function gives one number a row."""
         if hasattr(self.basis, "transform"):
             found = self.basis.transform(signal)
             return np.asarray(found.toarray() if issparse(found) else found, dtype=np.float64)
-        argument = signal[:, 0] if signal.shape[1] == 1 else signal
-        if not isinstance(self.basis, Sequence):
-            return _checked(self.basis, argument, may_be_table=True)
-        columns = [_checked(f, argument, may_be_table=False)[:, 1] for f in self.basis]
-        return np.column_stack([np.ones(len(signal)), *columns])
+        name, n, argument = _name(self.basis), len(signal), _argument(signal)
+        try:
+            values = np.asarray(self.basis(argument), dtype=np.float64)
+        except (TypeError, ValueError, ArithmeticError, LookupError) as error:
+            raise ValueError(
+                f"The basis {name} failed for the array s of {argument.shape} values ({error}). It "
+                "is called with all rows at once: choose between values with np.where, not if."
+            ) from error
+        if values.ndim not in (1, 2) or len(values) != n or not values.size:
+            raise ValueError(
+                f"The basis {name} returned the shape {values.shape} for the scheduling s of shape "
+                f"{argument.shape}. It must return ({n},) or ({n}, n_functions)."
+            )
+        if not np.isfinite(values).all():
+            row = int(np.flatnonzero(~np.isfinite(values.reshape(n, -1)).all(axis=1))[0])
+            raise ValueError(
+                f"The basis {name} is not finite for s = {argument[row]}. It must be finite "
+                "wherever s is."
+            )
+        return np.column_stack([np.ones(n), values]) if values.ndim == 1 else values
 
 
-def _checked(function: Any, argument: np.ndarray, *, may_be_table: bool) -> np.ndarray:
-    """Values of a function, with 1 before them where it gives one number per row."""
-    name, n = _name(function), len(argument)
-    try:
-        values = np.asarray(function(argument.copy()), dtype=np.float64)
-    except (TypeError, ValueError, ArithmeticError, LookupError) as error:
-        raise ValueError(
-            f"The basis {name} failed for the array s of {argument.shape} values ({error}). It is "
-            "called with all rows at once: choose between values with np.where, not if."
-        ) from error
-    allowed = (n,) == values.shape or (may_be_table and values.ndim == 2 and len(values) == n)
-    if not allowed or (values.ndim == 2 and values.shape[1] == 0):
-        wanted = f"({n},) or ({n}, n_functions)" if may_be_table else f"({n},)"
-        raise ValueError(
-            f"The basis {name} returned the shape {values.shape} for the scheduling s of shape "
-            f"{argument.shape}. It must return {wanted}."
-        )
-    if not np.isfinite(values).all():
-        row = int(np.flatnonzero(~np.isfinite(values.reshape(n, -1)).all(axis=1))[0])
-        raise ValueError(
-            f"The basis {name} is not finite for s = {argument[row]}. It must be finite wherever s "
-            "is."
-        )
-    return np.column_stack([np.ones(n), values]) if values.ndim == 1 else values
+def _argument(signal: np.ndarray) -> np.ndarray:
+    """The scheduling as functions get it: without the axis of a single channel."""
+    return signal[:, 0].copy() if signal.shape[1] == 1 else signal.copy()
 
 
 def _name(function: Any) -> str:
     return str(getattr(function, "__name__", repr(function)))
 
 
-def grid_times(grid: ModelGrid) -> np.ndarray:
-    """Time in the run in seconds of each row of a grid."""
-    return grid_numbers(grid) * grid.dt
-
-
-NORMAL_95 = 1.96
 PATH = ("coef_path_", "time_path_", "covariance_path_")
 
 
@@ -139,31 +112,23 @@ class LPVARX(BaseARX):
 
     Parameters
     ----------
-    na, nb, nk : int, or one per input for nb and nk, default=2, 2, 0
-        Orders and input delay, as for :class:`ARXRegressor`.
+    {orders}
     scheduling : "time", column name or position, or list of them, default="time"
         What the coefficients depend on: the time in the run in seconds, or columns of X, which are
         not linear inputs then.
-    basis : {"linear", "polynomial"}, callable, list of callables, or transformer, default="linear"
-        The functions μ_j. ``"linear"``: 1 and s. ``"polynomial"``: all products of powers of s up
-        to ``degree``. A callable gets s, of shape (n,), or (n, n_channels) for several, and returns
-        (n,), such as a :class:`Sigmoid` with the values 0 and 1, for the functions 1 and that one,
-        or (n, n_functions). A list stands for 1 and all of them. A transformer of scikit-learn,
-        such as ``SplineTransformer``, is fitted on s of shape (n, n_channels).
-    degree : int, default=2
-        Degree of ``basis="polynomial"``.
+    basis : "linear", callable or transformer, default="linear"
+        The functions μ_j. ``"linear"``: 1 and s. A callable gets s, of shape (n,), or (n,
+        n_channels) for several, and returns (n,), such as a :class:`Sigmoid` with the values 0 and
+        1, for the functions 1 and that one, or (n, n_functions). A transformer of scikit-learn,
+        such as ``PolynomialFeatures`` or ``SplineTransformer``, is fitted on s of shape (n,
+        n_channels).
     varying : {"all", "inputs"}, default="all"
         Which coefficients vary: all, or those of the inputs alone, while those of the output (the
         poles) and the constant do not.
     inputs : list of column names or positions, or None, default=None
         Linear inputs. None means the column named ``e`` if there is one, else all columns but those
         of ``scheduling``.
-    fit_intercept : bool, default=False
-        Add a constant c to the regressors.
-    covariance : {"ols", "hac"}, default="ols"
-        ``"ols"`` takes the equation error as white; ``"hac"`` (Newey and West) allows for the
-        coloured error that remnant leaves.
-    {roles, dt, run}
+    {fit_intercept, roles, dt, run}
 
     Attributes
     ----------
@@ -185,8 +150,7 @@ class LPVARX(BaseARX):
         The parts of ``coef_``.
     covariance_ : ndarray of shape (n_params, n_params)
         Covariance of ``coef_``.
-    standard_errors_ : ndarray of shape (n_params,)
-        Square roots of its diagonal.
+    {standard_errors_}
     parameters_ : DataFrame
         Estimates: value, sd, low and high (95 % interval), unit, meaning. ``b0[1]`` belongs to the
         second function, ``b0`` does not vary.
@@ -199,10 +163,7 @@ class LPVARX(BaseARX):
         NaN.
     scheduling_ : list of str
         Names of the scheduling channels, or ``["time"]``.
-    {dt_, inputs_}
-    jitter_ : float
-        Largest deviation of a step of the clock, as a fraction of the sampling time.
-    {n_features_in_, feature_names_in_}
+    {dt_, inputs_, jitter_, n_features_in_, feature_names_in_}
 
     See Also
     --------
@@ -247,17 +208,13 @@ class LPVARX(BaseARX):
         "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
         "scheduling": "no_validation",
         "basis": [
-            StrOptions({"linear", "polynomial"}),
+            StrOptions({"linear"}),
             callable,
-            list,
-            tuple,
             HasMethods(["fit", "transform"]),
         ],
-        "degree": [Interval(Integral, 0, None, closed="left")],
         "varying": [StrOptions({"all", "inputs"})],
         "inputs": "no_validation",
         "fit_intercept": ["boolean"],
-        "covariance": [StrOptions({"ols", "hac"})],
         "roles": [dict, None],
         "dt": DT,
         "run": "no_validation",
@@ -271,11 +228,9 @@ class LPVARX(BaseARX):
         *,
         scheduling: Any = TIME,
         basis: Any = "linear",
-        degree: int = 2,
         varying: str = "all",
         inputs: Any = None,
         fit_intercept: bool = False,
-        covariance: str = "ols",
         roles: dict | None = None,
         dt: float | None = None,
         run: Any = None,
@@ -285,11 +240,9 @@ class LPVARX(BaseARX):
         self.nk = nk
         self.scheduling = scheduling
         self.basis = basis
-        self.degree = degree
         self.varying = varying
         self.inputs = inputs
         self.fit_intercept = fit_intercept
-        self.covariance = covariance
         self.roles = roles
         self.dt = dt
         self.run = run
@@ -310,10 +263,7 @@ class LPVARX(BaseARX):
         ------
         RankDeficiencyError
             If the coefficients cannot all be estimated; the message names the cause.
-        ShortRunError
-            If a run has fewer rows than the lags need.
-        RunIndexError, IrregularSamplingError
-            If rows, runs or time violate the data convention.
+        {run_errors}
         ValueError
             If ``scheduling`` is not a channel or also an input, or ``basis`` does not return what
             it should.
@@ -332,7 +282,7 @@ class LPVARX(BaseARX):
         begin, end = grid.begin[grid.measured], grid.end[grid.measured]
         measured = np.repeat(grid.measured, grid.end - grid.begin)
         known = measured & ~np.isnan(signal).any(axis=1)
-        self._schedule = Schedule.fitted(self.basis, self.degree, signal[known], self.scheduling_)
+        self._schedule = Schedule.fitted(self.basis, signal[known], self.scheduling_)
         functions = self._schedule.functions(signal)
         self._spread_out(functions.shape[1])
         triangle = Triangle.of_blocks(
@@ -348,18 +298,7 @@ class LPVARX(BaseARX):
         self._check_rank(triangle, data)
         self.estimates_ = triangle.solve()
         self.noise_variance_ = triangle.rss / max(n_rows - self._entry.size, 1)
-        bread = triangle.inverse_information()
-        self.estimates_covariance_ = self.noise_variance_ * bread
-        if self.covariance == "hac":
-            # The sum over influences, not of scores, keeps variances positive near collinearity.
-            scores, rows = [], []
-            for table, of_table in self._blocks(data, functions):
-                errors = table[:, -1] - table[:, :-1] @ self.estimates_
-                scores.append((table[:, :-1] * errors[:, None]) @ bread)
-                rows.append(of_table)
-            self.estimates_covariance_ = newey_west(
-                np.concatenate(scores), np.concatenate(rows), grid.begin
-            )
+        self.estimates_covariance_ = self.noise_variance_ * triangle.inverse_information()
         self._show(functions[known].mean(axis=0), grid)
         return self
 
@@ -410,7 +349,7 @@ class LPVARX(BaseARX):
     def _signal(self, grid: ModelGrid, columns: np.ndarray) -> np.ndarray:
         """Scheduling signal on the grid, of shape (n_rows, n_channels)."""
         if not self._channels:
-            return grid_times(grid)[:, None]
+            return (grid_numbers(grid) * grid.dt)[:, None]
         return columns_of(columns, self._channels).astype(np.float64)
 
     def _spread_out(self, n_functions: int) -> None:
@@ -483,18 +422,9 @@ class LPVARX(BaseARX):
         sd = np.sqrt(np.diag(self.estimates_covariance_))
         units, described = self._coefficient_units(), self._schedule.descriptions
         fixed = len(described) if self._with_constant else -1
-        self.parameters_ = pd.DataFrame(
-            {
-                "value": self.estimates_,
-                "sd": sd,
-                "low": self.estimates_ - NORMAL_95 * sd,
-                "high": self.estimates_ + NORMAL_95 * sd,
-                "unit": [units[i] for i in self._entry],
-                "meaning": [
-                    "constant" if j == fixed else f"times {described[j]}" for j in self._function
-                ],
-            },
-            index=pd.Index(self._estimate_names(), name="parameter"),
+        meaning = ["constant" if j == fixed else f"times {described[j]}" for j in self._function]
+        self.parameters_ = arx_parameter_table(
+            self._estimate_names(), self.estimates_, sd, [units[i] for i in self._entry], meaning
         )
         for name in PATH:
             self.__dict__.pop(name, None)
@@ -616,12 +546,9 @@ class LPVARX(BaseARX):
             **self._grid_facts(),
             "Residual sd": self._residual_sd(),
         }
-        hac = as_fitted(self).covariance == "hac"
         notes = [
             f"[j] belongs to function j: {', '.join(self._schedule.described())}.",
-            "Standard errors allow for a coloured equation error (Newey and West)."
-            if hac
-            else WHITE.format('; covariance="hac" allows for a coloured one'),
+            WHITE.format(""),
             CLOSED_LOOP.format(""),
             JUDGE.format(" is"),
         ]

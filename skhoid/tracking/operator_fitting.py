@@ -6,10 +6,10 @@ What :class:`~skhoid.tracking.windowed_operator.WindowedOperator` and
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,10 +57,9 @@ class OperatorRecord:
     time: np.ndarray
     stretches: np.ndarray
     dt: float
-    longest_delay: float
 
     @classmethod
-    def of(cls, data: DataToFit, e: np.ndarray, longest_delay: float) -> OperatorRecord:
+    def of(cls, data: DataToFit, e: np.ndarray) -> OperatorRecord:
         grid = data.grid
         rows = np.stack([grid.begin, grid.end, grid.past], axis=1)[grid.measured]
         number = grid_numbers(grid)
@@ -73,7 +72,6 @@ class OperatorRecord:
             _kernels.gate(number * grid.dt),
             rows.astype(np.int64),
             grid.dt,
-            longest_delay,
         )
 
     @property
@@ -91,7 +89,7 @@ class OperatorRecord:
         for begin, end, past in self.stretches.tolist():
             base = int(self.number[begin])
             a, b = max(begin, begin + first - base), min(end, begin + last - base)
-            wait = past + int(np.ceil(self.longest_delay / self.dt)) + 2 - a
+            wait = past + int(np.ceil(LIMITS["tau_e"][1] / self.dt)) + 2 - a
             a += min(max(wait, 0), int(FORGOTTEN * max(b - a, 0)))
             if b - a <= order * self.thin:
                 continue
@@ -208,12 +206,11 @@ class OperatorSearch:
     def of(
         cls,
         record: OperatorRecord,
-        limits: Mapping[str, tuple[float, float]],
         share_of: Sequence[int] | np.ndarray = CONSTANT,
         sigmoids: Sequence[tuple[tuple[float, float], tuple[float, float]]] = (),
     ) -> OperatorSearch:
         """``sigmoids`` has bounds of log G and of M for each."""
-        rows = [np.log(limits["omega_nm"]), np.log(limits["zeta_nm"]), limits["tau_e"]]
+        rows = [np.log(LIMITS["omega_nm"]), np.log(LIMITS["zeta_nm"]), LIMITS["tau_e"]]
         rows += rows[:2]
         for rate, middle in sigmoids:
             rows += [rate, middle]
@@ -292,23 +289,6 @@ def scaled_inverse(normal: np.ndarray) -> np.ndarray:
     lost = (vectors[:, ~determined] ** 2).sum(axis=1) > 1e-6
     inverse[lost, lost] = np.inf
     return inverse / np.outer(scale, scale)
-
-
-def read_limits(
-    limits: Mapping[str, Any] | None, **others: tuple[float, float]
-) -> dict[str, tuple[float, float]]:
-    """Bounds of omega_nm, zeta_nm, tau_e and ``others``: those given, else the usual ones."""
-    found = LIMITS | others
-    for name, pair in dict(limits or {}).items():
-        if name not in found:
-            raise ValueError(f"bounds has no {name!r}; there are {list(found)}.")
-        values = np.asarray(pair, dtype=float)
-        if values.shape != (2,) or not 0 < values[0] < values[1] < np.inf:
-            raise ValueError(
-                f"bounds of {name} must be (low, high) with 0 < low < high; got {pair!r}."
-            )
-        found[name] = (float(values[0]), float(values[1]))
-    return found
 
 
 def too_short(name: str, record: OperatorRecord, needed: int, n_samples: int) -> ShortRunError:

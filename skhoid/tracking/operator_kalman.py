@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
 from numbers import Integral, Real
 from typing import Any
 
@@ -23,7 +22,6 @@ from .kalman import (
     Lanes,
     combined,
     lanes_of,
-    log_bounds,
     run_lanes,
 )
 from .operator_path import OperatorPath, operator_frame
@@ -52,55 +50,26 @@ class OperatorKalman(Streaming, OperatorPath):
         and is noisier. The logarithms of the other parameters change a tenth of it. A dict,
         ``{"omega_nm": ..., "zeta_nm": ..., "tau_e": ..., "K_e": ..., "K_edot": ...}``, gives each
         its own.
-    memory_time : float or None, default=None
-        Instead of ``process_noise``: the seconds T of data behind the gains' estimates in the
-        steady state, from which it is s / T, where s / √t would be the standard deviation of their
-        logarithms after t seconds if parameters were constant (by the first window).
-    remnant_order : {"auto", 0, 1, 2, 3, 4}, default=1
-        Order of the remnant's filter, 1 / (T_n s + 1)^m; 0 takes it as white. ``"auto"`` takes the
-        most likely one in the first window.
-    remnant_time_constant : float or None, default=None
-        T_n in s; None estimates it in the first window.
-    covariance : {"updated", "constant"}, default="updated"
-        ``"constant"`` keeps the covariance at its mean over the second half of the first window
-        (Rojer and others 2019).
+    remnant_order : {0, 1, 2, 3, 4}, default=1
+        Order of the remnant's filter, 1 / (T_n s + 1)^m; 0 takes it as white. T_n is estimated in
+        the first window.
     init : "batch" or dict, default="batch"
         Parameters to start from: a batch fit of the first window of each run
         (:class:`OperatorRegressor`), or ``{"K_e": ..., "K_edot" or "T_L": ..., "omega_nm": ...,
-        "zeta_nm": ..., "tau_e": ...}`` in their units. With ``"remnant"``, the remnant's
-        standard deviation, and ``remnant_time_constant``, no window is needed.
+        "zeta_nm": ..., "tau_e": ...}`` in their units.
     init_window : float, default=25.0
         Seconds of the first window of each run, from its first row that is not NaN.
-    p0 : float or None, default=None
-        Standard deviation of the logarithms at the start. None takes the standard errors of the
-        batch fit, between 0.05 and 0.3, and 0.3 with ``init`` as a dict.
-    bounds : dict or None, default=None
-        Ranges in which omega_nm (rad/s), zeta_nm and tau_e (s) stay, ``{name: (low, high)}``; by
-        default (3, 30), (0.05, 1) and (0.05, 0.6). Gains stay within a factor 50 of their start.
-    gate : float, default=4.0
-        Standard deviations of an innovation from which on it counts as if it had more noise, so
-        that its influence no longer grows (Huber's weight). May be infinite.
-    noise_memory : float or None, default=10.0
-        Seconds over which the scale of the noise follows the innovations; None keeps that of the
-        first window.
     fit_intercept : bool, default=False
         Whether the output has a constant part, such as a stick whose rest is not at zero. It is
         estimated in the first window, and kept. A warning tells of one that is left out.
     smooth : bool, default=False
         Smooth the path by also using later data (Rauch, Tung and Striebel 1965); not for streaming.
-    inputs : list with one column name or position, or None, default=None
-        The error. None means the column of role ``e``.
+    {error}
     {roles, dt, run}
 
     Attributes
     ----------
-    parameters_path_ : DataFrame
-        Parameters after each instant, and their standard errors, ``sd_K_e`` ...; index ``time`` in
-        s. Absent after ``partial_fit``.
-    time_path_ : ndarray of shape (n_instants,)
-        Time in the run in seconds.
-    parameters_ : DataFrame
-        The last parameters: value, sd, low and high (95 % interval), unit, meaning.
+    {parameters_path_, time_path_, parameters_}
     one_step_errors_ : ndarray of shape (n_grid_rows,)
         Innovations y - ŷ of each row of the fitted grid, NaN where nothing was measured.
     log_likelihood_ : float
@@ -108,10 +77,8 @@ class OperatorKalman(Streaming, OperatorPath):
     innovation_square_ : float
         Mean of squared innovations over their variance: 1 if the noise is as assumed, less if it
         has less power at high frequencies than its model, which is fitted at low ones.
-    process_noise_ : dict
-        Standard deviation of the change of each logarithm in a second.
-    remnant_order_, remnant_time_constant_ : int, float
-        Order and time constant (s) of the remnant's filter.
+    remnant_time_constant_ : float
+        Time constant of the remnant's filter in s.
     remnant_deviation_, noise_deviation_ : float
         Standard deviations of the remnant and of white noise in the first window, in the unit of
         ``y``.
@@ -122,13 +89,10 @@ class OperatorKalman(Streaming, OperatorPath):
     intercept_ : float
         Constant part of the output, in its unit; 0 without ``fit_intercept``.
     n_updates_, n_gated_ : int
-        Measurements used, and those beyond ``gate``.
+        Measurements used, and those beyond four standard deviations.
     n_clamped_ : dict
         How often each parameter was held at a bound.
-    run_labels_ : list
-        Labels of the runs.
-    dt_, inputs_, jitter_, n_features_in_, feature_names_in_
-        As in :class:`RecursiveARX`.
+    {run_labels_, dt_, inputs_, jitter_, n_features_in_, feature_names_in_}
 
     See Also
     --------
@@ -146,19 +110,18 @@ class OperatorKalman(Streaming, OperatorPath):
 
     The remnant's order-m filter and white noise are fitted by Whittle's likelihood to the residual
     of the start in the first window, from 0.1 to 4 Hz, where operators act: what is assumed about
-    noise at low frequencies decides about bias and standard errors. ``noise_memory`` compares
-    innovations with those of the window, and scales both noises.
+    noise at low frequencies decides about bias and standard errors. Innovations of the last 10 s
+    are compared with those of the window, and scale both noises.
 
     "ukf" has sigma points at ±√3 standard deviations, of the covariance before the step and of
     the predicted one. "ekf" has the slopes of the same functions. In "dual_ekf" the parameter
     filter weighs innovations with the whole variance that the state filter expects of them.
 
-    Nothing diverges: parameters keep to ``bounds``, standard deviations of logarithms to 1,
-    innovations to ``gate``, and covariances stay positive semidefinite.
-
-    The constant covariance of Rojer and others is far less accurate here than the updated one
-    (median error of K_edot(t) 63 % against 7 % in simulated runs with P_n = 0.15): covariances of z
-    with the parameters change with the error, and their mean says little.
+    Nothing diverges: omega_nm stays within 3 to 30 rad/s, zeta_nm within 0.05 to 1, tau_e within
+    0.05 to 0.6 s, gains within a factor 50 of their start, standard deviations of logarithms within
+    1; an innovation of more than four standard deviations counts as if it had more noise (Huber's
+    weight), and covariances stay positive semidefinite. The constant covariance of Rojer and others
+    was far less accurate here than the updated one.
 
     Several runs have a filter each and start from one batch fit of all their windows; their
     logarithms are combined at each time in the run by their inverse variances.
@@ -188,16 +151,9 @@ class OperatorKalman(Streaming, OperatorPath):
     _parameter_constraints: dict = {
         "method": [StrOptions(set(METHODS))],
         "process_noise": [Interval(Real, 0, 1e3, closed="left"), dict],
-        "memory_time": [Interval(Real, 1e-6, None, closed="left"), None],
-        "remnant_order": [StrOptions({"auto"}), Interval(Integral, 0, 4, closed="both")],
-        "remnant_time_constant": [Interval(Real, 1e-6, 1e6, closed="both"), None],
-        "covariance": [StrOptions({"updated", "constant"})],
+        "remnant_order": [Interval(Integral, 0, 4, closed="both")],
         "init": [StrOptions({"batch"}), dict],
         "init_window": [Interval(Real, 0, 1e6, closed="neither")],
-        "p0": [Interval(Real, 0, 1e3, closed="neither"), None],
-        "bounds": [dict, None],
-        "gate": [Interval(Real, 1, None, closed="both")],
-        "noise_memory": [Interval(Real, 0, None, closed="neither"), None],
         "fit_intercept": ["boolean"],
         "smooth": ["boolean"],
         "inputs": "no_validation",
@@ -211,16 +167,9 @@ class OperatorKalman(Streaming, OperatorPath):
         method: str = "ukf",
         *,
         process_noise: Any = 0.05,
-        memory_time: float | None = None,
-        remnant_order: Any = 1,
-        remnant_time_constant: float | None = None,
-        covariance: str = "updated",
+        remnant_order: int = 1,
         init: Any = "batch",
         init_window: float = 25.0,
-        p0: float | None = None,
-        bounds: dict | None = None,
-        gate: float = 4.0,
-        noise_memory: float | None = 10.0,
         fit_intercept: bool = False,
         smooth: bool = False,
         inputs: Any = None,
@@ -230,16 +179,9 @@ class OperatorKalman(Streaming, OperatorPath):
     ) -> None:
         self.method = method
         self.process_noise = process_noise
-        self.memory_time = memory_time
         self.remnant_order = remnant_order
-        self.remnant_time_constant = remnant_time_constant
-        self.covariance = covariance
         self.init = init
         self.init_window = init_window
-        self.p0 = p0
-        self.bounds = bounds
-        self.gate = gate
-        self.noise_memory = noise_memory
         self.fit_intercept = fit_intercept
         self.smooth = smooth
         self.inputs = inputs
@@ -261,17 +203,15 @@ class OperatorKalman(Streaming, OperatorPath):
 
         Raises
         ------
-        ValueError
-            If an option has no sense, or there is more than one input.
         ShortRunError, RankDeficiencyError
             If the first window does not suffice for the batch fit.
-        RunIndexError, IrregularSamplingError
-            If rows, runs or time violate the data convention.
+        UsageError
+            If there is more than one input.
         """
         data = self._read_operator_data(X, y)
         instants = Instants.of(data.grid)
         lanes = lanes_of(data, instants)
-        plan = self._plan()
+        plan = KalmanPlan(self, self.dt_)
         start = plan.start(lanes.windows(window_rows(self.init_window, self.dt_)))
         filters = [KalmanRows(plan, start) for _ in range(lanes.n_lanes)]
         found = run_lanes(filters, lanes, smooth=self.smooth)
@@ -294,32 +234,17 @@ class OperatorKalman(Streaming, OperatorPath):
             told = ", ".join(f"{name} {n} times" for name, n in often.items())
             warnings.warn(
                 f"Of {self.n_updates_} updates, parameters were held at their bounds: {told}. The "
-                "standard errors do not count there. Give other bounds, less process_noise, or "
-                "init={...}.",
+                "standard errors do not count there. Give less process_noise, or init={...}.",
                 PoorExcitationWarning,
                 stacklevel=3,
             )
 
-    def _plan(self) -> KalmanPlan:
-        if self.smooth and self.covariance == "constant":
-            raise ValueError("smooth=True needs covariance='updated': a frozen one has no past.")
-        if self.memory_time is not None and isinstance(self.process_noise, Mapping):
-            raise ValueError("Give either process_noise as a dict or memory_time, not both.")
-        return KalmanPlan(self, self.dt_, log_bounds(self.bounds))
-
     def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> KalmanRows | None:
         self._check_one_input()
-        plan = self._plan()
+        plan = KalmanPlan(self, self.dt_)
         lanes = Lanes.of_rows(X[:, 0], y, fresh)
         start = plan.start(lanes.windows(window_rows(self.init_window, self.dt_)))
         return KalmanRows(plan, start)
-
-    def _rows_to_begin(self) -> int:
-        given = isinstance(self.init, Mapping) and "remnant" in self.init
-        given = given and not self.fit_intercept
-        if given and self.memory_time is None and self.covariance == "updated":
-            return 0
-        return window_rows(self.init_window, self.dt_)
 
     def _check_streaming(self) -> None:
         if self.smooth and "_path" not in vars(self):
@@ -373,11 +298,6 @@ class OperatorKalman(Streaming, OperatorPath):
         return float(self._count("scale")[0]) / len(self._filters)
 
     @property
-    def process_noise_(self) -> dict[str, float]:
-        self._check_fitted()
-        return dict(zip(NAMES, self._filters[0].walk.tolist(), strict=True))
-
-    @property
     def initial_parameters_(self) -> dict[str, float]:
         self._check_fitted()
         return dict(zip(NAMES, self._start.parameters.tolist(), strict=True))
@@ -386,11 +306,6 @@ class OperatorKalman(Streaming, OperatorPath):
     def intercept_(self) -> float:
         self._check_fitted()
         return self._start.intercept
-
-    @property
-    def remnant_order_(self) -> int:
-        self._check_fitted()
-        return self._start.noise.order
 
     @property
     def remnant_time_constant_(self) -> float:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any, Self
+from numbers import Real
+from typing import Any
 
 import numpy as np
 
 from .. import _kernels
-from .._sklearn import fit_context
+from .._sklearn import Interval
 from ..arx.instruments import estimate, instrument_columns, instrument_lags
 from ..exceptions import ShortRunError
-from .whitened import CONSTRAINTS, Start, WhitenedFilter, WhitenedRecursion, Window, stabilised
+from .whitened import Start, WhitenedFilter, WhitenedRecursion, Window, stabilised
 
 
 class InstrumentsFilter(WhitenedFilter):
@@ -81,25 +82,16 @@ class RecursiveIV(WhitenedRecursion):
 
     Parameters
     ----------
-    na, nb, nk : int, or one per input for nb and nk, default=2, 2, 0
-        Orders and input delay in samples, as for :class:`RecursiveARX`.
-    {inputs}
+    {orders, inputs}
     instruments : list of column names or positions, or None, default=None
         External signals; None means the columns of role f_t or dist.
     noise_order : int, default=8
         Order of D.
-    forgetting, memory_horizon, memory_time : float, default=None
-        λ, N0 in samples, or T0 in seconds; at most one. None: nothing is forgotten.
-    noise_memory_time : float or None, default=None
-        T0 of D in seconds. None: nothing is forgotten, as people's remnant hardly changes.
+    {memory_time}
     init_window : float, default=30.72
         Seconds of data, from the first row that is not NaN, of which the first theta and D are
         those of instrumental variables in batch.
-    parameters : {"path", "last"}, default="path"
-        What predictions use: theta at the same time in the run, or the last one.
-    store_covariance : bool, default=False
-        Keep ``covariance_path_``.
-    {roles, dt, run}
+    {store_covariance, roles, dt, run}
 
     Attributes
     ----------
@@ -107,20 +99,14 @@ class RecursiveIV(WhitenedRecursion):
         theta(t) = [f_1 ... b_0 ...] after each instant. Absent after ``partial_fit``.
     noise_path_ : ndarray of shape (n_instants, noise_order)
         Coefficients of D.
-    time_path_ : ndarray of shape (n_instants,)
-        Time in the run in seconds.
+    {time_path_}
     coef_, noise_ar_ : ndarray
         The last theta and coefficients of D.
     a_, b_ : ndarray, ndarray or list of them
         The parts of ``coef_``.
     covariance_ : ndarray of shape (n_params, n_params)
         Covariance of ``coef_``: σ² (S_zp' S_zz^-1 S_zp)^-1 (1 + λ^n) / (1 + λ).
-    standard_errors_ : ndarray of shape (n_params,)
-        Square roots of its diagonal.
-    parameters_ : DataFrame
-        The last parameters: value, sd, low and high (95 % interval), unit, meaning.
-    covariance_path_ : ndarray of shape (n_instants, n_params, n_params)
-        Covariance of ``coef_path_``; with ``store_covariance``.
+    {standard_errors_, parameters_, covariance_path_}
     one_step_errors_ : ndarray of shape (n_grid_rows,)
         Filtered error of each row of the fitted grid by the estimates before it; NaN where there
         was no update.
@@ -163,7 +149,11 @@ class RecursiveIV(WhitenedRecursion):
     [0.09, 0.04, 11.2]
     """
 
-    _parameter_constraints: dict = {**CONSTRAINTS, "instruments": "no_validation"}
+    _parameter_constraints: dict = {
+        **WhitenedRecursion._parameter_constraints,
+        "memory_time": [Interval(Real, 0, None, closed="neither"), None],
+        "instruments": "no_validation",
+    }
     method_name = "recursive instrumental variables"
 
     def __init__(
@@ -175,12 +165,8 @@ class RecursiveIV(WhitenedRecursion):
         inputs: Any = None,
         instruments: Any = None,
         noise_order: int = 8,
-        forgetting: Any = None,
-        memory_horizon: Any = None,
-        memory_time: Any = None,
-        noise_memory_time: float | None = None,
+        memory_time: float | None = None,
         init_window: float = 30.72,
-        parameters: str = "path",
         store_covariance: bool = False,
         roles: dict | None = None,
         dt: float | None = None,
@@ -192,49 +178,12 @@ class RecursiveIV(WhitenedRecursion):
         self.inputs = inputs
         self.instruments = instruments
         self.noise_order = noise_order
-        self.forgetting = forgetting
-        self.memory_horizon = memory_horizon
         self.memory_time = memory_time
-        self.noise_memory_time = noise_memory_time
         self.init_window = init_window
-        self.parameters = parameters
         self.store_covariance = store_covariance
         self.roles = roles
         self.dt = dt
         self.run = run
-
-    @fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X: Any, y: Any) -> Self:
-        """Run the recursion over recorded runs, all at once, aligned by time in the run.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample, external signals among them; runs and time are read from
-            its index.
-        {y}
-
-        Returns
-        -------
-        self : RecursiveIV
-
-        Raises
-        ------
-        ValueError
-            If there is no external signal, or forgetting does not fit the model.
-        ShortRunError
-            If the first window has too few rows.
-        RankDeficiencyError
-            If the instruments do not excite the model.
-        RunIndexError, IrregularSamplingError
-            If rows, runs or time violate the data convention.
-
-        Warns
-        -----
-        MissingDataWarning
-            With the number of rows that are NaN.
-        """
-        return self._fit_recursion(X, y)
 
     def _signal_columns(self, n_columns: int) -> list[int]:
         names = self._reading.names or list(range(n_columns))
@@ -271,10 +220,5 @@ class RecursiveIV(WhitenedRecursion):
         return instrument_lags(self.dt_, min(orders.nk), orders.n_params, n_external)
 
     def _filter(self, window: Window, lam: np.ndarray, n_runs: int) -> InstrumentsFilter:
-        if np.ptp(lam[:-1]) > 0:
-            raise ValueError(
-                "RecursiveIV takes one forgetting factor for all parameters; RecursiveARX and "
-                "RecursiveBoxJenkins take one per parameter."
-            )
         lags = self._lags(window)
         return InstrumentsFilter(self._start(window), window, lags, lam, self.dt_, n_runs)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from numbers import Integral
@@ -19,7 +19,6 @@ from .operator_fitting import (
     OperatorRecord,
     OperatorSearch,
     Pieces,
-    read_limits,
     too_short,
 )
 from .operator_path import OperatorPath
@@ -47,20 +46,10 @@ class SigmoidOperator(OperatorPath):
     Parameters
     ----------
     varying : sequence of {"K_e", "K_edot", "omega_nm", "zeta_nm"}, default=("K_e", "K_edot")
-        Which parameters vary.
-    common : bool, default=True
-        Whether all share G and M; otherwise each has its own.
+        Which parameters vary; all share G (0.03 to 100 per second) and M.
     noise_order : int, default=6
         Order of the AR model of the remnant, at 25 Hz (or the sampling rate, if that is lower).
-    bounds : dict or None, default=None
-        Bounds ``{parameter: (low, high)}`` of omega_nm (rad/s), zeta_nm, tau_e (s) and rate (G in
-        1/s), if not the usual ones: (2, 40), (0.02, 2), (0.05, 0.8) and (0.03, 100). M lies within
-        the record.
-    inputs : column name or list with one, or None, default=None
-        The error. None means the column of role ``e``.
-    roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where names do not show them.
-    {dt, run}
+    {error, roles, dt, run}
 
     Attributes
     ----------
@@ -94,7 +83,7 @@ class SigmoidOperator(OperatorPath):
     ShortRunError
         If the record has too few rows for the parameters.
     ValueError
-        If ``varying`` or ``bounds`` has an unknown name.
+        If ``varying`` has an unknown name.
 
     See Also
     --------
@@ -109,8 +98,7 @@ class SigmoidOperator(OperatorPath):
 
     Gains before and after are linear and are solved for. A grid of M (24) and G (3) with the
     dynamics of a constant operator takes the place of the genetic search of the literature; the
-    best four, apart in M, are refined by Levenberg-Marquardt. With ``common=False`` the parameters
-    part from their common sigmoid.
+    best four, apart in M, are refined by Levenberg-Marquardt.
 
     Standard errors allow for a remnant that changes in size along with the operator: they are
     N^-1 S N^-1 (White 1980) with the Fisher information N of all parameters, the AR model included,
@@ -138,9 +126,7 @@ class SigmoidOperator(OperatorPath):
 
     _parameter_constraints: dict = {
         "varying": ["array-like", tuple, str],
-        "common": ["boolean"],
         "noise_order": [Interval(Integral, 0, 20, closed="both")],
-        "bounds": [Mapping, None],
         "inputs": "no_validation",
         "roles": ROLES,
         "dt": DT,
@@ -151,18 +137,14 @@ class SigmoidOperator(OperatorPath):
         self,
         *,
         varying: Sequence[str] = ("K_e", "K_edot"),
-        common: bool = True,
         noise_order: int = 6,
-        bounds: dict | None = None,
         inputs: Any = None,
         roles: dict | None = None,
         dt: float | None = None,
         run: Any = None,
     ):
         self.varying = varying
-        self.common = common
         self.noise_order = noise_order
-        self.bounds = bounds
         self.inputs = inputs
         self.roles = roles
         self.dt = dt
@@ -181,27 +163,20 @@ class SigmoidOperator(OperatorPath):
         self : SigmoidOperator
         """
         varying = self._varying()
-        limits = read_limits(self.bounds, rate=RATES)
         data = self._read_operator_data(X, y)
         held = self._hold(data.grid, data.grid.thin_inputs(data.values), self._columns)
         e = held.column(0, slice(None)).astype(float)
-        record = OperatorRecord.of(data, e, limits["tau_e"][1])
+        record = OperatorRecord.of(data, e)
         first, last = int(record.number.min()), int(record.number.max()) + 1
         share_of = [0 if name in varying else -1 for name in VARYING]
-        search = self._search(record, limits, share_of)
+        log_rates = np.log(RATES[0]), np.log(RATES[1])
+        span = float(record.time.min()), float(record.time.max())
+        search = OperatorSearch.of(record, share_of, [(log_rates, span)])
         pieces = record.enough(first, last, int(self.noise_order), search.n_parameters)
         if pieces is None:
             raise too_short(type(self).__name__, record, search.n_parameters, len(e))
-        plain = OperatorSearch.of(record, limits).started(pieces, int(self.noise_order))
+        plain = OperatorSearch.of(record).started(pieces, int(self.noise_order))
         fit = self._from_grid(search, pieces, plain)
-        if not self.common and len(varying) > 1:
-            own = np.array(share_of)
-            own[own >= 0] = np.arange(len(varying))
-            search = self._search(record, limits, own)
-            start = np.concatenate(
-                [fit.dynamics[:N_DYNAMIC], np.tile(fit.dynamics[N_DYNAMIC:], len(varying))]
-            )
-            fit = search.fitted(pieces, start, fit.ar, robust=True)
         fit = widened(search, pieces, fit)
         self.constant_ = plain.values()
         self.likelihood_ratio_ = plain.loss - fit.loss
@@ -218,14 +193,6 @@ class SigmoidOperator(OperatorPath):
                 f"varying must list some of {list(VARYING)}, each once; got {self.varying!r}."
             )
         return [name for name in VARYING if name in names]
-
-    def _search(
-        self, record: OperatorRecord, limits: dict[str, tuple[float, float]], share_of: Any
-    ) -> OperatorSearch:
-        low, high = np.log(limits["rate"]).tolist()
-        span = float(record.time.min()), float(record.time.max())
-        count = int(np.max(share_of)) + 1
-        return OperatorSearch.of(record, limits, share_of, [((low, high), span)] * count)
 
     def _from_grid(self, search: OperatorSearch, pieces: Pieces, plain: OperatorFit) -> OperatorFit:
         """The best of several fits, from the best of a grid of G and M."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 from numbers import Real
@@ -12,7 +11,7 @@ import numpy as np
 from scipy.signal import fftconvolve, find_peaks
 from scipy.signal.windows import blackmanharris
 
-from .._sklearn import DT, ROLES, Interval, StrOptions, fit_context
+from .._sklearn import DT, ROLES, Interval, fit_context
 from ..arx.rls import grid_numbers
 from ..exceptions import RankDeficiencyError, ShortRunError, UsageError
 from ..human.variation import as_floats
@@ -20,7 +19,7 @@ from ..interpret.response_fit import ResponseFit
 from ..preprocessing.base import as_fitted
 from ..regression import DataToFit
 from ..runs.roles import columns_by_role
-from .operator_fitting import DYNAMICS, STARTS, read_limits
+from .operator_fitting import DYNAMICS, LIMITS, STARTS
 from .operator_path import ESTIMATED, OperatorPath
 
 LEAK = 0.01  # of abs(H), an error of any response by wavelets
@@ -44,7 +43,6 @@ def fit_responses(
     H: np.ndarray,
     sd: np.ndarray,
     dt: float,
-    limits: Mapping[str, tuple[float, float]],
 ) -> ResponseFits:
     """Fit K_e, K_edot, tau_e, omega_nm and zeta_nm to responses (n, n_frequencies), NaN if unknown.
 
@@ -54,7 +52,7 @@ def fit_responses(
     """
     low, high = np.transpose(
         [[-np.inf, np.inf]] * 2
-        + [np.log(limits["omega_nm"]), np.log(limits["zeta_nm"]), limits["tau_e"]]
+        + [np.log(LIMITS["omega_nm"]), np.log(LIMITS["zeta_nm"]), LIMITS["tau_e"]]
     )
     known = np.isfinite(H)
     H = np.where(known, H, 0.0)
@@ -131,7 +129,8 @@ AT_LEAST = 4  # frequencies, to fit five parameters
 LINE = 1e-5  # of the power of the strongest line of a multisine
 MOST_LINES, PURE, PERIODIC = 40, 0.9, 0.9999  # of a multisine, and least shares of the power
 N_LOGARITHMIC = 12  # frequencies, if the target is no multisine
-SCALES = ((-1.0, 0.25), (0.0, 0.5), (1.0, 0.25))  # places and weights of smoothing over scale
+SCALES = ((-0.5, 0.25), (0.0, 0.5), (0.5, 0.25))  # smoothing: widths in frequency, weights
+BAND = (0.2, 20.0)  # rad/s, of the frequencies where none are given
 REACH = 4.0  # standard deviations of Gaussian smoothing
 
 
@@ -151,26 +150,12 @@ class WaveletOperator(OperatorPath):
     time_smoothing : float, default=1.5
         Standard deviation in time of the smoothing S, in those of the envelope. Zero is none, and
         leaves no standard errors.
-    scale_smoothing : float, default=0.5
-        Reach of S over scale, in standard deviations of the wavelet in frequency; zero is none.
     step : float, default=0.5
         Time from one instant to the next, in s.
     frequencies : array-like of shape (n_frequencies,) or None, default=None
-        Frequencies in rad/s. None takes the lines of the target within ``band`` if it is a
+        Frequencies in rad/s. None takes the lines of the target from 0.2 to 20 rad/s if it is a
         multisine, else 12 on a log scale.
-    band : (float, float), default=(0.2, 20.0)
-        Lowest and highest frequency in rad/s for ``frequencies=None``.
-    instrument : {"f_t"} or None, default="f_t"
-        ``"f_t"`` takes the column of role f_t (or e + x, if these are there). None uses the error
-        itself, which the remnant biases in a closed loop, towards minus the inverse of the element.
-    bounds : dict or None, default=None
-        Bounds ``{parameter: (low, high)}`` of omega_nm (rad/s), zeta_nm and tau_e (s), if not the
-        usual ones: (2, 40), (0.02, 2) and (0.05, 0.8).
-    inputs : column name or list with one, or None, default=None
-        The error. None means the column of role ``e``.
-    roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where names do not show them.
-    {dt, run}
+    {error, roles, dt, run}
 
     Attributes
     ----------
@@ -247,12 +232,8 @@ class WaveletOperator(OperatorPath):
     _parameter_constraints: dict = {
         "omega0": [Interval(Real, 2, 60, closed="both")],
         "time_smoothing": [Interval(Real, 0, 100, closed="both")],
-        "scale_smoothing": [Interval(Real, 0, 1.5, closed="both")],
         "step": [Interval(Real, 0, None, closed="neither")],
         "frequencies": ["array-like", None],
-        "band": [tuple, list, np.ndarray],
-        "instrument": [StrOptions({"f_t"}), None],
-        "bounds": [Mapping, None],
         "inputs": "no_validation",
         "roles": ROLES,
         "dt": DT,
@@ -264,12 +245,8 @@ class WaveletOperator(OperatorPath):
         *,
         omega0: float = 8.0,
         time_smoothing: float = 1.5,
-        scale_smoothing: float = 0.5,
         step: float = 0.5,
         frequencies: Any = None,
-        band: tuple[float, float] = (0.2, 20.0),
-        instrument: str | None = "f_t",
-        bounds: dict | None = None,
         inputs: Any = None,
         roles: dict | None = None,
         dt: float | None = None,
@@ -277,12 +254,8 @@ class WaveletOperator(OperatorPath):
     ):
         self.omega0 = omega0
         self.time_smoothing = time_smoothing
-        self.scale_smoothing = scale_smoothing
         self.step = step
         self.frequencies = frequencies
-        self.band = band
-        self.instrument = instrument
-        self.bounds = bounds
         self.inputs = inputs
         self.roles = roles
         self.dt = dt
@@ -303,7 +276,6 @@ class WaveletOperator(OperatorPath):
         self : WaveletOperator
         """
         pywt = require_wavelets()
-        limits = read_limits(self.bounds)
         data = self._read_operator_data(X, y)
         signals = self._signals(data)
         blocks = Blocks.of(data, signals)
@@ -321,7 +293,7 @@ class WaveletOperator(OperatorPath):
                 f"{2**1.5 * self.omega0 / self.frequencies_[-1]:.3g} s, at lower ones more. Use "
                 "longer runs, higher frequencies or a smaller omega0."
             )
-        self._fit_instants(enough, limits)
+        self._fit_instants(enough)
         numbers = (blocks.first + np.arange(blocks.n)[step // 2 :: step]) * blocks.size
         self._set_instants(numbers + blocks.size // 2)
         return self
@@ -332,20 +304,19 @@ class WaveletOperator(OperatorPath):
         known = self._reading.names
         names = list(range(data.values.shape[1])) if known is None else list(known)
         positions, wanted = columns_by_role(names, self.roles), [self._columns[0]]
-        if self.instrument is not None and ("f_t" in positions or "x" in positions):
+        if "f_t" in positions or "x" in positions:
             wanted.append(positions["f_t" if "f_t" in positions else "x"])
-        elif self.instrument is not None:
+        else:
             raise UsageError(
                 "WaveletOperator needs the target as its instrument, but X has no column of role "
                 f"'f_t' (nor 'x' beside the error); the columns are {names}.",
-                hint="Add it, name it by roles={column: 'f_t'}, or pass instrument=None, which the "
-                "remnant biases.",
+                hint="Add it, or name it by roles={column: 'f_t'}.",
                 options=["role"],
             )
         labels = [str(names[i]) for i in wanted]
         held = self._hold(grid, grid.thin_inputs(data.values), wanted, labels)[:]
         error, other = held[:, 0], held[:, -1]
-        if self.instrument is not None and "f_t" not in positions:
+        if "f_t" not in positions:
             other = other + error
         return np.stack([data.output, error, other], axis=1)
 
@@ -359,17 +330,14 @@ class WaveletOperator(OperatorPath):
                     f"and below {highest:.4g}; got {self.frequencies!r}."
                 )
             return found
-        band = as_floats(self.band, "band")
-        if band.shape != (2,) or not 0 < band[0] < band[1]:
-            raise ValueError(f"band must be (low, high) in rad/s, 0 < low < high; got {self.band}.")
-        low, high = band[0], min(band[1], 0.9 * highest)
+        low, high = BAND[0], min(BAND[1], 0.9 * highest)
         found = blocks.lines(low, high)
         if found.size < AT_LEAST and low < high:
             found = np.geomspace(low, high, N_LOGARITHMIC)
         if found.size < AT_LEAST:
             raise ValueError(
-                f"band begins at {low:g} rad/s, beyond the {high:.4g} rad/s that a sampling time "
-                f"of {self.dt_:g} s allows."
+                f"A sampling time of {self.dt_:g} s allows {high:.4g} rad/s, and responses are "
+                f"fitted from {low:g} rad/s on. Give frequencies=, in rad/s."
             )
         return found
 
@@ -380,16 +348,13 @@ class WaveletOperator(OperatorPath):
         """
         wavelet = f"cmor2.0-{self.omega0 / (2 * np.pi)!r}"
         omega = self.frequencies_
-        shares = SCALES if self.scale_smoothing > 0 else ((0.0, 1.0),)
         total = np.zeros((6, omega.size, blocks.n), dtype=complex)
         weight = np.zeros((omega.size, blocks.n))
         for begin, values, known in blocks.pieces:
             here = np.s_[..., begin : begin + len(values)]
             cross = np.zeros((6, omega.size, len(values)), dtype=complex)
-            for place, share in shares:
-                scales = self.omega0 / (
-                    omega * (1 + place * self.scale_smoothing / self.omega0) * blocks.dt
-                )
+            for place, share in SCALES:
+                scales = self.omega0 / (omega * (1 + place / self.omega0) * blocks.dt)
                 u, e, f = (
                     pywt.cwt(column, scales, wavelet, method="fft")[0] for column in values.T
                 )
@@ -422,9 +387,9 @@ class WaveletOperator(OperatorPath):
             variance / (averages - 1) if averages > 1 else np.full_like(variance, np.nan)
         )
 
-    def _fit_instants(self, enough: np.ndarray, limits: dict[str, tuple[float, float]]) -> None:
+    def _fit_instants(self, enough: np.ndarray) -> None:
         H, sd = self.frequency_response_[enough], self.frequency_response_sd_[enough]
-        found = fit_responses(self.frequencies_, H, sd, self.dt_, limits)
+        found = fit_responses(self.frequencies_, H, sd, self.dt_)
         shape = enough.size, found.values.shape[1]
         self._found = np.full((2, *shape), np.nan)
         self._found[:, enough] = found.values, found.deviations

@@ -13,7 +13,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from .._sklearn import DT, Interval, StrOptions
+from .._sklearn import DT, Interval, fit_context
 from ..arx.base import free_run_output
 from ..arx.forgetting import read_forgetting
 from ..arx.model_summary import orders_text
@@ -219,23 +219,15 @@ FILTER_TIME = 10.24  # s: the longest time in which the filters follow F
 START_WORTH = 1.0  # of the memory, that the start is worth
 AT_ONCE = 4096  # rows whose forecasts are computed together
 LITTLE_WORTH = 0.05  # of the window, that the start is worth if the memory is longer
-CONSTRAINTS: dict = {
-    "na": [Interval(Integral, 0, None, closed="left")],
-    "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
-    "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
-    "inputs": "no_validation",
-    "noise_order": [Interval(Integral, 0, 50, closed="both")],
-    "forgetting": "no_validation",
-    "memory_horizon": "no_validation",
-    "memory_time": "no_validation",
-    "noise_memory_time": [Interval(Real, 0, None, closed="neither"), None],
-    "init_window": [Interval(Real, 0, None, closed="neither")],
-    "parameters": [StrOptions({"path", "last"})],
-    "store_covariance": ["boolean"],
-    "roles": [dict, None],
-    "dt": DT,
-    "run": "no_validation",
-}
+OF_RUNS = (  # attributes that describe recorded runs
+    "coef_path_",
+    "noise_path_",
+    "time_path_",
+    "covariance_path_",
+    "one_step_errors_",
+    "n_rows_missing_",
+    "run_labels_",
+)
 
 
 @dataclass(frozen=True)
@@ -274,15 +266,15 @@ class WhitenedFilter(Recursion):
     before: tuple[Any, ...]  # arguments of the kernel between orders and forgetting
 
     def __init__(self, start: Start, orders: Orders, lam: np.ndarray, dt: float) -> None:
-        """``lam`` are the factors of the parameters, and that of the noise."""
+        """``lam`` are the factors of the parameters. Nothing of the noise is forgotten."""
         nd = start.d.size
         self.orders, self.lam, self.n = orders, lam, orders.n_params
         with np.errstate(divide="ignore"):
-            memory = 1.0 / (1.0 - lam[:-1].min())
+            memory = 1.0 / (1.0 - lam.min())
         # The recursion takes the window's rows once more, which only a finite memory forgets.
         self.worth = START_WORTH * memory / start.n_rows if memory < start.n_rows else LITTLE_WORTH
         follow = min(1.0 / min(memory, FILTER_TIME / dt), 1.0)
-        self.shares = np.array([lam[-1], follow, min(dt / FILTER_TIME, 0.1)])
+        self.shares = np.array([1.0, follow, min(dt / FILTER_TIME, 0.1)])
         self.kernel_orders = np.array([orders.na, nd, *orders.nb, *orders.nk])
         depth = max(nb + nk for nb, nk in zip(orders.nb, orders.nk, strict=True))
         self.waits = np.array([depth + nd + round(SETTLE / dt), depth + nd], dtype=float)
@@ -316,7 +308,7 @@ class WhitenedFilter(Recursion):
 
     def covariance(self, information: np.ndarray, n_updates: Any) -> np.ndarray:
         """Covariance of theta by the information about it, one or a path of them."""
-        weight = spread_weights(self.lam[:-1], np.asarray(n_updates, float)[..., None])
+        weight = spread_weights(self.lam, np.asarray(n_updates, float)[..., None])
         scale = np.sqrt(np.einsum("...ii->...i", information))
         scale = np.where(scale > 0, scale, 1.0)
         scaled = information / (scale[..., :, None] * scale[..., None, :])
@@ -329,30 +321,61 @@ class WhitenedRecursion(Streaming, FollowedPath):
     """A recursion for B/F beside noise 1/D, over runs aligned by time, or a stream."""
 
     noise_order: int
-    noise_memory_time: float | None
-    forgetting: Any
-    memory_horizon: Any
     memory_time: Any
     store_covariance: bool
     method_name: str
     fit_intercept = False
 
+    _parameter_constraints: dict = {
+        "na": [Interval(Integral, 0, None, closed="left")],
+        "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
+        "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
+        "inputs": "no_validation",
+        "noise_order": [Interval(Integral, 0, 50, closed="both")],
+        "memory_time": "no_validation",
+        "init_window": [Interval(Real, 0, None, closed="neither")],
+        "store_covariance": ["boolean"],
+        "roles": [dict, None],
+        "dt": DT,
+        "run": "no_validation",
+    }
+
     def _filter(self, window: Window, lam: np.ndarray, n_runs: int) -> WhitenedFilter:
         """The recursion that begins with what the window tells."""
         raise NotImplementedError
 
-    def _signal_columns(self, n_columns: int) -> list[int]:
-        """Columns of X that the filter takes: the inputs, and others after them."""
-        return self._columns
+    @fit_context(prefer_skip_nested_validation=True)
+    def fit(self, X: Any, y: Any) -> Self:
+        """Run the recursion over recorded runs, all at once, aligned by time in the run.
 
-    def _fit_recursion(self, X: Any, y: Any) -> Self:
+        Parameters
+        ----------
+        {X, y}
+
+        Returns
+        -------
+        self : estimator
+
+        Raises
+        ------
+        ValueError
+            If there is no instrument for a model that needs one, or the memory does not fit.
+        RankDeficiencyError
+            If the instruments do not excite the model.
+        {run_errors}
+
+        Warns
+        -----
+        MissingDataWarning
+            With the number of rows that are NaN.
+        """
         grid, _, output, columns, *_ = self._read_data(X, y)
         self._set_orders(grid)
         taken = columns_of(columns, self._signal_columns(columns.shape[1]))
         taken = np.asarray(taken, dtype=np.float64)
         signals = Signals.of(grid, taken, output)
         self._check_shared_times(signals.instants, grid)
-        self._end_stream()
+        self._end_stream(*OF_RUNS)
         row_filter = self._started_filter(self._first_window(signals), signals.instants.n_runs)
         self.initial_coef_ = row_filter.theta.copy()
         self._initial_noise = row_filter.noise[: int(self.noise_order)].copy()
@@ -410,33 +433,16 @@ class WhitenedRecursion(Streaming, FollowedPath):
         return self._filter(window, self._factors(), n_runs)
 
     def _factors(self) -> np.ndarray:
-        """λ of each parameter, and that of the noise."""
-        if callable(self.forgetting) or isinstance(self.forgetting, str):
-            raise ValueError(
-                f"forgetting must be a number λ, or one per parameter; got {self.forgetting!r}. "
-                "RecursiveARX also takes functions of time, 'auto' and 'variable'."
-            )
+        """λ of each parameter."""
         n = self.orders_.n_params
         found = read_forgetting(
-            self.forgetting,
-            self.memory_horizon,
-            self.memory_time,
-            form="joint",
-            n_params=n,
-            time=np.zeros(1),
-            dt=self.dt_,
+            None, None, self.memory_time, form="joint", n_params=n, time=np.zeros(1), dt=self.dt_
         )
         self.forgetting_ = found.value
         with np.errstate(divide="ignore"):
             horizon = 1.0 / (1.0 - np.asarray(self.forgetting_))
         self.memory_horizon_ = float(horizon) if horizon.ndim == 0 else horizon
-        time = self.noise_memory_time
-        noise = 1.0 if time is None else max(1.0 - self.dt_ / time, 0.0)
-        if noise <= 0.0:
-            raise ValueError(
-                f"noise_memory_time={time!r} must be longer than a sample, {self.dt_:g} s."
-            )
-        return np.r_[np.broadcast_to(found.factors[0], n), noise]
+        return np.broadcast_to(found.factors[0], n).copy()
 
     def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> WhitenedFilter:
         self.orders_ = Orders.of(self.na, self.nb, self.nk, len(self._columns))
@@ -446,11 +452,8 @@ class WhitenedRecursion(Streaming, FollowedPath):
         return row_filter
 
     def _refresh(self, row_filter: WhitenedFilter) -> None:
-        if "coef_path_" in vars(self):
-            for name in ("coef_path_", "noise_path_", "time_path_", "covariance_path_", "_numbers"):
-                self.__dict__.pop(name, None)
-            for name in ("one_step_errors_", "n_rows_missing_", "run_labels_"):
-                self.__dict__.pop(name, None)
+        for name in OF_RUNS:
+            self.__dict__.pop(name, None)
         self._set_current(row_filter)
 
     def _set_current(self, row_filter: WhitenedFilter) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from numbers import Integral, Real
 from typing import Any
 
@@ -16,7 +15,6 @@ from .operator_fitting import (
     OperatorRecord,
     OperatorSearch,
     Pieces,
-    read_limits,
     too_short,
 )
 from .operator_path import ESTIMATED, OperatorPath
@@ -40,22 +38,14 @@ class WindowedOperator(OperatorPath):
     noise_order : int, default=6
         Order of the AR model of the remnant, at 25 Hz (or the sampling rate, if that is lower). In
         windows with few rows it is lower: it needs four rows for each coefficient.
-    bounds : dict or None, default=None
-        Bounds ``{parameter: (low, high)}`` of omega_nm (rad/s), zeta_nm and tau_e (s), if not the
-        usual ones: (2, 40), (0.02, 2) and (0.05, 0.8).
-    inputs : column name or list with one, or None, default=None
-        The error. None means the column of role ``e``.
-    roles : dict or None, default=None
-        Roles of columns, ``{column: role}``, where names do not show them.
-    {dt, run}
+    {error, roles, dt, run}
 
     Attributes
     ----------
     parameters_path_ : DataFrame of shape (n_windows, 12)
         Over the time (s) of the windows' middles: K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm and
         their standard errors ``sd_K_e`` ...
-    parameters_ : DataFrame
-        Those of the last window: value, sd, low and high (95 % interval), unit, meaning.
+    {parameters_}
     time_path_ : ndarray of shape (n_windows,)
         Middles of the windows in s.
     at_bound_ : ndarray of bool, shape (n_windows, 3)
@@ -83,6 +73,8 @@ class WindowedOperator(OperatorPath):
 
     Notes
     -----
+    Bounds: omega_nm 2 to 40 rad/s, zeta_nm 0.02 to 2, tau_e 0.05 to 0.8 s.
+
     Each window minimises the squares of the errors of predictions one step ahead, A(q) (u -
     u_simulated), over omega_nm, zeta_nm, tau_e and A(q) by Levenberg-Marquardt, with the gains and
     states, which are linear, solved for. The simulation is under zero-order hold at the sampling
@@ -122,7 +114,6 @@ class WindowedOperator(OperatorPath):
         "window": [Interval(Real, 0, None, closed="neither")],
         "step": [Interval(Real, 0, None, closed="neither")],
         "noise_order": [Interval(Integral, 0, 20, closed="both")],
-        "bounds": [Mapping, None],
         "inputs": "no_validation",
         "roles": ROLES,
         "dt": DT,
@@ -135,7 +126,6 @@ class WindowedOperator(OperatorPath):
         step: float = 1.0,
         *,
         noise_order: int = 6,
-        bounds: dict | None = None,
         inputs: Any = None,
         roles: dict | None = None,
         dt: float | None = None,
@@ -144,7 +134,6 @@ class WindowedOperator(OperatorPath):
         self.window = window
         self.step = step
         self.noise_order = noise_order
-        self.bounds = bounds
         self.inputs = inputs
         self.roles = roles
         self.dt = dt
@@ -162,12 +151,11 @@ class WindowedOperator(OperatorPath):
         -------
         self : WindowedOperator
         """
-        limits = read_limits(self.bounds)
         data = self._read_operator_data(X, y)
         held = self._hold(data.grid, data.grid.thin_inputs(data.values), self._columns)
         e = held.column(0, slice(None)).astype(float)
-        record = OperatorRecord.of(data, e, limits["tau_e"][1])
-        search = OperatorSearch.of(record, limits)
+        record = OperatorRecord.of(data, e)
+        search = OperatorSearch.of(record)
         firsts, length = self._windows(record)
         fits, used = self._fits(search, firsts, length, len(e))
         middles = np.array(used) + length // 2

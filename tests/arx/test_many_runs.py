@@ -54,26 +54,13 @@ def check_delays(e, u, nks, rtol):
 
 
 @compiled
-@pytest.mark.parametrize(
-    "condition",
-    [
-        pytest.param("C1"),
-        "C2",
-        pytest.param("C4"),
-        pytest.param("C6"),
-    ],
-)
-@pytest.mark.parametrize("P_n", [0.0, 0.05, 0.3])
+@pytest.mark.parametrize(("condition", "P_n"), [("C1", 0.0), ("C4", 0.3)])
 def test_delays_are_those_of_the_search(condition, P_n):
     """Without remnant too, where losses are next to nothing."""
     check_delays(*thesis.e_and_u(condition, P_n, 2), range(15, 49), 1e-11)
 
 
-def test_candidates_in_any_order():
-    check_delays(*short_runs(0.1, n=150), [31, 28, 30, 24], 1e-11)
-
-
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(st.integers(0, 2**31), st.lists(st.integers(0, 6), min_size=1, max_size=4, unique=True))
 def test_delays_against_the_naive_twin(seed, nks):
     e, u = np.random.default_rng(seed).standard_normal((2, 2, 30))
@@ -124,12 +111,12 @@ def test_dependent_regressors_have_no_loss():
     assert np.isnan(fit_runs(e, u)).any(axis=1).tolist() == [False, True]
 
 
-@pytest.mark.parametrize("n", [200, 201, 202, 203])
+@pytest.mark.parametrize("n", [200, 203])
 def test_a_delay_gives_the_same_bits_beside_others(n):
     """However rows and delays are grouped."""
     e, u = short_runs(0.1, 1, n)
     losses, theta = search_delays(e, u, BEFORE, range(40))
-    for shortest in (1, 7, 8, 9, 23, 24, 38, 39):
+    for shortest in (1, 8, 39):
         alone = search_delays(e, u, BEFORE, range(shortest, 40))
         np.testing.assert_array_equal(alone[0], losses[:, shortest:])
         np.testing.assert_array_equal(alone[1], theta[:, shortest:])
@@ -151,7 +138,7 @@ def test_least_squares_are_those_of_the_estimator(noise):
 # Forgetting
 
 
-@pytest.mark.parametrize(("begin", "end"), [(12, 40), (13, 41), (2, 42), (36, 39), (0, 3)])
+@pytest.mark.parametrize(("begin", "end"), [(13, 41), (0, 3)])
 def test_free_runs_of_many_are_those_of_one(begin, end):
     """Bit for bit, however rows are grouped; the fastest lanes are unstable and reach the bound."""
     rng = np.random.default_rng(end)
@@ -201,12 +188,6 @@ def test_trade_off_of_short_runs(noise, monkeypatch):
     check_trade_off(*shifted(*short_runs(noise)), (SHORT.start, SHORT.stop))
 
 
-@compiled
-def test_trade_off_of_whole_runs():
-    vaf = check_trade_off(*shifted(*thesis.e_and_u("C4", 0.1, 3)), (3072, 5120))
-    assert (vaf.argmax(axis=1) < len(thesis.HORIZONS) - 1).all()  # some forgetting is better
-
-
 def of_short_runs(order, horizons=HORIZONS, **options):
     e, u = shifted(*short_runs(0.1))
     theta0 = fit_runs(e[:1, 1 : SHORT.start], u[:1, : SHORT.start - 1])[0]
@@ -224,65 +205,9 @@ def test_order_of_validation_runs_horizons_and_forms():
     np.testing.assert_array_equal(vaf[0, -1], vaf[1, -1])  # no forgetting has one form
 
 
-def test_more_horizons_than_lanes():
-    horizons = 2.0 + np.arange(MANY + 3)
-    vaf = of_short_runs([0, 1], horizons)
-    np.testing.assert_array_equal(of_short_runs([0, 1], horizons[MANY:]), vaf[:, MANY:])
-
-
 def test_wild_paths_score_nothing():
     e, u = shifted(*short_runs(0.0))
     zeros = 1e-9 * np.ones_like(e[0])  # next to nothing is learned, and theta0 is unstable
     theta0 = [-3.0, 1.0, 1.0, 1.0]
     vaf = score_horizons(zeros, zeros[1:], theta0, e[1:], u[1:], HORIZONS, window=(60, 160))
     np.testing.assert_array_equal(vaf[:, :, 1:], 0.0)
-
-
-# Errors
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            {"e": np.ones((2, 49))},
-            r"the same number of samples; got shapes \(2, 49\) and \(2, 50\)",
-        ),
-        ({"e": np.ones(50), "u": np.ones(50)}, "one run per row"),
-        ({"u": np.full((2, 50), np.nan)}, "missing or infinite"),
-        ({"before": 50}, "before=50 leaves none of 50 samples"),
-        ({"before": -1}, "before=-1"),
-        ({"nks": []}, "at least one whole number"),
-        ({"nks": [1.5]}, "at least one whole number"),
-        ({"nks": 3}, "at least one whole number"),
-        ({"nks": [-1, 2]}, "cannot be negative; got -1"),
-        ({"nks": [1, 45]}, "lags up to 46: at least 51 are needed"),
-    ],
-)
-def test_signals_that_make_no_sense(change, message):
-    given_ = {"e": np.ones((2, 50)), "u": np.ones((2, 50)), "before": 0, "nks": [1, 2]} | change
-    with pytest.raises(ValueError, match=message):
-        search_delays(**given_)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"e_est": np.ones(50)}, "one sample before u_est"),
-        ({"u_val": np.ones((2, 49))}, r"\(n_val, 51\) and \(n_val, 50\)"),
-        ({"e_val": np.ones((3, 51))}, "Validation runs must be as long"),
-        ({"e_val": np.ones(51), "u_val": np.ones(50)}, "Validation runs must be as long"),
-        ({"window": (10, 51)}, "does not lie in runs of 50 samples"),
-        ({"window": (20, 20)}, "does not lie"),
-        ({"forms": ["lambda", "mu"]}, "got 'mu'"),
-        ({"horizons": [1.0]}, "longer than one sample"),
-    ],
-)
-def test_trade_offs_that_make_no_sense(change, message):
-    given_ = {
-        "e_est": np.ones(51), "u_est": np.ones(50), "theta0": np.zeros(4),
-        "e_val": np.ones((2, 51)), "u_val": np.ones((2, 50)),
-        "horizons": [8.0], "window": (10, 40),
-    } | change  # fmt: skip
-    with pytest.raises(ValueError, match=message):
-        score_horizons(**given_)

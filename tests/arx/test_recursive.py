@@ -20,29 +20,20 @@ from support.synthetic import DT, arx_runs
 
 from skhoid import ARXRegressor, RecursiveARX, forgetting_factor
 
-THESIS = [0.95, 0.99, 0.99609, 1.0]
+THESIS = [0.95, 1.0]
 
 pytestmark = pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
-
-
-# The twins themselves
 
 
 # Exactness
 
 
 @pytest.fixture(scope="module")
-def long_run():
-    X, y = arx_runs(1, 65_536, seed=1)
-    return X, y, instants_of(X, y)
-
-
-@pytest.fixture(scope="module")
 def long_pool():
-    X, y = arx_runs(lengths=[65_536, 20_000, 3000], seed=2)
+    X, y = arx_runs(lengths=[16_384, 5000, 1000], seed=2)
     keep = np.ones(len(X), bool)
-    keep[30_000:30_050] = False  # a gap in run 1
-    keep[65_536:66_000] = False  # run 2 begins later
+    keep[10_000:10_050] = False  # a gap in run 1
+    keep[16_384:16_800] = False  # run 2 begins later
     X, y = X[keep], y[keep].copy()
     y.iloc[1000:1300] = np.nan
     return X, y, instants_of(X, y)
@@ -53,12 +44,10 @@ def some_instants(n, n_random=60):
     return np.unique(np.r_[:30, np.geomspace(30, n - 1, 60).astype(int), random])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("forgetting", THESIS)
-@pytest.mark.parametrize("record", ["long_run", "long_pool"])
-def test_exponentially_weighted_least_squares_over_65536_samples(record, forgetting, request):
+def test_exponentially_weighted_least_squares_over_many_samples(long_pool, forgetting):
     """To 1e-12 of the largest parameter, which is 1.5: the protection changes nothing."""
-    X, y, instants = request.getfixturevalue(record)
+    X, y, instants = long_pool
     model = recursive(forgetting=forgetting).fit(X, y)
     at = some_instants(len(instants))
     exact = naive.weighted_least_squares(instants, forgetting, THETA0, P0, at)
@@ -71,10 +60,10 @@ def test_exponentially_weighted_least_squares_over_65536_samples(record, forgett
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["joint", "diagonal"])
-@pytest.mark.parametrize("forgetting", [(1.0, 1.0, 0.99, 0.98), (0.9, 0.95, 0.97, 1.0), 0.95])
+@pytest.mark.parametrize("forgetting", [(0.9, 0.95, 0.97, 1.0)])
 def test_forgetting_matrix_over_a_long_run(forgetting, form):
     """Without rounding of its own: the twin counts in extended precision."""
-    X, y = changing_runs(6000)
+    X, y = changing_runs(2000)
     instants = instants_of(X, y)
     factors = np.broadcast_to(forgetting, (len(instants), P))
     path, *_ = naive.recursive_least_squares(instants, factors, THETA0, P0, form)
@@ -89,10 +78,6 @@ MODELS = [
     (["x", "e"], {"na": 1, "nb": [1, 2], "nk": [2, 0]}, False),
     (["x", "e"], {"na": 0, "nb": [1, 2], "nk": [0, 2]}, True),
     (["x", "e"], {"na": 2, "nb": [1, 1], "nk": [0, 3]}, True),
-]
-OTHER_MODELS = [
-    (["e"], {"na": 0, "nb": [1], "nk": [2]}, False),
-    (["x", "e"], {"na": 3, "nb": [2, 1], "nk": [1, 0]}, False),
 ]
 
 
@@ -138,20 +123,9 @@ FORMS = st.sampled_from(["joint", "diagonal"])
 
 
 @pytest.mark.slow
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(recording=recordings(MODELS), kind=KINDS, form=FORMS)
 def test_any_runs_any_forgetting(recording, kind, form):
-    check_against_the_twin(recording, kind, form)
-
-
-@pytest.mark.slow
-@settings(max_examples=60, deadline=None)
-@given(recording=recordings(OTHER_MODELS), kind=KINDS, form=FORMS)
-def test_any_number_of_parameters(recording, kind, form):
-    check_against_the_twin(recording, kind, form)
-
-
-def check_against_the_twin(recording, kind, form):
     X, y, orders, inputs, intercept, rng = recording
     instants = instants_of(X, y, **orders, inputs=inputs, intercept=intercept)
     n_params = orders["na"] + sum(orders["nb"]) + intercept
@@ -266,7 +240,7 @@ def test_initial_covariance():
 # Symmetries
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(order=st.permutations([1, 2, 3]), seed=st.integers(0, 2**16))
 @pytest.mark.parametrize("params", [{"forgetting": 0.95}, {"memory_horizon": [np.inf, 99, 50, 9]}])
 def test_order_of_pooled_runs(params, order, seed):
@@ -277,7 +251,7 @@ def test_order_of_pooled_runs(params, order, seed):
     np.testing.assert_allclose(other.covariance_, one.covariance_, rtol=1e-8, atol=1e-14)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(at=st.integers(50, 250))
 def test_the_path_is_causal(at):
     X, y = arx_runs(1, 300)

@@ -110,12 +110,10 @@ def test_one_run_trains_and_the_others_validate(runs):
 
 def test_the_best_is_fitted_on_all_runs(runs):
     X, y = runs
-    search = RecursiveARXCV(HORIZONS, nk=NK, store_covariance=True, cv=2).fit(X, y)
-    model = RecursiveARX(
-        nk=NK, memory_horizon=search.best_memory_horizon_, store_covariance=True
-    ).fit(X, y)
+    search = RecursiveARXCV(HORIZONS, nk=NK, cv=2).fit(X, y)
+    model = RecursiveARX(nk=NK, memory_horizon=search.best_memory_horizon_).fit(X, y)
     np.testing.assert_array_equal(search.coef_path_, model.coef_path_)
-    np.testing.assert_array_equal(search.covariance_path_, model.covariance_path_)
+    np.testing.assert_array_equal(search.covariance_, model.covariance_)
     np.testing.assert_array_equal(search.predict(X), model.predict(X))
     assert search.n_runs_pooled_ == 2
     again = clone(search)

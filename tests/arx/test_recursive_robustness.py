@@ -16,9 +16,7 @@ FORGETTING = {
     "diagonal": {"forgetting": 0.95, "forgetting_form": "diagonal"},
 }
 SHORT = {
-    "half": {"forgetting": 0.5},
     "half of the matrix": {"forgetting": (0.5, 1.0, 0.5, 0.9)},
-    "half of the diagonal": {"forgetting": 0.5, "forgetting_form": "diagonal"},
     "variable": {"forgetting": "variable", "memory_horizon": 20},
     "auto": {"forgetting": "auto"},
     "none": {},
@@ -74,24 +72,18 @@ def paused(kind, seed=0):
         "zeros": (np.zeros(PAUSE), np.zeros(PAUSE)),
         "constants": (np.full(PAUSE, 0.7), np.zeros(PAUSE)),
         "tiny noise": (1e-9 * tiny[0], 1e-9 * tiny[1]),
-        "noise below float32": (1e-5 * tiny[0], 1e-5 * tiny[1]),
-        "nothing but noise of the output": (np.zeros(PAUSE), 1e-6 * tiny[1]),
         "missing": (np.zeros(PAUSE), np.zeros(PAUSE)),
-        "missing output": (tiny[0], 0.01 * tiny[1]),
     }[kind]
     parts = zip((e, white), inside, strict=True)
     rows = [np.concatenate([a[:BEFORE], b, a[BEFORE:]]) for a, b in parts]
     with_pause = rows[0], respond(*rows)
-    if kind.startswith("missing"):
-        with_pause[1][BEFORE : BEFORE + PAUSE] = np.nan
     if kind == "missing":
+        with_pause[1][BEFORE : BEFORE + PAUSE] = np.nan
         with_pause[0][BEFORE : BEFORE + PAUSE] = np.nan
     return with_pause, (e, respond(e, white))
 
 
-PAUSES = [
-    "zeros", "constants", "tiny noise", "missing",
-]  # fmt: skip
+PAUSES = ["zeros", "constants", "tiny noise", "missing"]
 
 
 @each_forgetting
@@ -107,8 +99,7 @@ def test_pause(kind, params):
     expected = never.coef_path_[BEFORE + 3 * horizon :]
     np.testing.assert_allclose(again, expected, rtol=0.01)
     assert never.n_held_ == 0
-    if kind != "noise below float32":  # about where protection begins
-        assert (model.n_held_ > 0) == (not kind.startswith("missing"))
+    assert (model.n_held_ > 0) == (kind != "missing")
 
 
 @any_forgetting
@@ -116,7 +107,7 @@ def test_stuck_signals(params):
     """Values that stay and have nothing to do with each other."""
     (e, u), _ = paused("zeros")
     inside = slice(BEFORE, BEFORE + PAUSE)
-    for values in ((1.0, 0.0), (0.0, 1.0), (-3.0, 1e6), (1e-200, 1e-200), (1e30, 1.0)):
+    for values in ((1.0, 0.0), (-3.0, 1e6), (1e-200, 1e-200)):
         e[inside], u[inside] = values
         model = recursive(**params, store_covariance=True).fit(e[:, None], u)
         assert_sound(model)
@@ -132,8 +123,7 @@ def two_channels(kind, n=20_000, seed=0):
     """
     rng = np.random.default_rng(seed)
     e, other = rng.standard_normal((2, n))
-    x = {"dead": np.zeros(n), "constant": np.full(n, 3.0), "duplicate": e.copy(),
-         "scaled duplicate": -1e5 * e, "delayed duplicate": np.r_[0.0, e[:-1]]}[kind]  # fmt: skip
+    x = {"dead": np.zeros(n), "constant": np.full(n, 3.0), "scaled duplicate": -1e5 * e}[kind]
     scale = max(1.0, np.abs(x).max() / 4)
     x[-500:] = scale * other[-500:]
     other[:-500] = 0.0
@@ -141,7 +131,7 @@ def two_channels(kind, n=20_000, seed=0):
     return np.column_stack([e, x]), u, scale
 
 
-CHANNELS = ["dead", "constant", "duplicate", "scaled duplicate", "delayed duplicate"]
+CHANNELS = ["dead", "constant", "scaled duplicate"]
 TWO = {"na": 2, "nb": [2, 1], "nk": [3, 0], "init": "zeros"}
 
 
@@ -157,8 +147,7 @@ def test_a_channel_that_comes_alive_is_learnt(kind):
 # Scales
 
 
-@pytest.mark.parametrize("scales", [(1e-12, 1e12), (1e12, 1e12)])
-@pytest.mark.parametrize("other", [1e-12, 1e12])
+@pytest.mark.parametrize(("scales", "other"), [((1e-12, 1e12), 1e12), ((1e12, 1e12), 1e-12)])
 @pytest.mark.parametrize("form", ["joint", "diagonal"])
 def test_scales_of_channels(scales, other, form):
     """The parameters follow the units, with one scale for each channel."""
@@ -178,75 +167,15 @@ def test_scales_of_channels(scales, other, form):
     assert scaled.n_held_ == one.n_held_ == 0
 
 
-# Anything
-
-
-def odd_signal(rng, n, decades=12):
-    """Noise, rest, steps, waves, ramps, impulses and holes of all sizes, one after the other."""
-    parts = []
-    while sum(map(len, parts)) < n:
-        k = int(rng.integers(1, 1500))
-        size = 10.0 ** rng.uniform(-decades, decades) if rng.random() < 0.4 else 1.0
-        shapes = [
-            np.zeros(k),
-            np.full(k, rng.standard_normal()),
-            rng.standard_normal(k),
-            rng.standard_normal(k),
-            np.sin(np.arange(k) * rng.uniform(0, 3)),
-            np.eye(1, k)[0],
-            np.arange(float(k)),
-            rng.choice([-1.0, 1.0], k),
-            np.full(k, np.nan),
-        ]
-        parts.append(size * shapes[rng.integers(len(shapes))])
-    return np.concatenate(parts)[:n]
-
-
-ODD = {
-    "number": lambda rng, n: {"forgetting": rng.choice([0.5, 0.8, 0.95, 0.99, 1.0])},
-    "matrix": lambda rng, n: {"forgetting": rng.choice([0.5, 0.8, 0.95, 0.99, 1.0], 5)},
-    "over time": lambda rng, n: {"forgetting": rng.choice([0.5, 0.9, 1.0], n)},
-    "variable": lambda rng, n: {
-        "forgetting": "variable", "memory_horizon": rng.choice([3.0, 20.0, 200.0])
-    },
-}  # fmt: skip
-
-
-def odd_records(kind, decades, n=12_000, n_records=3):
-    """Inputs, output and a forgetting for each seed; every other output follows the input."""
-    for seed in range(n_records):
-        rng = np.random.default_rng(seed)
-        X = np.column_stack([odd_signal(rng, n, decades) for _ in range(2)])
-        if seed % 4 == 0:
-            X[:, 1] = X[:, 0] * 10.0 ** rng.integers(-8, 9)
-        u = odd_signal(rng, n, decades)
-        if seed % 2:
-            u = 2 * np.nan_to_num(X[:, 0]) + 1e-3 * rng.standard_normal(n)
-        X[:50], u[:50] = np.nan_to_num(X[:50]), np.nan_to_num(u[:50])
-        yield X, u, ODD[kind](rng, n)
-
-
-@pytest.mark.parametrize("form", ["joint", "diagonal"])
-@pytest.mark.parametrize("kind", ODD)
-def test_odd_signals(kind, form):
-    for X, u, params in odd_records(kind, decades=12):
-        model = RecursiveARX(
-            2, [2, 1], [0, 1], init="zeros", forgetting_form=form, store_covariance=True, **params
-        ).fit(X, u)
-        errors = model.one_step_errors_[~np.isnan(model.one_step_errors_)]
-        for values in (model.coef_path_, model.covariance_path_, errors, model.noise_variance_):
-            assert np.isfinite(values).all()
-
-
 # Protection is for what is not excited
 
 
-@pytest.mark.parametrize("horizon", [2.0, 64.0, 8192.0, np.inf])
+@pytest.mark.parametrize("horizon", [2.0, 8192.0])
 def test_no_protection_in_excited_data(horizon):
     """For every memory horizon of Table V."""
     rng = np.random.default_rng(0)
     e, white = rng.standard_normal((2, 20_000))
-    for noise in (0.0, 0.1, 1.0):
+    for noise in (0.0, 1.0):
         u = respond(e, noise * white)
         model = recursive(memory_horizon=horizon).fit(e[:, None], u)
         assert model.n_held_ == 0
@@ -255,7 +184,7 @@ def test_no_protection_in_excited_data(horizon):
 # Long streams
 
 
-def soak_blocks(n_rows, seed=0, n_block=100_000):
+def soak_blocks(n_rows, seed=0, n_block=20_000):
     """Blocks of a record in which pauses, steps of b0 and holes come at random.
 
     In the last 5,000 rows single values are missing, and no more.
@@ -308,4 +237,4 @@ def soak(n_rows, **params):
 @compiled
 @pytest.mark.parametrize("forgetting", [0.95, (0.98, 0.97, 0.95, 0.96)])
 def test_soak(forgetting):
-    soak(200_000, forgetting=forgetting)
+    soak(40_000, forgetting=forgetting)

@@ -22,9 +22,7 @@ TRUTH = np.array([*A, *B])
 GRID = [*(2.0 ** np.arange(1, 14)), np.inf]
 
 
-@pytest.mark.parametrize(
-    ("forgetting", "n_rows"), [(0.98, 600), (0.995, 204), (1.0, 400), (0.98, 104)]
-)
+@pytest.mark.parametrize(("forgetting", "n_rows"), [(0.98, 104), (1.0, 400)])
 def test_standard_deviations(forgetting, n_rows):
     """Mean over 200 recordings of d' C^-1 d / 4, d the error of theta; 1 when C is right.
 
@@ -53,10 +51,9 @@ def log_likelihoods(instants, horizons, theta0, p0):
     return np.array(found)
 
 
-@pytest.mark.parametrize("make", [changing_runs, lambda n, runs: arx_runs(runs, n)])
 @pytest.mark.parametrize("n_runs", [1, 2])
-def test_auto_maximises_the_predictive_likelihood(make, n_runs):
-    X, y = make(600, n_runs)
+def test_auto_maximises_the_predictive_likelihood(n_runs):
+    X, y = changing_runs(300, n_runs)
     model = recursive(forgetting="auto").fit(X, y)
     found = log_likelihoods(instants_of(X, y), GRID, THETA0, P0)
     best = GRID[int(np.argmax(found))]
@@ -80,7 +77,7 @@ def test_auto_forgets_faster_what_changes_faster():
             recursive(forgetting="auto")
             .fit(*drifting_run(3000, 0.1 / balance, seed))
             .memory_horizon_
-            for seed in range(8)
+            for seed in range(4)
         ]
         medians.append(np.median(found))
     assert medians[0] < medians[1] < medians[2]

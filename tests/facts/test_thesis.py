@@ -174,7 +174,7 @@ def test_vaf_of_the_zoh_model(state, factor, rate, expected):
 @pytest.mark.parametrize(("rate", "nk"), NK_STAR.items())
 def test_delay(state, rate, nk):
     X, y = make_tracking_runs(state, 1, sampling_rate=rate)
-    assert DelaySearchCV(nk=range(nk - 14, nk + 20)).fit(X, y).best_nk_ == nk
+    assert DelaySearchCV(ARXRegressor(), nk=range(nk - 14, nk + 20)).fit(X, y).best_nk_ == nk
 
 
 @pytest.mark.parametrize("state", STATES)

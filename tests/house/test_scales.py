@@ -45,7 +45,7 @@ EXACT = {
     "variable": RecursiveARX(nk=15, forgetting="variable", fit_intercept=True),
     "smooth": RecursiveARX(nk=15, forgetting="auto", smooth=True, inputs=["e", "f_t"]),
     "horizons": RecursiveARXCV([32.0, 128.0], nk=15),
-    "delays": DelaySearchCV(nk=range(13, 17), criterion="vaf"),
+    "delays": DelaySearchCV(ARXRegressor(), nk=range(13, 17), criterion="vaf"),
     "orders": OrderSearchCV(BATCH, na=[1, 2], nb=[1, 2], nk=[14, 15]),
     "chain": make_pipeline(Decimator(2), DelayShift(0.2), ARXRegressor()),
     "operator": OperatorRegressor(),

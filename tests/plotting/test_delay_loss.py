@@ -122,9 +122,9 @@ def test_delay_over_time(data):
 
 def test_errors_are_clear(data):
     with pytest.raises(NotFittedError):
-        DelayLossDisplay.from_estimator(DelaySearchCV())
+        DelayLossDisplay.from_estimator(DelaySearchCV(ARXRegressor()))
     with pytest.raises(TypeError, match="draws a fitted DelaySearchCV; got OrderSearchCV"):
-        DelayLossDisplay.from_estimator(OrderSearchCV())
+        DelayLossDisplay.from_estimator(OrderSearchCV(ARXRegressor()))
     search = search_of(data, nk=[4, 5])
     with pytest.raises(ValueError, match=r"fit DelaySearchCV\(..., window=<seconds>\)"):
         DelayLossDisplay.from_estimator(search, kind="path")

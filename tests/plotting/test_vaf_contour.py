@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 from sklearn.exceptions import NotFittedError
 
-from skhoid import DelaySearchCV, OrderSearchCV
+from skhoid import ARXRegressor, DelaySearchCV, OrderSearchCV
 from skhoid.plotting import VAFContourDisplay
 
 DT = 0.02
@@ -25,7 +25,9 @@ def data():
 @pytest.fixture(scope="module")
 def search(data):
     X, y = data
-    return OrderSearchCV(na=[1, 2, 3], nb=[1, 2], nk=[2, 3], factor=[1, 2]).fit(X[["a"]], y)
+    return OrderSearchCV(ARXRegressor(), na=[1, 2, 3], nb=[1, 2], nk=[2, 3], factor=[1, 2]).fit(
+        X[["a"]], y
+    )
 
 
 def xy(mark):
@@ -100,7 +102,7 @@ def test_panel_without_any_model_stays_empty():
 
 def test_one_row_of_candidates_becomes_lines(data):
     X, y = data
-    search = OrderSearchCV(na=[1, 2, 3], nb=[1], nk=[2, 3]).fit(X[["a"]], y)
+    search = OrderSearchCV(ARXRegressor(), na=[1, 2, 3], nb=[1], nk=[2, 3]).fit(X[["a"]], y)
     display = VAFContourDisplay.from_estimator(search)
     assert display.contours_ == []
     assert display.colorbar_ is None
@@ -116,7 +118,9 @@ def test_one_row_of_candidates_becomes_lines(data):
 
 def test_orders_and_delays_per_input(data):
     X, y = data
-    search = OrderSearchCV(na=[1, 2], nb=[(1, 1), (2, 1)], nk=[(3, 1), (2, 1)]).fit(X, y)
+    search = OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[(1, 1), (2, 1)], nk=[(3, 1), (2, 1)]).fit(
+        X, y
+    )
     display = VAFContourDisplay.from_estimator(search)
     assert display.nk == [(2, 1), (3, 1)]
     assert [text.get_text() for text in display.ax_.get_yticklabels()] == ["(1, 1)", "(2, 1)"]
@@ -126,7 +130,7 @@ def test_orders_and_delays_per_input(data):
 @pytest.mark.slow
 def test_many_delays_show_the_best_and_say_so():
     vaf = np.linspace(10, 90, 15)[:, None, None] + np.zeros((15, 2, 2))
-    search = OrderSearchCV()
+    search = OrderSearchCV(ARXRegressor())
     params = [
         {"na": na, "nb": nb, "nk": nk, "factor": 1}
         for na in (1, 2)
@@ -153,9 +157,9 @@ def test_many_delays_show_the_best_and_say_so():
 
 def test_errors_are_clear(search):
     with pytest.raises(NotFittedError):
-        VAFContourDisplay.from_estimator(OrderSearchCV())
+        VAFContourDisplay.from_estimator(OrderSearchCV(ARXRegressor()))
     with pytest.raises(TypeError, match="draws a fitted OrderSearchCV; got DelaySearchCV"):
-        VAFContourDisplay.from_estimator(DelaySearchCV())
+        VAFContourDisplay.from_estimator(DelaySearchCV(ARXRegressor()))
     with pytest.raises(ValueError, match=r"factor=7 was not searched; the factors are \[1, 2\]"):
         VAFContourDisplay.from_estimator(search, factor=7)
     with pytest.raises(ValueError, match="nk=9 was not searched"):

@@ -117,7 +117,7 @@ def test_containers_that_are_refused(case):
         lambda: ARXRegressor().fit(table, y),
         lambda: OperatorRegressor().fit(table, y),
         lambda: RecursiveARX().partial_fit(table, y),
-        lambda: DelaySearchCV().fit(table, y),
+        lambda: DelaySearchCV(ARXRegressor()).fit(table, y),
         lambda: EffectSearchCV(OperatorRegressor()).fit(table, y),
         lambda: Decimator(2).fit(table),
         lambda: model.predict(table),

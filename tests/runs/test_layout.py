@@ -35,9 +35,9 @@ ESTIMATORS = {
     "arx": ARXRegressor(2, 2, 3),
     "arx-hac": ARXRegressor(2, 2, 3, fit_intercept=True, covariance="hac"),
     "miso": ARXRegressor(1, [2, 1], [3, 0], inputs=["e", "x"]),
-    "delay": DelaySearchCV(nk=range(6)),
-    "delay-vaf": DelaySearchCV(nk=[1, 3], criterion="vaf"),
-    "order": OrderSearchCV(na=[1, 2], nb=[1, 2], nk=[3]),
+    "delay": DelaySearchCV(ARXRegressor(), nk=range(6)),
+    "delay-vaf": DelaySearchCV(ARXRegressor(), nk=[1, 3], criterion="vaf"),
+    "order": OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[1, 2], nk=[3]),
     "pipeline": make_pipeline(Decimator(2), DelayShift(0.03), ARXRegressor(2, 2)),
     "odd-pipeline": make_pipeline(
         RunInTrimmer(0.2), DelayShift(0.03), Decimator(3, padding="odd"), ARXRegressor(2, 1)

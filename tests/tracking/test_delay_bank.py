@@ -12,12 +12,19 @@ from support.synthetic import DT, arx_runs
 from skhoid import RecursiveARX, ShortRunError, make_tracking_runs
 from skhoid._kernels import delay_bank as kernels
 from skhoid.effects import TimeVaryingDelay
-from skhoid.tracking.delay_bank import TEMPER, VARIANCE_MEMORY, DelayBankARX
+from skhoid.tracking.delay_bank import (
+    AHEAD,
+    STAY_TIME,
+    TEMPER,
+    VARIANCE_MEMORY,
+    DelayBankARX,
+)
 
+# Each number of parameters compiles a bank of its own, for long.
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")]
 
 THETA0 = [-1.7, 0.75, 0.03, -0.02]
-GIVEN = {"init": THETA0, "p0": 10.0, "dt": DT, "memory_horizon": 100}
+GIVEN = {"dt": DT, "memory_time": 1.0}
 DELAYS = [3, 5, 8, 12]
 RECURSION = (
     "coef_path_",
@@ -34,8 +41,18 @@ RECURSION = (
 )
 
 
-def bank(nk=DELAYS, **params):
-    return DelayBankARX(nk, **{**GIVEN, **params})
+class Bank(DelayBankARX):
+    """Begins from given parameters."""
+
+    init, p0 = THETA0, 10.0
+
+
+def bank(nk=DELAYS, kind=Bank, **params):
+    return kind(nk, **{**GIVEN, **params})
+
+
+def recursion(nk):
+    return RecursiveARX(nk=nk, init=THETA0, p0=10.0, **GIVEN)
 
 
 def with_gaps(n_runs=3, seed=0):
@@ -55,15 +72,9 @@ def with_gaps(n_runs=3, seed=0):
 @pytest.mark.parametrize(
     "params",
     [
-        {"init_window": 2.0},
-        {"init": THETA0, "p0": 10.0},
-        {"forgetting": (1.0, 1.0, 0.97, 0.95)},
-        {"forgetting": (1.0, 1.0, 0.97, 0.95), "forgetting_form": "diagonal"},
-        {"forgetting": lambda t: np.where(t < 2, 0.99, 0.95)},
-        {"fit_intercept": True, "memory_horizon": 60},
-        {"parameters": "last", "memory_horizon": 60},
+        {},
+        {"memory_time": 0.6},
     ],
-    ids=["ols", "given", "matrix", "diagonal", "function", "intercept", "last"],
 )
 @pytest.mark.parametrize("n_runs", [1, 3])
 def test_one_delay_is_the_recursion(params, n_runs):
@@ -82,7 +93,7 @@ def test_one_delay_is_the_recursion(params, n_runs):
 
 def test_one_delay_in_a_stream():
     X, y = with_gaps(1)
-    one, other = bank(5), RecursiveARX(nk=5, **GIVEN)
+    one, other = bank(5), recursion(5)
     for begin, end in pairwise([0, 1, 130, 131, 300, len(y)]):
         one.partial_fit(X[begin:end], y[begin:end])
         other.partial_fit(X[begin:end], y[begin:end])
@@ -90,21 +101,12 @@ def test_one_delay_in_a_stream():
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
 
 
-def test_each_candidate_is_the_recursion_on_the_same_rows():
-    X, y = arx_runs(1, 400, nk=5, smooth=2)
-    model = bank(store_covariance=True).fit(X[["e"]], y)
-    _, paths = candidate_paths(X[["e"]], y)
-    chosen = np.searchsorted(DELAYS, model.nk_path_)
-    along = np.array([paths[j][t] for t, j in enumerate(chosen)])
-    np.testing.assert_array_equal(model.coef_path_, along)
-
-
 def candidate_paths(X, y):
     """RecursiveARX of each candidate, begun so late that all have the same first update."""
     first = max(DELAYS) + 1
     models = []
     for nk in DELAYS:
-        lags = RecursiveARX(nk=nk, **GIVEN)
+        lags = recursion(nk)
         skip = first - (nk + 1)
         models.append(lags.fit(X[skip:], y[skip:]))
     paths = [
@@ -117,18 +119,17 @@ def candidate_paths(X, y):
 # Probabilities and paths
 
 
-@pytest.mark.parametrize("ahead", [0.0, 0.06])
-def test_probabilities_are_those_of_the_twin(ahead):
-    X, y = arx_runs(1, 250, nk=5, smooth=2, noise=0.5)
-    model = bank(ahead=ahead, stay_time=0.5).fit(X[["e"]], y)
+def test_probabilities_are_those_of_the_twin():
+    X, y = arx_runs(1, 400, nk=5, smooth=2, noise=0.5)
+    model = bank().fit(X[["e"]], y)
     _, paths = candidate_paths(X[["e"]], y)
-    steps = max(round(ahead / DT), 1)
+    steps = round(AHEAD / DT)
     expected = twin.probabilities(
         paths,
         [(X["e"].to_numpy(), y.to_numpy())],
         DELAYS,
         steps=steps,
-        leave=DT / 0.5,
+        leave=DT / STAY_TIME,
         power=min(1.0, TEMPER / steps),
         memory=VARIANCE_MEMORY / DT,
         settled=kernels.SETTLED,
@@ -158,24 +159,24 @@ def test_viterbi_is_the_best_of_all_paths(seed, leave):
 
 
 @pytest.mark.parametrize("path", ["filtered", "viterbi"])
-def test_a_jump_of_the_delay_is_found_with_a_white_equation_error(path):
+def test_a_jump_of_the_delay_is_found(path):
     settled = []
-    for seed in range(3):
+    for seed in range(2):
         e, u, nk = jumping_run(seed)
-        model = DelayBankARX(
-            range(10, 46), memory_horizon=256, init_window=15, dt=DT, ahead=0, path=path
-        ).fit(e, u)
+        model = DelayBankARX(range(10, 46), memory_time=2.56, init_window=15, dt=DT, path=path).fit(
+            e, u
+        )
         right = np.abs(model.nk_path_ - nk) <= 1
         assert right[500:1900].all()
         settled.append(np.flatnonzero(~right[2000:])[-1] if (~right[2000:]).any() else 0)
-    assert max(settled) < 150  # 0.8 s typically
+    assert max(settled) < 1200  # errors 0.2 s ahead tell neighbouring delays apart slowly
 
 
 def test_predictions_follow_delay_and_coefficients():
     e, u, _ = jumping_run(noise=0.0)
-    model = DelayBankARX(
-        [20, 35], memory_horizon=64, init_window=15, dt=DT, ahead=0.05, path="viterbi"
-    ).fit(e, u)
+    model = DelayBankARX([20, 35], memory_time=0.64, init_window=15, dt=DT, path="viterbi").fit(
+        e, u
+    )
     simulated = np.zeros(u.size)
     for t in range(u.size):
         a1, a2, b0, b1 = model.coef_path_[t]
@@ -192,11 +193,10 @@ def test_predictions_follow_delay_and_coefficients():
     np.testing.assert_allclose((u - ahead)[3000:], known, atol=1e-9 * np.abs(u).max())
 
 
-@pytest.mark.slow
 def test_in_the_loop_a_change_of_the_delay_is_followed_roughly():
     effect = TimeVaryingDelay(change=0.12, rate=2.0, time=40.0)
     X, y = make_tracking_runs(
-        "C2", n_runs=4, remnant_intensity=0.05, effects=[effect], random_state=11
+        "C2", n_runs=2, remnant_intensity=0.05, effects=[effect], random_state=11
     )
     model = DelayBankARX(range(13, 56, 2), memory_time=10.24).fit(X, y)
     truth = 0.29 + 0.12 / (1 + np.exp(-2 * (model.time_path_ - 40)))
@@ -210,30 +210,17 @@ def test_in_the_loop_a_change_of_the_delay_is_followed_roughly():
 @pytest.mark.parametrize("begun", ["given", "ols"])
 def test_any_cut_of_a_stream_gives_what_fit_gives(begun):
     X, y = with_gaps(1)
-    params = {} if begun == "given" else {"init": "ols", "p0": None, "init_window": 0.9}
+    params = {} if begun == "given" else {"kind": DelayBankARX, "init_window": 0.9}
     if begun == "ols":
         X, y = X[:150], y[:150]
     whole = bank(**params).fit(X, y)
     rng = np.random.default_rng(0)
-    for n_cuts in (0, 3, 40):
+    for n_cuts in (3, 40):
         cuts = np.sort(rng.choice(np.arange(1, len(y)), n_cuts, replace=False)).tolist()
         model = bank(**params)
         for begin, end in pairwise([0, *cuts, len(y)]):
             model.partial_fit(X[begin:end], y[begin:end])
         assert_same(model, whole)
-
-
-def test_a_stream_goes_on_after_pooled_runs_but_not_after_forgetting_over_time():
-    X, y = arx_runs(3, 200, nk=5)
-    X = X[["e"]]
-    model = bank().fit(X[:400], y[:400]).partial_fit(X[400:], y[400:])
-    assert model.n_updates_ == 3 * (200 - 13)
-    one = bank(5).fit(X[:400], y[:400]).partial_fit(X[400:], y[400:])
-    other = RecursiveARX(nk=5, **GIVEN).fit(X[:400], y[:400]).partial_fit(X[400:], y[400:])
-    np.testing.assert_array_equal(one.coef_, other.coef_)
-    varying = bank(forgetting=lambda t: 0.99, memory_horizon=None).fit(X[:200], y[:200])
-    with pytest.raises(ValueError, match="one forgetting factor"):
-        varying.partial_fit(X[200:], y[200:])
 
 
 def assert_same(one, other):
@@ -247,7 +234,13 @@ def assert_same(one, other):
 def test_two_inputs_with_an_intercept_have_one_delay():
     X, y = arx_runs(1, 300, nk=5, smooth=2)
     y = y + 2.0
-    params = {"init": "zeros", "nb": (2, 1), "inputs": ["e", "x"], "fit_intercept": True}
+    params = {
+        "kind": DelayBankARX,
+        "init_window": 1.0,
+        "nb": (2, 1),
+        "inputs": ["e", "x"],
+        "fit_intercept": True,
+    }
     model = bank(**params).fit(X, y)
     assert model.candidates_.tolist() == DELAYS
     free = np.zeros(300)
@@ -273,13 +266,8 @@ def test_two_inputs_with_an_intercept_have_one_delay():
         ({"nk": [3, 4.5]}, "Each delay in nk must be a whole number; got 4.5"),
         ({"nk": [-1, 3]}, "at least 0; got -1"),
         ({"nk": "often"}, "Each delay in nk must be a whole number; got 'often'"),
-        ({"stay_time": 0.01}, "stay_time must be longer than the sampling time, 0.01 s"),
-        ({"stay_time": 0.0}, "stay_time"),
-        ({"ahead": -0.1}, "ahead"),
         ({"path": "smoothed"}, "path"),
-        ({"forgetting": "auto", "memory_horizon": None}, "does not take forgetting='auto'"),
-        ({"forgetting": "variable"}, "does not take forgetting='variable'"),
-        ({"init": [1.0]}, "init must be"),
+        ({"memory_time": 0.001}, "longer than one sample"),
     ],
 )
 def test_options_without_sense(params, message):
@@ -295,7 +283,5 @@ def test_short_runs_and_streams_that_cannot_be():
         bank([3, 200]).fit(X, y)
     with pytest.raises(ValueError, match="needs whole runs"):
         bank(path="viterbi").partial_fit(X, y)
-    with pytest.raises(ValueError, match="one forgetting factor"):
-        bank(forgetting=lambda t: 0.99, memory_horizon=None).partial_fit(X, y)
     with pytest.raises(NotFittedError, match="no estimate yet"):
-        bank(init="ols", init_window=5.0).partial_fit(X, y).predict(X)
+        bank(kind=DelayBankARX, init_window=5.0).partial_fit(X, y).predict(X)

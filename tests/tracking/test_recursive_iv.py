@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.whitened_runs import NK, whitened_runs
 
 from skhoid import (
     ARXRegressor,
@@ -13,8 +14,6 @@ from skhoid import (
 )
 from skhoid.arx.instruments import instrument_lags
 from skhoid.tracking.whitened import START_WORTH
-
-pytestmark = pytest.mark.slow  # compiles for many seconds
 
 DT = 0.05
 
@@ -28,7 +27,9 @@ def test_without_poles_and_noise_model_it_is_weighted_two_stage_least_squares():
     u = 0.5 * np.r_[0, e[:-1]] - 0.2 * np.r_[0, 0, e[:-2]] + 0.3 * remnant
     X = np.column_stack([e, f_t])
     options = {"inputs": [0], "instruments": [1], "noise_order": 0, "dt": DT}
-    model = RecursiveIV(0, 2, 1, forgetting=lam, init_window=m * DT, **options).fit(X, u)
+    model = RecursiveIV(0, 2, 1, memory_time=DT / (1 - lam), init_window=m * DT, **options).fit(
+        X, u
+    )
 
     lags = instrument_lags(DT, 1, 2, 1)
     phi = np.stack([np.r_[np.zeros(k), e[:-k]] for k in (1, 2)], axis=1)
@@ -79,9 +80,36 @@ def test_errors(loop):
         RecursiveIV(nk=29).fit(X[["e"]], y)
     with pytest.raises(ValueError, match="cannot be its own instrument"):
         RecursiveIV(nk=29, inputs=["e"], instruments=["e"]).fit(X, y)
-    with pytest.raises(ValueError, match="one forgetting factor for all"):
+    with pytest.raises(ValueError, match="memory_time"):
         RecursiveIV(nk=29, inputs=["e"], memory_time=[9.0, 9.0, 5.0, 5.0]).fit(X, y)
     with pytest.raises(ShortRunError, match="Use longer runs"):
         RecursiveIV(nk=29, inputs=["e"]).fit(X.iloc[:430], y.iloc[:430])
     with pytest.raises(RankDeficiencyError, match="instruments"):
         RecursiveIV(nk=29, inputs=["e"]).fit(X.assign(f_t=0.0), y)
+
+
+def test_with_all_memory_it_is_the_batch_estimate():
+    """In standard deviations of the batch: its D is of order 10, and filters are the last ones."""
+    off, spread = [], []
+    for seed in range(3):
+        X, y = whitened_runs(1, 6000, seed=seed, noise=0.3)
+        model = RecursiveIV(nk=NK, inputs=["e"], noise_order=2, init_window=20.0).fit(X, y)
+        batch = ARXRegressor(nk=NK, inputs=["e"], method="iv", instruments=["f_t"]).fit(X, y)
+        off.append((model.coef_ - batch.coef_) / batch.standard_errors_)
+        spread.append(model.standard_errors_ / batch.standard_errors_)
+    assert np.sqrt(np.mean(np.square(off))) < 0.7
+    np.testing.assert_allclose(np.mean(spread, axis=0), 1.0, atol=0.08)
+
+
+def test_nothing_is_infinite():
+    """Measured largest |b| of 300 runs: 1.8 with 5.12 s, 7.6 with 2.56 s, 12.7 with 1.28 s."""
+    X, y = make_tracking_runs(
+        "C4", n_runs=2, remnant_intensity=0.25, remnant_order=4, channels=["e", "f_t"],
+        random_state=104,
+    )  # fmt: skip
+    for run in range(2):
+        model = RecursiveIV(nk=29, inputs=["e"], memory_time=2.56)
+        path = model.fit(X.loc[[run]], y.loc[[run]]).coef_path_
+        assert np.isfinite(path).all()
+        assert np.abs(path[:, :2]).max() <= 2.0
+        assert np.abs(path[:, 2:]).max() < 20

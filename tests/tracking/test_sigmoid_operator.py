@@ -1,7 +1,6 @@
 """Maximum likelihood with sigmoids: what it finds, and how certain it says that is."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.special import expit
 from support import window_twin as twin
@@ -9,8 +8,6 @@ from support import window_twin as twin
 from skhoid import make_tracking_runs
 from skhoid.tracking.operator_fitting import OperatorFit
 from skhoid.tracking.sigmoid_operator import SigmoidOperator, followed
-
-pytestmark = pytest.mark.slow  # compiles for many seconds, and fits
 
 DT = 0.01
 ENDS = {"K_e": (0.09, 0.07), "K_edot": (0.036, 0.084)}
@@ -60,9 +57,6 @@ def test_the_path_is_the_sigmoid_of_the_transition():
     assert path["sd_K_edot"].loc[38:44].max() > 1.5 * path["sd_K_edot"].iloc[0]
     assert path["sd_T_L"].notna().all()
     assert np.ptp(path["omega_nm"]) == 0
-    # Predictions take the gain that acts when the delay begins.
-    late = np.interp(path.index - path["tau_e"].iloc[0], path.index, path["K_edot"])
-    np.testing.assert_allclose(model._path[:, 1], late, rtol=1e-12)
 
 
 @pytest.mark.parametrize("which", range(4))
@@ -87,11 +81,9 @@ def test_derivatives_of_the_path(which):
         np.testing.assert_allclose(slopes[:, i], difference, atol=1e-7)
 
 
-def test_frequency_and_gains_may_have_sigmoids_of_their_own():
+def test_frequency_may_have_a_sigmoid_too():
     X, y = made(3.0, 22.0, noise=0.002, omega=(8.0, 12.0))
-    model = SigmoidOperator(
-        varying=("K_e", "K_edot", "omega_nm"), common=False, dt=DT, inputs=[0]
-    ).fit(X, y)
+    model = SigmoidOperator(varying=("K_edot", "K_e", "omega_nm"), dt=DT, inputs=[0]).fit(X, y)
     found = model.transition_
     assert list(found.index) == ["K_e", "K_edot", "omega_nm"]
     assert found.loc["omega_nm", ["initial", "final"]].tolist() == pytest.approx([8, 12], rel=0.03)
@@ -99,25 +91,7 @@ def test_frequency_and_gains_may_have_sigmoids_of_their_own():
         [0.036, 0.084], rel=0.03
     )
     assert abs(found["time"] - 22.0).max() < 0.5
-    assert found["time"].nunique() == 3
-    shared = SigmoidOperator(varying=("K_edot", "K_e"), dt=DT, inputs=[0]).fit(X, y).transition_
-    assert np.ptp(shared["time"]) == 0
-
-
-@pytest.mark.slow
-def test_standard_errors_allow_for_a_remnant_that_grows():
-    """In C3 the remnant of the second half has 2.4 times the gain of the first."""
-    X, y = make_tracking_runs("C3", n_runs=30, remnant_intensity=0.15, random_state=7)
-    rows = []
-    for run in range(30):
-        found = SigmoidOperator().fit(X.loc[[run]], y.loc[[run]]).transition_
-        for name, ends in ENDS.items():
-            for end, value in zip(("initial", "final"), ends, strict=True):
-                z = (found.loc[name, end] - value) / found.loc[name, f"sd_{end}"]
-                rows.append((f"{name} {end}", z))
-    z = pd.DataFrame(rows, columns=["what", "z"]).groupby("what")["z"]
-    assert z.std().between(0.6, 1.45).all()
-    assert z.mean().abs().max() < 1.0
+    assert np.ptp(found["time"]) == 0
 
 
 def test_without_a_change_the_likelihood_hardly_grows():
@@ -133,7 +107,6 @@ def test_without_a_change_the_likelihood_hardly_grows():
         ({"varying": ()}, "varying must list"),
         ({"varying": ("tau_e",)}, "varying must list"),
         ({"varying": ("K_e", "K_e")}, "varying must list"),
-        ({"bounds": {"M": (0, 1)}}, "bounds has no 'M'"),
     ],
 )
 def test_bad_options_are_refused(options, match):

@@ -7,13 +7,10 @@ import pandas as pd
 import pytest
 
 from skhoid import HumanOperator, make_tracking_runs
-from skhoid.tracking.operator_fitting import read_limits
 from skhoid.tracking.wavelet_operator import (
     WaveletOperator,
     fit_responses,
 )
-
-pytestmark = pytest.mark.slow  # transforms for long
 
 pytest.importorskip("pywt")
 
@@ -39,13 +36,6 @@ def closed_loop(n=8192, seed=0):
 def exact():
     X, u, H = closed_loop()
     return X, u, H, WaveletOperator(dt=DT).fit(X, u)
-
-
-@pytest.fixture(scope="module")
-def noisy():
-    return make_tracking_runs(
-        "C1", n_runs=1, remnant_intensity=0.15, random_state=5, channels=["e", "f_t"]
-    )
 
 
 def test_response_of_a_constant_loop_without_remnant_is_within_two_percent(exact):
@@ -83,36 +73,22 @@ def test_outside_the_cone_responses_are_unknown(exact):
     assert path[~few]["K_e"].notna().all()
 
 
-def test_the_instrument_keeps_the_remnant_out():
-    """The error as its own instrument shifts the response towards -1 / G; the target does not."""
-    X, y = make_tracking_runs(
-        "C1", n_runs=8, remnant_intensity=0.3, random_state=2, channels=["e", "f_t"]
-    )
-    H = OPERATOR.frequency_response(OMEGA)
-    biases = []
-    for instrument in ("f_t", None):
-        model = WaveletOperator(instrument=instrument, frequencies=OMEGA).fit(X, y)
-        mean = np.nanmean(model.frequency_response_[:, 5:9], axis=0)
-        biases.append(abs(mean / H[5:9] - 1).mean())
-    assert biases[0] < 0.6 * biases[1]
-
-
 def test_without_a_target_the_error_says_what_to_do(exact):
-    with pytest.raises(ValueError, match=r"needs the target as its instrument.*instrument=None"):
+    with pytest.raises(ValueError, match=r"needs the target as its instrument"):
         WaveletOperator(dt=DT).fit(exact[0][["e"]], exact[1])
 
 
 def test_runs_are_pooled():
     X, y = make_tracking_runs(
-        "C1", n_runs=6, remnant_intensity=0.15, random_state=5, channels=["e", "f_t"]
+        "C1", n_runs=4, remnant_intensity=0.15, random_state=5, channels=["e", "f_t"]
     )
     one = WaveletOperator().fit(X.loc[[0]], y.loc[[0]])
-    six = WaveletOperator().fit(X, y)
-    assert one.parameters_path_.shape == six.parameters_path_.shape
-    ratio = six.frequency_response_sd_ / one.frequency_response_sd_
-    assert np.nanmedian(ratio) < 0.5
-    rms = [np.nanstd(m.parameters_path_["K_edot"].loc[15:67] / 0.036) for m in (one, six)]
-    assert rms[1] < 0.7 * rms[0]
+    four = WaveletOperator().fit(X, y)
+    assert one.parameters_path_.shape == four.parameters_path_.shape
+    ratio = four.frequency_response_sd_ / one.frequency_response_sd_
+    assert np.nanmedian(ratio) < 0.6
+    rms = [np.nanstd(m.parameters_path_["K_edot"].loc[15:67] / 0.036) for m in (one, four)]
+    assert rms[1] < 0.8 * rms[0]
 
 
 def test_fit_of_exact_responses_is_exact():
@@ -128,7 +104,7 @@ def test_fit_of_exact_responses_is_exact():
         ]
     )  # fmt: skip
     H[3, :4] = np.nan
-    fits = fit_responses(omega, H, np.zeros(H.shape), DT, read_limits(None))
+    fits = fit_responses(omega, H, np.zeros(H.shape), DT)
     expected = np.stack([K_e, K_e * T_L, tau, natural, zeta, T_L], axis=1)
     np.testing.assert_allclose(fits.values, expected, rtol=1e-4)
     assert not fits.stuck.any()
@@ -142,22 +118,11 @@ def test_standard_errors_of_the_fit_are_the_spread_of_its_estimates():
     noise = rng.standard_normal((2, n, 12)) / np.sqrt(2)
     spread = np.hypot(sd, 0.01 * abs(H))
     responses = H + spread * (noise[0] + 1j * noise[1])
-    fits = fit_responses(omega, responses, sd, DT, read_limits(None))
+    fits = fit_responses(omega, responses, sd, DT)
     # Errors only grow with a misfit, so they are a little too large on average.
     ratio = np.std(fits.values, axis=0) / np.mean(fits.deviations, axis=0)
     assert (ratio > 0.75).all()
     assert (ratio < 1.05).all()
-
-
-def test_bounds_hold(noisy):
-    model = WaveletOperator(bounds={"omega_nm": (2.0, 5.0)}).fit(*noisy)
-    path = model.parameters_path_
-    known = path["K_e"].notna().to_numpy()
-    at = model.at_bound_[:, 0] & known
-    assert at.sum() > 50
-    assert (path["omega_nm"][known] <= 5.0 + 1e-9).all()
-    assert path["sd_omega_nm"][at].isna().all()
-    assert path["sd_K_e"][at].notna().all()
 
 
 def test_pywavelets_is_named_where_it_is_missing(exact, monkeypatch):
@@ -178,10 +143,7 @@ def test_pywavelets_is_named_where_it_is_missing(exact, monkeypatch):
     [
         ({"frequencies": [1.0, 2.0]}, "at least 4 different numbers"),
         ({"frequencies": [1.0, 2.0, 3.0, 400.0]}, "below 78.54"),
-        ({"band": (3.0, 1.0)}, "band must be"),
         ({"omega0": 0.5}, "The 'omega0' parameter"),
-        ({"instrument": "e"}, "The 'instrument' parameter"),
-        ({"bounds": {"K_e": (0, 1)}}, "bounds has no 'K_e'"),
     ],
 )
 def test_bad_options_are_refused(exact, options, match):

@@ -9,10 +9,8 @@ from support import window_twin as twin
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid._kernels import window as kernel
 from skhoid.exceptions import ShortRunError
-from skhoid.tracking.operator_fitting import OperatorRecord, OperatorSearch, read_limits
+from skhoid.tracking.operator_fitting import OperatorRecord, OperatorSearch
 from skhoid.tracking.windowed_operator import WindowedOperator
-
-pytestmark = pytest.mark.slow  # compiles for many seconds, and fits
 
 DT = 0.01
 TRUE = pd.Series({"K_e": 0.09, "K_edot": 0.036, "tau_e": 0.28, "omega_nm": 11.25, "zeta_nm": 0.35})
@@ -37,7 +35,6 @@ def record_of(e, y, known=None):
         time=np.arange(n) * DT,
         stretches=np.array([[0, n, 0]]),
         dt=DT,
-        longest_delay=0.8,
     )
 
 
@@ -104,7 +101,7 @@ def test_fit_is_the_minimum_that_scipy_finds_for_the_same_criterion():
     e = signal(900)
     y = twin.output(e, 0, 900, DT, 0.09, 0.04, 10.0, 0.4, 0.253) + coloured(900, 0.01, 1)
     record = record_of(e, y)
-    search = OperatorSearch.of(record, read_limits(None))
+    search = OperatorSearch.of(record)
     pieces = record.pieces(100, 800, 3)
     start = np.array([np.log(8.0), np.log(0.5), 0.3, np.log(8.0), np.log(0.5)])
     fit = search.fitted(pieces, start, np.zeros(3), 1e-14)
@@ -129,15 +126,6 @@ def test_fit_is_the_minimum_that_scipy_finds_for_the_same_criterion():
     np.testing.assert_allclose(np.diag(fit.covariance), np.diag(expected), rtol=1e-3)
 
 
-def test_bounds_hold_and_have_no_standard_error(noisy):
-    X, y = noisy
-    model = WindowedOperator(20.0, 10.0, bounds={"omega_nm": (2.0, 6.0)}).fit(X, y)
-    assert model.at_bound_[:, 0].all()
-    np.testing.assert_allclose(model.parameters_path_["omega_nm"], 6.0)
-    assert model.parameters_path_["sd_omega_nm"].isna().all()
-    assert model.parameters_path_["sd_K_e"].notna().all()
-
-
 def test_without_remnant_the_true_parameters_are_found():
     e = signal(6000)
     y = twin.output(e, 0, 6000, DT, 0.09, 0.036, 11.25, 0.35, 0.2837)
@@ -160,23 +148,9 @@ def test_whole_records_agree_with_the_operator_regressor():
     assert abs(model.parameters_.value["tau_e"] + DT / 2 - other.value["tau_e"]) < 0.006
 
 
-@pytest.mark.slow
-def test_intervals_cover_in_long_windows():
-    X, y = make_tracking_runs("C1", n_runs=40, remnant_intensity=0.15, random_state=11)
-    rows = []
-    for run in range(40):
-        found = WindowedOperator(81.9, 81.9).fit(X.loc[[run]], y.loc[[run]]).parameters_
-        rows.append((found.value[TRUE.index] - TRUE) / found.sd[TRUE.index])
-    z = pd.DataFrame(rows)
-    assert (abs(z.mean()) < 0.7).all()  # biases of 3 standard errors of a mean, and 0.2
-    assert (z.std() < 1.4).all()
-    assert (z.std() > 0.7).all()
-    assert (abs(z) < 1.96).mean().between(0.84, 1.0).all()
-
-
 def test_a_fast_change_is_missed_in_the_windows_that_contain_it():
     X, y, truth = make_tracking_runs(
-        "C4", n_runs=5, remnant_intensity=0.05, random_state=2, return_truth=True
+        "C4", n_runs=3, remnant_intensity=0.05, random_state=2, return_truth=True
     )
     path = WindowedOperator(10.0, 1.0).fit(X, y).parameters_path_
     error = abs(path["K_edot"] / truth.parameters["K_edot"].reindex(path.index) - 1)
@@ -208,8 +182,6 @@ def test_runs_are_pooled(noisy):
     [
         ({"window": 100.0}, ShortRunError, "window = 100 s, but the longest stretch"),
         ({"window": 0.1}, ShortRunError, "no piece of the record has rows"),
-        ({"bounds": {"K_e": (0, 1)}}, ValueError, "bounds has no 'K_e'"),
-        ({"bounds": {"tau_e": (0.5, 0.1)}}, ValueError, "bounds of tau_e must be"),
         ({"window": -1}, ValueError, "The 'window' parameter"),
         ({"noise_order": 99}, ValueError, "The 'noise_order' parameter"),
     ],

@@ -168,7 +168,8 @@ def _fir(dt: float, nk: int, setting: Any) -> Any:
     """At 25 Hz, an answer of 1 s after the delay; solved for every 1.28 s."""
     kind = _from("tracking.recursive_fir", "RecursiveFIR")
     factor = max(1, round(FIR_STEP / dt))
-    model = kind(length=FIR_LENGTH, memory_time=setting, every=FIR_EVERY, store_covariance=True)
+    taps = round(FIR_LENGTH / (factor * dt))
+    model = kind(taps, memory_time=setting, every=FIR_EVERY, store_covariance=True)
     return make_pipeline(Decimator(factor), DelayShift(nk * dt), model)
 
 
@@ -208,7 +209,7 @@ def _lpv(dt: float, nk: int, setting: Any, schedule: Any = None) -> Any:
     """With the true progress of K_edot as a function of time; without a change a batch ARX."""
     if schedule is None:
         return _arx(dt, nk, setting)
-    return _from("tracking.lpv_arx", "LPVARX")(nk=nk, scheduling="time", basis=[schedule])
+    return _from("tracking.lpv_arx", "LPVARX")(nk=nk, scheduling="time", basis=schedule)
 
 
 def _windowed(dt: float, nk: int, setting: Any) -> Any:

@@ -37,17 +37,23 @@ KINDS = pytest.mark.parametrize(
 )
 
 SEARCHES = {
-    "delay": DelaySearchCV(nk=[1, 3], criterion="vaf"),
-    "delay, one step": DelaySearchCV(nk=[1, 3]),
-    "delay, two folds": DelaySearchCV(nk=[1, 3], criterion="vaf", cv=2),
+    "delay": DelaySearchCV(ARXRegressor(), nk=[1, 3], criterion="vaf"),
+    "delay, one step": DelaySearchCV(ARXRegressor(), nk=[1, 3]),
+    "delay, two folds": DelaySearchCV(ARXRegressor(), nk=[1, 3], criterion="vaf", cv=2),
     "delay, of the mean": DelaySearchCV(
-        nk=[1, 3], criterion="vaf", scoring=VAFScorer(average="mean"), cv=LeaveOneGroupOut()
+        ARXRegressor(),
+        nk=[1, 3],
+        criterion="vaf",
+        scoring=VAFScorer(average="mean"),
+        cv=LeaveOneGroupOut(),
     ),
     "delay, one by one": DelaySearchCV(
         make_pipeline(FunctionTransformer(), ARXRegressor()), nk=[1, 3], criterion="vaf"
     ),
-    "orders": OrderSearchCV(na=[1, 2], nb=[1, 2], nk=[3]),
-    "orders and factors": OrderSearchCV(na=[1], nb=[1], nk={1: [3], 2: [1]}, factor=[1, 2]),
+    "orders": OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[1, 2], nk=[3]),
+    "orders and factors": OrderSearchCV(
+        ARXRegressor(), na=[1], nb=[1], nk={1: [3], 2: [1]}, factor=[1, 2]
+    ),
     "memory": RecursiveARXCV([16, 64], nk=3),
     "memory, two folds": RecursiveARXCV([16, 64], nk=3, cv=2),
     "memory, means": RecursiveARXCV([16, 64], nk=3, scoring=VAFScorer(centered=True)),
@@ -133,7 +139,7 @@ def test_one_run_with_measurements_is_split_into_halves(data, channel):
     def first_two(X, y):
         return select_runs(X, y, runs=[1, 2])
 
-    search = DelaySearchCV(nk=[1, 3], criterion="vaf")
+    search = DelaySearchCV(ARXRegressor(), nk=[1, 3], criterion="vaf")
     expected = search.fit(*select_runs(X, Y, runs=1)).cv_results_
     found, _ = told(search.fit, *first_two(*data))
     assert_same_results(found.cv_results_, expected)

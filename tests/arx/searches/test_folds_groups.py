@@ -29,7 +29,7 @@ MODEL = ARXRegressor(1, 1)
 SEARCHES = {
     "delay": lambda cv=None: DelaySearchCV(MODEL, nk=[1, 3], criterion="vaf", cv=cv),
     "delay, one step": lambda cv=None: DelaySearchCV(MODEL, nk=[1, 3], cv=cv),
-    "order": lambda cv=None: OrderSearchCV(na=[1, 2], nb=[1], nk=[3], cv=cv),
+    "order": lambda cv=None: OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[1], nk=[3], cv=cv),
     "memory": lambda cv=None: RecursiveARXCV([16, 64], nk=3, cv=cv),
     "effects": lambda cv=None: EffectSearchCV(ARXRegressor(2, 2, 3), [], cv),
 }

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.synthetic import arx_runs
 
-from skhoid import DelaySearchCV, OrderSearchCV, ShortRunError
+from skhoid import ARXRegressor, DelaySearchCV, OrderSearchCV, ShortRunError
 
 
 @pytest.mark.parametrize(
@@ -25,11 +25,11 @@ from skhoid import DelaySearchCV, OrderSearchCV, ShortRunError
 def test_splits_without_sense(cv, said):
     X, y = arx_runs(1, 400)
     with pytest.raises(ValueError, match=said):
-        OrderSearchCV(na=[1], nb=[1], nk=[1, 2], cv=cv).fit(X, y)
+        OrderSearchCV(ARXRegressor(), na=[1], nb=[1], nk=[1, 2], cv=cv).fit(X, y)
 
 
 def test_a_window_of_data_without_known_lags():
     X, y = arx_runs(1, 3)
     X.iloc[0] = np.nan
     with pytest.raises(ShortRunError, match="0 rows are left"):
-        DelaySearchCV(nk=[0, 1], window=0.5).fit(X, y)
+        DelaySearchCV(ARXRegressor(), nk=[0, 1], window=0.5).fit(X, y)
