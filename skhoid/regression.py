@@ -297,13 +297,9 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
             Rows of runs in which the channels that the model needs were recorded.
         """
         self._check_fitted()
-        grid, values, output = self._read_to_compare(X, y)
-        return self._prediction_of(grid, values, output), self._fed(grid.layout, values)
-
-    def _read_to_compare(self, X: Any, y: Any) -> tuple[ModelGrid, np.ndarray, np.ndarray]:
-        """Grid, channels and output of data, as :meth:`_prediction_of` takes them."""
         grid, values = self._read_X(X, reset=False)
-        return grid, values, grid.thin_output(self._read_y(X, y))
+        output = grid.thin_output(self._read_y(X, y))
+        return self._prediction_of(grid, values, output), self._fed(grid.layout, values)
 
     def _prediction_of(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
         """The same free run of data that have been read."""

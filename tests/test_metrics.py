@@ -36,7 +36,7 @@ def runs_of(series):
     return [series.loc[[run]].index for run in series.index.unique("run")]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**31), st.floats(0.0, 2.0), st.integers(1, 40))
 def test_vaf_against_its_twin(seed, noise, n):
     measured, model = pair((n, 3), seed, noise)
@@ -86,13 +86,6 @@ def test_window_is_half_open_in_seconds_of_the_index():
     assert vaf_score(measured, model, window=(-np.inf, np.inf)) == vaf_score(measured, model)
 
 
-def test_centering_is_per_run():
-    measured, model = pair()
-    means = np.repeat([10.0, -4.0, 7.0], [60, 40, 50])
-    expected = vaf_score(measured, model, centered=True)
-    assert vaf_score(measured + means, model - means, centered=True) == pytest.approx(expected)
-
-
 def test_missing_measurements_are_left_out():
     measured, model = pair()
     holed = measured.copy()
@@ -115,12 +108,6 @@ def test_zero_power_is_an_error():
     for average in ("mean", None):
         with pytest.raises(ValueError, match="of a run"):
             vaf_score(resting, model, average=average)
-
-
-def test_no_row_left():
-    measured, model = pair()
-    with pytest.raises(ValueError, match=r"No row is left to score.*all 150 rows"):
-        vaf_score(measured, model, window=(50, 60))
 
 
 def test_runs_of_data_without_an_index():
@@ -229,29 +216,6 @@ def test_a_trimmed_run_in_is_left_out_of_stock_searches(data):
     assert clean.score(X, y) == pytest.approx(VAFScorer()(best, X, y), rel=1e-12)
     kept = naive.vaf(y[~early], best.predict(X)[~early])
     assert best.score(X, y) == pytest.approx(kept, rel=1e-12)
-
-
-def test_a_run_in_marked_beforehand_is_left_out(data):
-    X, y = data
-    marked = RunInTrimmer(0.3).fit_transform(X)
-    model = ARXRegressor(2, 2, 3, initial="rest").fit(marked, y)
-    kept = X.index.get_level_values("time") >= 0.295
-    expected = naive.vaf(y[kept], model.predict(marked)[kept])
-    assert VAFScorer()(model, marked, y) == pytest.approx(expected, rel=1e-12)
-    assert VAFScorer(rate="model")(model, marked, y) == pytest.approx(expected, rel=1e-12)
-    assert model.score(marked, y) == pytest.approx(expected, rel=1e-12)
-    measured = y.set_axis(marked.index)
-    assert vaf_score(measured, model.predict(marked)) == pytest.approx(expected, rel=1e-12)
-
-
-def test_scorer_of_arrays(data):
-    X, y = data
-    array = np.column_stack([X.index.get_level_values("run"), X["e"]])
-    model = ARXRegressor(2, 2, 3, dt=DT, run=0).fit(array, y.to_numpy())
-    indexed = ARXRegressor(2, 2, 3).fit(X, y)
-    for options in ({"run_in": 0.3}, {"average": "mean"}, {"window": (0.2, 1.1)}):
-        found = VAFScorer(dt=DT, run=0, **options)(model, array, y.to_numpy())
-        assert found == pytest.approx(VAFScorer(**options)(indexed, X, y), rel=1e-12)
 
 
 def test_scorer_checks_and_shows_its_options():

@@ -147,8 +147,13 @@ class BaseARX(RunRegressor):
     def _held_inputs(self, grid: ModelGrid, values: np.ndarray) -> HeldInputs:
         return self._hold(grid, grid.thin_inputs(values), self._columns)
 
+    def _following(self, grid: ModelGrid, values: np.ndarray) -> Any:
+        """The model with the parameters, and maybe the orders, of each row of the grid."""
+        return self
+
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
-        return self._simulate(grid, self._held_inputs(grid, values))
+        model = self._following(grid, values)
+        return model._simulate(grid, self._held_inputs(grid, values))
 
     def _simulate(
         self,
@@ -229,10 +234,10 @@ class BaseARX(RunRegressor):
         self, grid: ModelGrid, values: np.ndarray, output: np.ndarray | None
     ) -> np.ndarray:
         """Free run on the grid from rest, or from initial states that fit an output."""
-        inputs = self._held_inputs(grid, values)
+        inputs, model = self._held_inputs(grid, values), self._following(grid, values)
         if output is None:
-            return self._simulate(grid, inputs)
-        return self._from_fitted_states(grid, inputs, output, held=False)
+            return model._simulate(grid, inputs)
+        return model._from_fitted_states(grid, inputs, output, held=False)
 
     def predict_ahead(self, X: Any, y: Any, horizon: int = 1) -> np.ndarray:
         """Predict each row from the output measured ``horizon`` samples before it.
@@ -264,8 +269,9 @@ class BaseARX(RunRegressor):
     ) -> np.ndarray:
         """Predictions on the grid, from all columns of X at full rate."""
         begin, end = np.array(segments(grid)).T
-        theta, at = self._parameters_before(grid, min(horizon, FARTHEST))
-        inputs, orders = self._held_inputs(grid, values), self.orders_
+        model = self._following(grid, values)
+        theta, at = model._parameters_before(grid, min(horizon, FARTHEST))
+        inputs, orders = self._held_inputs(grid, values), model.orders_
         longest = int((end - begin).max())
         if horizon >= longest and len(theta) == 1:  # no output is known so long before
             return free_run_output(inputs, (begin, end, begin), orders, theta, at)
@@ -303,17 +309,16 @@ class BaseARX(RunRegressor):
 
     def _errors_on(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
         """The same for data that were read."""
+        model = self._following(grid, values)
         raw = grid.thin_inputs(values)[:, self._columns]
         table, rows, _ = regressors(
-            output, raw, grid.begin[grid.measured], grid.end[grid.measured], self.orders_
+            output, raw, grid.begin[grid.measured], grid.end[grid.measured], model.orders_
         )
         errors = np.full(output.size, np.nan)
-        errors[rows] = table[:, -1] - self._fitted(table[:, :-1], rows, grid)
+        path, at = model._parameters_before(grid, 1)
+        fitted = np.einsum("tp,tp->t", table[:, :-1], path[at[rows]])
+        errors[rows] = table[:, -1] - fitted
         return errors
-
-    def _fitted(self, regressors: np.ndarray, rows: np.ndarray, grid: ModelGrid) -> np.ndarray:
-        """Output that the regressors of grid rows give."""
-        return regressors @ self.coef_
 
     def score_at_model_rate(
         self, X: Any, y: Any, keep: np.ndarray, average: str, centered: bool
@@ -502,13 +507,8 @@ def held_level(a: np.ndarray, drive: np.ndarray, levels: tuple[float, float]) ->
     rest = np.clip(np.zeros_like(drive), *levels)
     if levels[0] == levels[1]:
         return rest
-    return np.clip(drive / a.sum(), *levels) if is_stable(a) else rest
-
-
-def is_stable(denominator: np.ndarray) -> bool:
-    """Whether all poles lie inside the unit circle, and none of them integrates."""
-    poles = np.roots(denominator)
-    return bool((np.abs(poles) < 1.0 - 1e-6).all())
+    stable = (np.abs(np.roots(a)) < 1.0 - 1e-6).all()  # and none of the poles integrates
+    return np.clip(drive / a.sum(), *levels) if stable else rest
 
 
 def measured_rows(grid: ModelGrid, most: int | None = None) -> np.ndarray:

@@ -21,7 +21,7 @@ from ..pipelines import final_step, raw_layout, reach_model, trimmed_rows
 from ..preprocessing.base import RowPreservingTransformer
 from ..preprocessing.gate import AS_GIVEN, as_output
 from ..preprocessing.grid import HeldInputs, ModelGrid
-from .base import BOUND, BaseARX, check_lengths, check_row_count, longest_stretches
+from .base import BOUND, BaseARX, check_lengths, check_row_count
 from .batch import ARXRegressor
 from .folds import Fold, RunRows, folds_of
 from .least_squares import Triangle, solutions
@@ -138,11 +138,6 @@ class CandidateTable:
         """Inputs to simulate from."""
         return self._hold()
 
-    @property
-    def shortest_run(self) -> int:
-        """Rows of the longest stretch of the run in which it is shortest."""
-        return int(longest_stretches(self.grid).min())
-
     def set_candidates(self, candidates: list[dict[str, Any]], *, check: bool) -> None:
         """Take candidates ``{"na": ..., "nb": ..., "nk": ...}``; ``check`` that runs suffice."""
         self.candidates = candidates
@@ -224,14 +219,14 @@ class CandidateTable:
             parts.append(self._enough(pieces))
         return parts, self._checked(upto[-1])
 
-    def one_step_loss(self, triangle: Triangle, orders: Orders) -> float:
-        """Mean squared one-step error (Eq. 24); NaN where regressors are linearly dependent."""
-        small = triangle.subset(self.columns(orders))
-        return np.nan if len(small.null_space()) else small.rss / triangle.n_rows
-
     def one_step_losses(self, triangle: Triangle) -> np.ndarray:
-        """Mean squared one-step errors of all candidates on the same rows (Eq. 24)."""
-        return np.array([self.one_step_loss(triangle, orders) for orders in self.orders])
+        """Mean squared one-step errors (Eq. 24); NaN where regressors are linearly dependent."""
+        losses = []
+        for orders in self.orders:
+            small = triangle.subset(self.columns(orders))
+            dependent = len(small.null_space()) > 0
+            losses.append(np.nan if dependent else small.rss / triangle.n_rows)
+        return np.array(losses)
 
     def fitted(self, triangles: list[Triangle]) -> FittedCandidates:
         """All candidates, fitted on the rows of each triangle."""
@@ -335,10 +330,6 @@ class Validation:
     def split(self, cv: Any, routed: dict[str, Any]) -> list[Fold]:
         """Make the folds."""
         return folds_of(self.layout, cv, routed, self.known, self.keep)
-
-    def goes_by_runs_of(self, table: CandidateTable) -> bool:
-        """Whether the folds take the same rows for runs as the model."""
-        return np.array_equal(table.grid.layout.run_starts, self.layout.run_starts)
 
     def score_together(
         self, table: CandidateTable, models: FittedCandidates, number: int
@@ -453,7 +444,10 @@ def evaluated(
     """One-step losses of all candidates and, with a validation, their VAF on each fold."""
     in_threads = Parallel(n_jobs=n_jobs, prefer="threads")
     folds = [] if validation is None else validation.folds
-    if has_fast_path(variant) and (validation is None or validation.goes_by_runs_of(table)):
+    same_runs = validation is None or np.array_equal(
+        table.grid.layout.run_starts, validation.layout.run_starts
+    )
+    if has_fast_path(variant) and same_runs:
         scores = np.empty((2, 0, len(table.orders)))
         if validation is None:
             whole = table.whole()

@@ -46,6 +46,7 @@ from .streaming import Recursion, Streaming
 MOST_ROWS_BACK, MOST_PARAMETERS = 1_000_000, 1_000  # for which a stream keeps rows and squares
 OF_RUNS = (  # attributes that describe recorded runs
     "coef_path_",
+    "noise_path_",
     "time_path_",
     "covariance_path_",
     "coef_paths_",
@@ -147,12 +148,49 @@ class FollowedPath(BaseARX):
         wanted = getattr(as_fitted(self), "parameters", "path")
         return wanted == "path" and "coef_path_" in vars(self)
 
-    def _fitted(self, regressors: np.ndarray, rows: np.ndarray, grid: ModelGrid) -> np.ndarray:
-        """Output that the regressors give with the parameters of the instant before."""
-        if not self._follows_path:
-            return regressors @ self.coef_
-        path, at = self._parameters_before(grid, 1)
-        return np.einsum("tp,tp->t", regressors, path[at[rows]])
+    def _keep_runs(self, data: RecursionData, errors: np.ndarray) -> None:
+        """Set what describes the runs; ``errors`` are one step ahead, by instant and run."""
+        instants = data.instants
+        self.run_labels_ = list(data.grid.layout.labels)
+        self._numbers, self.time_path_ = instants.number, instants.time
+        self.one_step_errors_ = errors[instants.of_row, instants.run]
+        self.n_rows_missing_ = int(np.isnan(self.one_step_errors_).sum() - data.n_rows_without_lags)
+
+
+class OneRecursion(Streaming, FollowedPath):
+    """A model that one recursion follows, over runs or a stream.
+
+    The recursion has ``theta``, ``covariance``, ``noise_variance``, ``n_updates`` and ``n_held``.
+    """
+
+    def _set_current(self, recursion: Any) -> None:
+        self._current = recursion
+        self.coef_ = recursion.theta.copy()
+
+    def _refresh(self, recursion: Any) -> None:
+        for name in OF_RUNS:
+            self.__dict__.pop(name, None)
+        self._set_current(recursion)
+
+    @property
+    def covariance_(self) -> np.ndarray:
+        self._check_fitted()
+        return self._current.covariance
+
+    @property
+    def noise_variance_(self) -> float:
+        self._check_fitted()
+        return self._current.noise_variance
+
+    @property
+    def n_updates_(self) -> int:
+        self._check_fitted()
+        return self._current.n_updates
+
+    @property
+    def n_held_(self) -> int:
+        self._check_fitted()
+        return self._current.n_held
 
 
 def warn_of_times_outside(
@@ -325,12 +363,8 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
         plan = RecursionPlan(self.orders_, forgetting, resets, smooth, self.store_covariance)
         recursions = plan.each(data, starts) if each else [plan.pooled(data, starts[0])]
         errors = np.concatenate([r.errors for r in recursions], axis=1)
-        self.one_step_errors_ = errors[data.instants.of_row, data.instants.run]
-        self.n_rows_missing_ = int(np.isnan(self.one_step_errors_).sum() - data.n_rows_without_lags)
+        self._keep_runs(data, errors)
         self._states = [r.state for r in recursions]
-        self.run_labels_ = list(data.grid.layout.labels)
-        self.time_path_ = data.instants.time
-        self._numbers = data.instants.number
         self.initial_coef_ = np.mean([theta0 for theta0, _ in starts], axis=0)
         self.initial_covariance_ = np.mean([P0 for _, P0 in starts], axis=0)
         used = [r.used for r in recursions]
@@ -616,15 +650,11 @@ class RecursiveARX(RecursiveLeastSquares):
     P is stored as factors, P = UDU' (Bierman 1977), and stays symmetric and positive definite.
     Information that is not replaced is not forgotten: neither while all regressors are less than
     3e-6 of what they were, nor, for factor i, while D_i max(φ_i²) exceeds 1e11, the bound on P of
-    Salgado, Goodwin and Middleton (1988) in the factors. Neither happens in data that excite the
-    model; ``n_held_`` counts such instants.
+    Salgado, Goodwin and Middleton (1988). Neither happens in data that excite the model.
 
-    ``a_``, ``b_`` and ``to_transfer_function`` are those of the last θ. :meth:`predict_ahead` uses
-    the θ of ``horizon`` instants before, which has not seen what it predicts.
-
-    Standard deviations assume a white equation error, which coloured remnant violates, and do not
-    include the lag behind changing parameters. For a λ that varies in time they use its latest
-    value.
+    :meth:`predict_ahead` uses the θ of ``horizon`` instants before. Standard deviations assume a
+    white equation error, which coloured remnant violates, and do not include the lag behind
+    changing parameters.
 
     References
     ----------
@@ -757,17 +787,14 @@ class RecursiveARX(RecursiveLeastSquares):
     def partial_fit(self, X: Any, y: Any, *, new_run: bool = False) -> Self:
         """Update the estimates with rows that follow those seen before, one or many.
 
-        The estimates do not depend on how the stream is cut: with the same θ0 and P0 they equal
-        those of ``fit``, bit for bit. With ``init="ols"`` or ``p0=None`` rows are collected until
-        ``init_window`` is full; until then there is no estimate. Give ``init`` and ``p0`` to have
-        one from the first row with known lags. After ``fit`` the stream continues from its end.
-
-        Parameters set since the last call take effect as follows: forgetting and reset times from
-        this call on; changed orders raise an error; all others when a new stream begins.
+        With the same θ0 and P0 the estimates equal those of ``fit``, bit for bit. With
+        ``init="ols"`` or ``p0=None`` rows are collected until ``init_window`` is full; give
+        ``init`` and ``p0`` to have estimates from the first row with known lags. After ``fit`` the
+        stream continues from its end. Forgetting and reset times that were set since the last call
+        take effect, changed orders raise an error, all others count when a new stream begins.
 
         A new run, or a gap, clears the lags; θ and P are kept. Runs are taken one after the other,
-        so several runs give a different result from ``fit``, which aligns them. No path is kept:
-        ``coef_`` and what derives from it are current, and predictions use it.
+        so several runs give a different result from ``fit``, which aligns them. No path is kept.
 
         Parameters
         ----------

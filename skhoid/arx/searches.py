@@ -29,6 +29,7 @@ from ..pipelines import final_step, raw_layout, reach_model, taken_apart
 from ..preprocessing import Decimator, RunInTrimmer
 from ..preprocessing.base import RemembersParameters, as_fitted
 from ..text import Summary, TextTable, number, vaf_name, wrapped
+from .base import longest_stretches
 from .candidates import (
     CandidateTable,
     Evaluated,
@@ -144,7 +145,10 @@ class ModelSearch(RemembersParameters, SplitsRuns, FittedDisplay, BaseSearchCV):
 
         Parameters
         ----------
-        {X, y}
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels, one row per sample.
+        y : Series or array of shape (n_rows,)
+            Measured output.
         horizon : int, default=1
             Steps ahead, in samples of the fitted grid.
 
@@ -340,7 +344,8 @@ class DelaySearchCV(ModelSearch):
 
     def _candidates(self, table: CandidateTable) -> list[dict[str, Any]]:
         if self.nk is None:
-            delays = list(range(1, max(1, min(N_CANDIDATES, table.shortest_run // 4)) + 1))
+            shortest_run = int(longest_stretches(table.grid).min())
+            delays = list(range(1, max(1, min(N_CANDIDATES, shortest_run // 4)) + 1))
         else:
             delays = [as_candidate("nk", value) for value in self.nk]
         if not delays:

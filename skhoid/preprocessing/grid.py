@@ -54,7 +54,7 @@ def _brick_wall(part: np.ndarray, mark: DecimationMark) -> np.ndarray:
     margin = 0
     if mark.padding == "odd":
         margin = min(n_rows - 1, _ODD_ROWS * mark.factor)
-        part = _odd_extension(part, margin)
+        part = np.pad(part, ((margin, margin), (0, 0)), mode="reflect", reflect_type="odd")
     spectrum = fft.rfft(part, axis=0)
     bins = np.arange(len(spectrum))
     spectrum[2 * mark.factor * bins >= len(part)] = 0.0
@@ -70,10 +70,6 @@ def _block_mean(part: np.ndarray, mark: DecimationMark) -> np.ndarray:
     stop = np.minimum(np.arange(n_rows) + mark.factor, n_rows)
     count = (stop - np.arange(n_rows))[:, None]
     return level + (total[stop] - total[:n_rows]) / count
-
-
-def _odd_extension(part: np.ndarray, margin: int) -> np.ndarray:
-    return np.pad(part, ((margin, margin), (0, 0)), mode="reflect", reflect_type="odd")
 
 
 @lru_cache(maxsize=16)

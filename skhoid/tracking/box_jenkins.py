@@ -112,11 +112,11 @@ class RecursiveBoxJenkins(WhitenedRecursion):
       makes them, count less in it, the less the larger they are.
 
     In a closed loop the estimate is unbiased if the noise model holds: an autoregressive one of
-    sufficient order does for any stationary remnant. It is so for long memories; with few seconds,
-    estimates scatter so much that their mean is not the truth, and poles may become real and stay
-    so: with 2.56 s and P_n = 0.25 in half of single runs, with 5.12 s in one of fifty. The estimate
-    lags behind changes by about the memory. Rows count from 2 s after the lags of a run are known.
-    Where y or an input is NaN, nothing is updated or forgotten; inputs hold their last value.
+    sufficient order does for any stationary remnant. With few seconds, estimates scatter so much
+    that their mean is not the truth, and poles may become real and stay so: with 2.56 s and P_n =
+    0.25 in half of single runs, with 5.12 s in one of fifty. The estimate lags behind changes by
+    about the memory. Rows count from 2 s after the lags of a run are known. Where y or an input is
+    NaN, nothing is updated or forgotten; inputs hold their last value.
 
     References
     ----------

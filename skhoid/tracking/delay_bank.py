@@ -31,7 +31,7 @@ from ..arx.rls import (
 )
 from ..arx.streaming import Recursion
 from ..preprocessing.base import as_fitted
-from ..preprocessing.grid import HeldInputs, ModelGrid
+from ..preprocessing.grid import ModelGrid
 from ..runs import whole_samples
 from ..text import ModelSummary, number
 
@@ -299,10 +299,9 @@ class DelayBankARX(RecursiveLeastSquares):
     Notes
     -----
     All candidates take the same rows: those whose regressors are known with every delay. Several
-    runs are pooled as in :class:`RecursiveARX`; the squares of their errors are summed. With one
-    candidate this is that model, bit for bit. Only probabilities are mixed, not θ and P, which
-    mean different things with different delays; so this is a bank with Markov weights, and not the
-    interacting multiple models of Blom and Bar-Shalom (1988), which also mix states.
+    runs are pooled as in :class:`RecursiveARX`. With one candidate this is that model, bit for bit.
+    Only probabilities are mixed, not θ and P, which mean different things with different delays
+    (unlike the interacting multiple models of Blom and Bar-Shalom 1988).
 
     ε_j is the error of a simulation that begins 0.2 s before, with the θ of then. σ² is the mean of
     Σ w_j ε_j² over the last 20 s, and γ = min(1, 3 / k) for k samples ahead, since errors k ahead
@@ -410,10 +409,7 @@ class DelayBankARX(RecursiveLeastSquares):
         starts = [self._start(replace(data, orders=orders), None) for orders in self._each_orders]
         bank = Bank(self, self._each_orders, forgetting, starts)
         self._set_forgetting(forgetting, None)
-        self._numbers, self.time_path_ = data.instants.number, data.instants.time
-        self.run_labels_ = list(data.grid.layout.labels)
         self._follow(data, bank, starts)
-        self.n_rows_missing_ = int(np.isnan(self.one_step_errors_).sum() - data.n_rows_without_lags)
         self._report_missing(data.grid, data.inputs, data.output, self.n_updates_, self.inputs_)
         return self
 
@@ -466,8 +462,7 @@ class DelayBankARX(RecursiveLeastSquares):
         spread = (delays - self.delay_path_[:, None]) ** 2
         self.delay_sd_path_ = np.sqrt(np.einsum("tj,tj->t", self.probabilities_, spread))
         self.coef_path_ = paths.theta[block, at, :, place]
-        of_row, run = data.instants.of_row, data.instants.run
-        self.one_step_errors_ = paths.errors[block[of_row], of_row, run, place[of_row]]
+        self._keep_runs(data, paths.errors[block, at, :, place])
         self._starts = starts
         self.initial_coef_, self.initial_covariance_ = starts[int(lane[0])]
         self._set_last(bank, int(lane[-1]))
@@ -524,9 +519,9 @@ class DelayBankARX(RecursiveLeastSquares):
         notes = [*found.notes, "The sd of the delay does not contain its bias by coloured remnant."]
         return replace(found, facts=facts, notes=notes)
 
-    def _along_path(self) -> DelayBankARX:
+    def _following(self, grid: ModelGrid, values: np.ndarray) -> DelayBankARX:
         """The same model with one delay, and taps for all candidates."""
-        if not self._follows_path or self.candidates_.size == 1 or "_wide" in vars(self):
+        if not self._follows_path or self.candidates_.size == 1:
             return self
         orders, wide = self.orders_, copy(self)
         least, most = int(self.candidates_[0]), int(self.candidates_[-1])
@@ -535,32 +530,7 @@ class DelayBankARX(RecursiveLeastSquares):
         wide.coef_path_ = _spread_out(self.coef_path_, self.nk_path_ - least, orders, wide.orders_)
         first = self.nk_path_[:1] - least
         wide.initial_coef_ = _spread_out(self.initial_coef_[None], first, orders, wide.orders_)[0]
-        wide.__dict__["_wide"] = True
         return wide
-
-    def _simulate(
-        self,
-        grid: ModelGrid,
-        inputs: HeldInputs,
-        y0: np.ndarray | None = None,
-        held: bool = False,
-        most: int | None = None,
-    ) -> np.ndarray:
-        return super(DelayBankARX, self._along_path())._simulate(grid, inputs, y0, held, most)
-
-    def _from_fitted_states(
-        self, grid: ModelGrid, inputs: HeldInputs, output: np.ndarray, held: bool
-    ) -> np.ndarray:
-        wide = self._along_path()
-        return super(DelayBankARX, wide)._from_fitted_states(grid, inputs, output, held)
-
-    def _ahead(
-        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, horizon: int
-    ) -> np.ndarray:
-        return super(DelayBankARX, self._along_path())._ahead(grid, values, output, horizon)
-
-    def _errors_on(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
-        return super(DelayBankARX, self._along_path())._errors_on(grid, values, output)
 
     def _check_streaming(self) -> None:
         if self.path == "viterbi":

@@ -181,10 +181,6 @@ class LPVARX(BaseARX):
     average model. For some of its values: ``arx_to_operator(theta, model.dt_, covariance)`` with
     ``theta, covariance = model.coef_at(s, return_covariance=True)``.
 
-    With the true course of the parameters as basis this is how good least squares can be that knows
-    when and how an operator changes, a yardstick rather than a method: what is scheduled is known.
-    Under zero-order hold only the input coefficients depend on K_e and K_edot, linearly.
-
     References
     ----------
     Bamieh and Giarré, Int. J. Robust Nonlinear Control 12 (2002) 841-853. Tóth, Modeling and
@@ -513,26 +509,6 @@ class LPVARX(BaseARX):
         if self._theta_of_rows is None:
             raise AssertionError("predictions go through _following")
         return self._theta_of_rows, np.arange(len(self._theta_of_rows))
-
-    def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
-        return super(LPVARX, self._following(grid, values))._free_run(grid, values)
-
-    def _simulated(
-        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray | None
-    ) -> np.ndarray:
-        return super(LPVARX, self._following(grid, values))._simulated(grid, values, output)
-
-    def _ahead(
-        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, horizon: int
-    ) -> np.ndarray:
-        return super(LPVARX, self._following(grid, values))._ahead(grid, values, output, horizon)
-
-    def _errors_on(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
-        return super(LPVARX, self._following(grid, values))._errors_on(grid, values, output)
-
-    def _fitted(self, regressors: np.ndarray, rows: np.ndarray, grid: ModelGrid) -> np.ndarray:
-        theta, at = self._parameters(grid)
-        return np.einsum("tp,tp->t", regressors, theta[at[rows]])
 
     def summary_table(self) -> ModelSummary:
         facts = {

@@ -74,22 +74,12 @@ class OperatorKalman(Streaming, OperatorPath):
         Innovations y - ŷ of each row of the fitted grid, NaN where nothing was measured.
     log_likelihood_ : float
         Of the innovations; to compare options on the same data.
-    innovation_square_ : float
-        Mean of squared innovations over their variance: 1 if the noise is as assumed, less if it
-        has less power at high frequencies than its model, which is fitted at low ones.
-    remnant_time_constant_ : float
-        Time constant of the remnant's filter in s.
-    remnant_deviation_, noise_deviation_ : float
-        Standard deviations of the remnant and of white noise in the first window, in the unit of
-        ``y``.
-    noise_scale_ : float
-        Factor on the variance of both at the end, the mean of runs.
     initial_parameters_ : dict
         Parameters from which the filter began.
     intercept_ : float
         Constant part of the output, in its unit; 0 without ``fit_intercept``.
-    n_updates_, n_gated_ : int
-        Measurements used, and those beyond four standard deviations.
+    n_updates_ : int
+        Measurements used.
     n_clamped_ : dict
         How often each parameter was held at a bound.
     {run_labels_, dt_, inputs_, jitter_, n_features_in_, feature_names_in_}
@@ -124,10 +114,8 @@ class OperatorKalman(Streaming, OperatorPath):
     was far less accurate here than the updated one.
 
     Several runs have a filter each and start from one batch fit of all their windows; their
-    logarithms are combined at each time in the run by their inverse variances.
-
-    Standard errors are those of the filter, sd(K) = K sd(ln K). They hold if parameters do change
-    as assumed and the noise is as modelled; they do not include the lag behind a sudden change.
+    logarithms are combined at each time in the run by their inverse variances. Standard errors do
+    not include the lag behind a sudden change.
 
     References
     ----------
@@ -276,26 +264,13 @@ class OperatorKalman(Streaming, OperatorPath):
         return int(self._count("updates")[0])
 
     @property
-    def n_gated_(self) -> int:
-        return int(self._count("gated")[0])
-
-    @property
     def n_clamped_(self) -> dict[str, int]:
         return dict(zip(NAMES, self._count("clamped", 5).astype(int).tolist(), strict=True))
-
-    @property
-    def innovation_square_(self) -> float:
-        updates = self.n_updates_
-        return float(self._count("squares")[0]) / updates if updates else np.nan
 
     @property
     def log_likelihood_(self) -> float:
         total = self._count("squares")[0] + self._count("logs")[0]
         return float(-0.5 * (total + self.n_updates_ * np.log(2 * np.pi)))
-
-    @property
-    def noise_scale_(self) -> float:
-        return float(self._count("scale")[0]) / len(self._filters)
 
     @property
     def initial_parameters_(self) -> dict[str, float]:
@@ -306,21 +281,6 @@ class OperatorKalman(Streaming, OperatorPath):
     def intercept_(self) -> float:
         self._check_fitted()
         return self._start.intercept
-
-    @property
-    def remnant_time_constant_(self) -> float:
-        self._check_fitted()
-        return self._start.noise.time_constant
-
-    @property
-    def remnant_deviation_(self) -> float:
-        self._check_fitted()
-        return float(np.sqrt(self._start.noise.variance))
-
-    @property
-    def noise_deviation_(self) -> float:
-        self._check_fitted()
-        return float(np.sqrt(self._start.noise.white))
 
     def _constant_part(self) -> float:
         return self.intercept_

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..arx.base import free_run_output
+from ..arx.base import arx_parameter_table, free_run_output
 from ..arx.orders import Orders
 from ..arx.recursive import warn_of_times_outside
 from ..arx.rls import grid_numbers
@@ -32,7 +32,6 @@ MEANINGS = {
     "omega_nm": "neuromuscular frequency",
     "zeta_nm": "neuromuscular damping ratio",
 }
-NORMAL_95 = 1.96
 WHOLE = 1e-6  # of a number of samples, which a delay so near is
 ORDERS = Orders(2, (1, 1), (0, 0))  # the delayed error, and the same a sample before
 
@@ -99,17 +98,8 @@ class OperatorPath(RunRegressor):
         last = self.operator_frame().iloc[-1]
         value = last[list(SHOWN)].to_numpy(float)
         sd = last[[f"sd_{name}" for name in SHOWN]].to_numpy(float)
-        return pd.DataFrame(
-            {
-                "value": value,
-                "sd": sd,
-                "low": value - NORMAL_95 * sd,
-                "high": value + NORMAL_95 * sd,
-                "unit": list(self._operator_units().values()),
-                "meaning": [MEANINGS[name] for name in SHOWN],
-            },
-            index=pd.Index(SHOWN, name="parameter"),
-        )
+        units, meaning = list(self._operator_units().values()), list(MEANINGS.values())
+        return arx_parameter_table(list(SHOWN), value, sd, units, meaning)
 
     def _operator_units(self) -> dict[str, str]:
         output = self._units.get(self.output_name) or f"[{self.output_name}]"

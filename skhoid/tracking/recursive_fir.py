@@ -15,9 +15,9 @@ from ..arx.base import check_lengths, check_row_count
 from ..arx.forgetting import forgetting_factor
 from ..arx.model_summary import JUDGE, WHITE, orders_text
 from ..arx.orders import Orders
-from ..arx.recursive import FollowedPath, check_streamable
+from ..arx.recursive import OF_RUNS, OneRecursion, check_streamable
 from ..arx.rls import RecursionData, kernel_regressors
-from ..arx.streaming import Recursion, Streaming
+from ..arx.streaming import Recursion
 from ..exceptions import PoorExcitationWarning, ShortRunError
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
@@ -25,14 +25,6 @@ from ..text import ModelSummary, estimates_table, number
 
 CHUNK = 256  # rows that a stream takes at a time
 MOST_TAPS = 1000
-OF_RUNS = (  # attributes that describe recorded runs
-    "coef_path_",
-    "time_path_",
-    "covariance_path_",
-    "one_step_errors_",
-    "n_rows_missing_",
-    "run_labels_",
-)
 
 
 class FIRFilter(Recursion):
@@ -65,6 +57,19 @@ class FIRFilter(Recursion):
             end, self.factor, self.ridge, self.every, self.state, *out,
         )  # fmt: skip
 
+    @property
+    def theta(self) -> np.ndarray:
+        return self.part("theta")
+
+    @property
+    def n_updates(self) -> int:
+        return int(self.part("updates")[0])
+
+    @property
+    def n_held(self) -> int:
+        return int(self.part("held")[0])
+
+    @property
     def covariance(self) -> np.ndarray:
         """Covariance of theta; NaN before the first solution."""
         n = self.owner.size
@@ -113,7 +118,7 @@ class FIRFilter(Recursion):
             self._signals[inputs, :depth] = self._signals[inputs, m : m + depth]
 
 
-class RecursiveFIR(Streaming, FollowedPath):
+class RecursiveFIR(OneRecursion):
     """Finite impulse response that follows the data, by regularised recursive least squares.
 
     u(t) = Σ h_i e(t - nk - i) + ε(t), i = 0 ... n_taps - 1, with θ(t) = (R + δI)⁻¹ s and, at each
@@ -301,12 +306,10 @@ class RecursiveFIR(Streaming, FollowedPath):
         if self.store_covariance:
             self.covariance_path_ = spread * found.noise_variance
         self.initial_coef_ = np.zeros(n)
-        self._numbers = data.instants.number[self.every - 1 :: self.every]
+        self._keep_runs(data, errors)
+        self._numbers = self._numbers[self.every - 1 :: self.every]
         self.time_path_ = self._numbers * self.dt_
-        self.one_step_errors_ = errors[data.instants.of_row, data.instants.run]
-        self.n_rows_missing_ = int(np.isnan(self.one_step_errors_).sum() - data.n_rows_without_lags)
-        self.run_labels_ = list(grid.layout.labels)
-        self._set_state(found)
+        self._set_current(found)
         if grid.rows is None:
             if data.instants.n_runs == 1:
                 length = int(grid.end[-1] - grid.begin[-1]) if grid.measured[-1] else 0
@@ -353,48 +356,19 @@ class RecursiveFIR(Streaming, FollowedPath):
     def _rows_to_begin(self) -> int:
         return 0
 
-    def _refresh(self, row_filter: FIRFilter) -> None:
-        for name in OF_RUNS:
-            self.__dict__.pop(name, None)
-        self._set_state(row_filter)
-
-    def _set_state(self, found: FIRFilter) -> None:
-        self._state = found
-        self.coef_ = found.part("theta").copy()
-
-    @property
-    def covariance_(self) -> np.ndarray:
-        self._check_fitted()
-        return self._state.covariance()
-
-    @property
-    def noise_variance_(self) -> float:
-        self._check_fitted()
-        return self._state.noise_variance
-
     @property
     def delta_(self) -> np.ndarray:
         self._check_fitted()
-        return self._state.delta()
+        return self._current.delta()
 
     @property
     def forgetting_(self) -> float:
         self._check_fitted()
-        return self._state.factor
+        return self._current.factor
 
     @property
     def memory_horizon_(self) -> float:
         return float("inf") if self.forgetting_ == 1.0 else 1.0 / (1.0 - self.forgetting_)
-
-    @property
-    def n_updates_(self) -> int:
-        self._check_fitted()
-        return int(self._state.part("updates")[0])
-
-    @property
-    def n_held_(self) -> int:
-        self._check_fitted()
-        return int(self._state.part("held")[0])
 
     def summary_table(self) -> ModelSummary:
         memory = "nothing is forgotten"

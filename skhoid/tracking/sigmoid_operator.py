@@ -57,9 +57,7 @@ class SigmoidOperator(OperatorPath):
         For each parameter that varies: ``initial`` and ``final`` (p_1 and p_2), ``rate`` (G in
         1/s), ``time`` (M in s in the run) and their standard errors ``sd_initial`` ... A G or M at
         a bound has none.
-    parameters_path_ : DataFrame of shape (n_instants, 12)
-        Over time (s), at each sample: K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm and their standard
-        errors ``sd_K_e`` ..., by the delta method.
+    {parameters_path_}
     parameters_ : DataFrame
         Those at the end: value, sd, low and high (95 % interval), unit, meaning.
     time_path_ : ndarray of shape (n_instants,)
@@ -78,13 +76,6 @@ class SigmoidOperator(OperatorPath):
         Name of the error channel.
     {n_features_in_, feature_names_in_}
 
-    Raises
-    ------
-    ShortRunError
-        If the record has too few rows for the parameters.
-    ValueError
-        If ``varying`` has an unknown name.
-
     See Also
     --------
     WindowedOperator : Maximum likelihood without a shape in time.
@@ -102,11 +93,9 @@ class SigmoidOperator(OperatorPath):
 
     Standard errors allow for a remnant that changes in size along with the operator: they are
     N^-1 S N^-1 (White 1980) with the Fisher information N of all parameters, the AR model included,
-    and S the same with rows weighed by the squares of prediction errors. The likelihood of the time
-    of a sudden change has many narrow peaks, so that those of G and M are at least a quarter as
-    wide as where n log(squares) is within 4 of its best, over a grid of G and M with the gains
-    solved for; for sudden changes that is still too small. They mean little if nothing changes:
-    then neither G nor M is determined.
+    and S the same with rows weighed by the squares of prediction errors. Those of G and M are at
+    least a quarter as wide as where n log(squares) is within 4 of its best; for sudden changes that
+    is still too small. They mean little if nothing changes.
 
     References
     ----------

@@ -19,6 +19,7 @@ from ..interpret.response_fit import ResponseFit
 from ..preprocessing.base import as_fitted
 from ..regression import DataToFit
 from ..runs.roles import columns_by_role
+from .kalman import bridged
 from .operator_fitting import DYNAMICS, LIMITS, STARTS
 from .operator_path import ESTIMATED, OperatorPath
 
@@ -182,15 +183,6 @@ class WaveletOperator(OperatorPath):
         Name of the error channel.
     {n_features_in_, feature_names_in_}
 
-    Raises
-    ------
-    ImportError
-        If PyWavelets is missing: ``pip install "skhoid[wavelets]"``.
-    ShortRunError, UsageError
-        If no instant has enough frequencies: runs are too short for their wavelets.
-    ValueError
-        If there is no target, or options do not fit each other.
-
     See Also
     --------
     WindowedOperator : Less sensitive to the remnant.
@@ -207,12 +199,9 @@ class WaveletOperator(OperatorPath):
 
     The variance of H is S_rr S_ff / ((n - 1) abs(S_ef)²), with the smoothed spectrum S_rr of the
     residual W_u - H W_e, which is the remnant, and n = sqrt(1 + 2 time_smoothing²) averages in S,
-    times the number of runs; plus 1 % of abs(H) for lines that leak into each other. It weighs the
-    fit, and gives the standard errors of parameters, which grow if the misfit exceeds it.
-    Frequencies are taken as independent; instants share data, so their errors are alike.
-
-    The response that is fitted is that of the operator to an error held between samples: the hold
-    adds half a sample of delay to tau_e.
+    times the number of runs; plus 1 % of abs(H) for lines that leak into each other. Frequencies
+    are taken as independent; instants share data, so their errors are alike. The hold of the fitted
+    operator adds half a sample of delay to tau_e.
 
     References
     ----------
@@ -293,9 +282,8 @@ class WaveletOperator(OperatorPath):
                 f"{2**1.5 * self.omega0 / self.frequencies_[-1]:.3g} s, at lower ones more. Use "
                 "longer runs, higher frequencies or a smaller omega0."
             )
-        self._fit_instants(enough)
         numbers = (blocks.first + np.arange(blocks.n)[step // 2 :: step]) * blocks.size
-        self._set_instants(numbers + blocks.size // 2)
+        self._fit_instants(enough, numbers + blocks.size // 2)
         return self
 
     def _signals(self, data: DataToFit) -> np.ndarray:
@@ -387,22 +375,17 @@ class WaveletOperator(OperatorPath):
             variance / (averages - 1) if averages > 1 else np.full_like(variance, np.nan)
         )
 
-    def _fit_instants(self, enough: np.ndarray) -> None:
+    def _fit_instants(self, enough: np.ndarray, numbers: np.ndarray) -> None:
+        """Fit operators to the responses of the instants that have enough frequencies."""
         H, sd = self.frequency_response_[enough], self.frequency_response_sd_[enough]
         found = fit_responses(self.frequencies_, H, sd, self.dt_)
-        shape = enough.size, found.values.shape[1]
-        self._found = np.full((2, *shape), np.nan)
-        self._found[:, enough] = found.values, found.deviations
+        tables = np.full((2, enough.size, found.values.shape[1]), np.nan)
+        tables[:, enough] = found.values, found.deviations
         self.at_bound_ = np.zeros((enough.size, 3), dtype=bool)
         self.at_bound_[enough] = found.stuck
-
-    def _set_instants(self, numbers: np.ndarray) -> None:
-        names = (*ESTIMATED, "T_L")
         values, deviations = (
-            dict(zip(names[:n], table.T, strict=False))
-            for n, table in zip((5, 6), self._found, strict=True)
+            dict(zip((*ESTIMATED, "T_L"), table.T, strict=True)) for table in tables
         )
-        del self._found
         self._set_path(numbers, values, deviations)
 
     def _method_name(self) -> str:
@@ -439,8 +422,7 @@ class Blocks:
             known = ~np.isnan(part).any(axis=1)
             if known.sum() < 2:
                 continue
-            rows = np.arange(len(part))
-            part = np.stack([between_known(rows, x) for x in part.T], axis=1)
+            part = np.stack([bridged(column) for column in part.T], axis=1)
             means = np.gradient(part.reshape(count, size, 3).mean(axis=1), axis=0)
             of_blocks = known.reshape(count, size).mean(axis=1)
             found.append((int(number[begin]) // size, means, of_blocks))
@@ -493,12 +475,6 @@ def smoothed(values: np.ndarray, width: float) -> np.ndarray:
     kernel = np.exp(-0.5 * (reach / width) ** 2)
     kernel = (kernel / kernel.sum()).reshape((1,) * (values.ndim - 1) + (-1,))
     return fftconvolve(values, kernel, mode="same", axes=-1)
-
-
-def between_known(rows: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values with NaN interpolated; the ends hold."""
-    known = ~np.isnan(values)
-    return np.interp(rows, rows[known], values[known])
 
 
 def require_wavelets() -> Any:

@@ -18,9 +18,9 @@ from ..arx.base import free_run_output
 from ..arx.forgetting import read_forgetting
 from ..arx.model_summary import orders_text
 from ..arx.orders import Orders, regressors
-from ..arx.recursive import FollowedPath, check_streamable
+from ..arx.recursive import OF_RUNS, OneRecursion, check_streamable
 from ..arx.rls import Instants, spread_weights, window_rows
-from ..arx.streaming import Recursion, Streaming, first_telling_row
+from ..arx.streaming import Recursion, first_telling_row
 from ..exceptions import ShortRunError
 from ..preprocessing.grid import ModelGrid
 from ..regression import columns_of, segments
@@ -219,15 +219,6 @@ FILTER_TIME = 10.24  # s: the longest time in which the filters follow F
 START_WORTH = 1.0  # of the memory, that the start is worth
 AT_ONCE = 4096  # rows whose forecasts are computed together
 LITTLE_WORTH = 0.05  # of the window, that the start is worth if the memory is longer
-OF_RUNS = (  # attributes that describe recorded runs
-    "coef_path_",
-    "noise_path_",
-    "time_path_",
-    "covariance_path_",
-    "one_step_errors_",
-    "n_rows_missing_",
-    "run_labels_",
-)
 
 
 @dataclass(frozen=True)
@@ -306,7 +297,19 @@ class WhitenedFilter(Recursion):
     def noise_variance(self) -> float:
         return self.counts[1] / self.counts[0] if self.counts[0] else self.prior_variance
 
-    def covariance(self, information: np.ndarray, n_updates: Any) -> np.ndarray:
+    @property
+    def n_updates(self) -> int:
+        return int(self.counts[0])
+
+    @property
+    def n_held(self) -> int:
+        return int(self.counts[2])
+
+    @property
+    def covariance(self) -> np.ndarray:
+        return self.covariance_by(self.information, self.counts[4])
+
+    def covariance_by(self, information: np.ndarray, n_updates: Any) -> np.ndarray:
         """Covariance of theta by the information about it, one or a path of them."""
         weight = spread_weights(self.lam, np.asarray(n_updates, float)[..., None])
         scale = np.sqrt(np.einsum("...ii->...i", information))
@@ -317,7 +320,7 @@ class WhitenedFilter(Recursion):
         return self.noise_variance * inverse * share[..., :, None] * share[..., None, :]
 
 
-class WhitenedRecursion(Streaming, FollowedPath):
+class WhitenedRecursion(OneRecursion):
     """A recursion for B/F beside noise 1/D, over runs aligned by time, or a stream."""
 
     noise_order: int
@@ -399,7 +402,7 @@ class WhitenedRecursion(Streaming, FollowedPath):
         self._set_current(row_filter)
         if self.store_covariance:
             updates = np.cumsum(~np.isnan(errors).all(axis=1))
-            self.covariance_path_ = row_filter.covariance(information, updates)
+            self.covariance_path_ = row_filter.covariance_by(information, updates)
         missing = np.isnan(output) | np.isnan(taken).any(axis=1)
         self.n_rows_missing_ = int(missing.sum())
         names = self._channel_names(self._signal_columns(columns.shape[1]))
@@ -451,39 +454,10 @@ class WhitenedRecursion(Streaming, FollowedPath):
         self.initial_coef_ = row_filter.theta.copy()
         return row_filter
 
-    def _refresh(self, row_filter: WhitenedFilter) -> None:
-        for name in OF_RUNS:
-            self.__dict__.pop(name, None)
-        self._set_current(row_filter)
-
-    def _set_current(self, row_filter: WhitenedFilter) -> None:
-        self._current = row_filter
-        self.coef_ = row_filter.theta.copy()
-
     @property
     def noise_ar_(self) -> np.ndarray:
         self._check_fitted()
         return self._current.noise[: int(self._current.kernel_orders[1])].copy()
-
-    @property
-    def covariance_(self) -> np.ndarray:
-        self._check_fitted()
-        return self._current.covariance(self._current.information, self._current.counts[4])
-
-    @property
-    def noise_variance_(self) -> float:
-        self._check_fitted()
-        return self._current.noise_variance
-
-    @property
-    def n_updates_(self) -> int:
-        self._check_fitted()
-        return int(self._current.counts[0])
-
-    @property
-    def n_held_(self) -> int:
-        self._check_fitted()
-        return int(self._current.counts[2])
 
     def _ahead(
         self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, horizon: int

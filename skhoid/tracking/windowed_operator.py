@@ -61,11 +61,6 @@ class WindowedOperator(OperatorPath):
         Name of the error channel.
     {n_features_in_, feature_names_in_}
 
-    Raises
-    ------
-    ShortRunError
-        If no run is as long as a window, or windows have too few rows for the parameters.
-
     See Also
     --------
     SigmoidOperator : Maximum likelihood with a shape in time, on the whole record.
@@ -73,26 +68,20 @@ class WindowedOperator(OperatorPath):
 
     Notes
     -----
-    Bounds: omega_nm 2 to 40 rad/s, zeta_nm 0.02 to 2, tau_e 0.05 to 0.8 s.
-
     Each window minimises the squares of the errors of predictions one step ahead, A(q) (u -
-    u_simulated), over omega_nm, zeta_nm, tau_e and A(q) by Levenberg-Marquardt, with the gains and
-    states, which are linear, solved for. The simulation is under zero-order hold at the sampling
-    rate, with the delayed error by Keys's cubic convolution; its errors count at 25 Hz, above which
-    operators have hardly any power. A window starts from the window before, and
-    also from the whole record where that ends at a bound.
+    u_simulated), over omega_nm (2 to 40 rad/s), zeta_nm (0.02 to 2), tau_e (0.05 to 0.8 s) and
+    A(q) by Levenberg-Marquardt, with the gains and states, which are linear, solved for. The
+    simulation is under zero-order hold at the sampling rate, with the delayed error by Keys's cubic
+    convolution; its errors count at 25 Hz, above which operators have hardly any power.
 
     Several runs are pooled: a window has the rows of all runs at the same time in the run, each run
-    with states of its own. Rows without output do not count, nor do those that need them for the
-    AR model. Where the error of the past is not known (start of a run, after a gap), the longest
-    delay is left out, or a quarter of what there is if that is less.
+    with states of its own. Where the error of the past is not known (start of a run, after a gap),
+    the longest delay is left out, or a quarter of what there is if that is less.
 
-    Standard errors are from the Fisher information of all parameters, the AR model included: in a
-    closed loop these depend on each other. They say how certain the constant parameters of a window
-    are; within a window that contains a change there are no such parameters. Neighbours share data,
-    so their errors are alike. In simulated runs with a remnant of 15 % of the output's power, 95 %
-    intervals of windows of 10 s cover 82 to 88 %, those of 20 s about 91 %, and those of 80 s 95 %:
-    the estimates of short windows have longer tails than normal ones.
+    Standard errors are from the Fisher information of all parameters, the AR model included. They
+    say how certain the constant parameters of a window are; neighbours share data, so their errors
+    are alike. In simulated runs with a remnant of 15 % of the output's power, 95 % intervals of
+    windows of 10 s cover 82 to 88 %, those of 20 s about 91 %, and those of 80 s 95 %.
 
     References
     ----------

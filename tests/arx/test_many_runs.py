@@ -70,17 +70,6 @@ def test_delays_against_the_naive_twin(seed, nks):
         np.testing.assert_allclose(found, twin, rtol=1e-9)
 
 
-def test_runs_and_delays_do_not_touch_one_another():
-    e, u = short_runs(0.1, n=100)
-    losses, theta = search_delays(e, u, BEFORE, range(25, 36))
-    order = [2, 0, 1]
-    again = search_delays(e[order], u[order], BEFORE, range(30, 36))
-    np.testing.assert_array_equal(again[0], losses[order, 5:])
-    np.testing.assert_array_equal(again[1], theta[order, 5:])
-    e[:, :BEFORE] = 1e9
-    np.testing.assert_array_equal(search_delays(e, u, BEFORE, range(25, 36))[0], losses)
-
-
 def nearly_a_line(rest):
     """Inputs that are straight lines but for some noise, and an output of delay 3."""
     rng = np.random.default_rng(5)
@@ -186,28 +175,3 @@ def check_trade_off(e, u, window):
 def test_trade_off_of_short_runs(noise, monkeypatch):
     monkeypatch.setattr(thesis, "TRANSITION", SHORT)
     check_trade_off(*shifted(*short_runs(noise)), (SHORT.start, SHORT.stop))
-
-
-def of_short_runs(order, horizons=HORIZONS, **options):
-    e, u = shifted(*short_runs(0.1))
-    theta0 = fit_runs(e[:1, 1 : SHORT.start], u[:1, : SHORT.start - 1])[0]
-    e, u = e[order], u[order]
-    options.setdefault("window", (SHORT.start, SHORT.stop))
-    return score_horizons(e[0], u[0], theta0, e[1:], u[1:], horizons, **options)
-
-
-def test_order_of_validation_runs_horizons_and_forms():
-    vaf = of_short_runs([0, 1, 2])
-    np.testing.assert_array_equal(of_short_runs([0, 2, 1]), vaf[:, :, [0, 2, 1]])
-    np.testing.assert_array_equal(of_short_runs([0]), vaf[:, :, :1])
-    np.testing.assert_array_equal(of_short_runs([0, 1, 2], HORIZONS[::-1]), vaf[:, ::-1])
-    np.testing.assert_array_equal(of_short_runs([0, 1, 2], forms=["Lambda"]), vaf[1:])
-    np.testing.assert_array_equal(vaf[0, -1], vaf[1, -1])  # no forgetting has one form
-
-
-def test_wild_paths_score_nothing():
-    e, u = shifted(*short_runs(0.0))
-    zeros = 1e-9 * np.ones_like(e[0])  # next to nothing is learned, and theta0 is unstable
-    theta0 = [-3.0, 1.0, 1.0, 1.0]
-    vaf = score_horizons(zeros, zeros[1:], theta0, e[1:], u[1:], HORIZONS, window=(60, 160))
-    np.testing.assert_array_equal(vaf[:, :, 1:], 0.0)

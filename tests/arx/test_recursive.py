@@ -169,19 +169,6 @@ def test_any_runs_any_forgetting(recording, kind, form):
     np.testing.assert_array_equal(np.concatenate([a, b, intercepts]), model.coef_)
 
 
-@pytest.mark.parametrize("forgetting", [0.95, 1.0])
-def test_covariance_path(forgetting):
-    X, y = arx_runs(2, 300)
-    model = recursive(forgetting=forgetting, store_covariance=True).fit(X, y)
-    instants = instants_of(X, y)
-    _, Ps, _, _ = naive.recursive_least_squares(instants, forgetting, THETA0, P0)
-    n = np.cumsum([bool(found) for found in instants])
-    factor = (1 + forgetting**n) / (1 + forgetting)
-    expected = model.noise_variance_ * Ps.astype(float) * factor[:, None, None]
-    np.testing.assert_allclose(model.covariance_path_, expected, rtol=1e-9, atol=1e-14)
-    np.testing.assert_array_equal(model.covariance_path_, model.covariance_path_.swapaxes(1, 2))
-
-
 @pytest.mark.parametrize("forgetting", [0.97, 1.0])
 def test_reset_times(forgetting):
     X, y = changing_runs(800)
@@ -238,17 +225,6 @@ def test_initial_covariance():
 
 
 # Symmetries
-
-
-@settings(max_examples=3, deadline=None)
-@given(order=st.permutations([1, 2, 3]), seed=st.integers(0, 2**16))
-@pytest.mark.parametrize("params", [{"forgetting": 0.95}, {"memory_horizon": [np.inf, 99, 50, 9]}])
-def test_order_of_pooled_runs(params, order, seed):
-    X, y = arx_runs(lengths=[110, 140, 120], seed=seed)
-    one = recursive(**params).fit(X, y)
-    other = recursive(**params).fit(*(pd.concat([t.loc[[run]] for run in order]) for t in (X, y)))
-    np.testing.assert_allclose(other.coef_path_, one.coef_path_, rtol=1e-9, atol=1e-10)
-    np.testing.assert_allclose(other.covariance_, one.covariance_, rtol=1e-8, atol=1e-14)
 
 
 @settings(max_examples=4, deadline=None)

@@ -1,9 +1,7 @@
 """RecursiveARX: free runs and predictions along the path of the parameters."""
 
 import numpy as np
-import pandas as pd
 import pytest
-from scipy.signal import lfilter
 from support import naive
 from support.recursion_twin import (
     ORDERS,
@@ -17,8 +15,6 @@ from support.recursion_twin import (
 from support.synthetic import DT, arx_runs
 
 from skhoid import (
-    Decimator,
-    RecursiveARX,
     RunInTrimmer,
     RunTimeWarning,
 )
@@ -95,55 +91,7 @@ def test_predict_ahead(horizon, parameters):
         np.testing.assert_allclose(found, twin, rtol=1e-10, atol=1e-12)
 
 
-def test_one_step_ahead_of_one_run_is_what_the_recursion_saw():
-    X, y = changing_runs(300, 1)
-    model = recursive(memory_horizon=10).fit(X, y)
-    known = ~np.isnan(model.one_step_errors_)
-    errors = (y - model.predict_ahead(X, y)).to_numpy()
-    np.testing.assert_allclose(errors[known], model.one_step_errors_[known], atol=1e-12)
-
-
-def test_initial_state_is_found_along_the_path():
-    """Of a run without noise that begins with u(-1) = 5, u(-2) = -3, and changes."""
-    n = 300
-    X, _ = changing_runs(n)
-    e, b0 = X["e"].to_numpy(), np.linspace(1, 2, n)
-    u = np.r_[-3.0, 5.0, np.zeros(n)]
-    for t in range(n):
-        lag = e[t - NK] if t >= NK else 0.0
-        u[t + 2] = 1.5 * u[t + 1] - 0.7 * u[t] + b0[t] * lag
-    y = pd.Series(u[2:], X.index)
-    model = recursive(memory_horizon=20).fit(X, y)
-    constant = np.ones(n)
-    model.coef_path_ = np.column_stack([-1.5 * constant, 0.7 * constant, b0, 0.0 * constant])
-    assert np.abs(model.predict(X) - y).max() > 1
-    np.testing.assert_allclose(model.simulate(X, y, initial_state="estimate"), y, atol=1e-8)
-
-
 # The grid that marks leave
-
-
-def test_decimated_rows():
-    """Of a slow input, which the anti-alias filter leaves as it is."""
-    rng = np.random.default_rng(0)
-    e = np.repeat(rng.standard_normal(400), 10)[:4000]
-    e = lfilter(np.ones(40) / 40, [1.0], lfilter(np.ones(40) / 40, [1.0], e))
-    u = lfilter([0, 0, 0, 0.3, 0.1], [1, -1.2, 0.4], e)
-    index = pd.MultiIndex.from_product([[1], DT * np.arange(4000)], names=["run", "time"])
-    X, y = pd.DataFrame({"e": e}, index=index), pd.Series(u, index=index)
-    marked = Decimator(2, method="aggregate").fit_transform(X)
-    model = RecursiveARX(2, 2, 1, memory_time=5.12, init_window=5.0).fit(marked, y)
-    assert model.dt_ == pytest.approx(2 * DT)
-    assert model.memory_horizon_ == pytest.approx(256)
-    np.testing.assert_allclose(model.time_path_, 2 * DT * np.arange(2000), atol=1e-9)
-    assert model.coef_path_.shape == (2000, 4)
-    assert model.one_step_errors_.shape == (2000,)
-    thin = [naive.block_mean(signal, 2)[::2] for signal in (e, u)]
-    slow = pd.MultiIndex.from_product([[1], 2 * DT * np.arange(2000)], names=["run", "time"])
-    by_hand = RecursiveARX(2, 2, 1, memory_time=5.12, init_window=5.0)
-    by_hand.fit(pd.DataFrame({"e": thin[0]}, index=slow), pd.Series(thin[1], index=slow))
-    np.testing.assert_allclose(model.coef_path_, by_hand.coef_path_, rtol=0, atol=1e-6)
-    assert model.predict(marked).shape == (4000,)
 
 
 def test_rows_of_a_marked_run_in_are_not_learnt_from():

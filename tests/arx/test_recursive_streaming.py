@@ -1,13 +1,11 @@
 """RecursiveARX.partial_fit: any cut of a stream gives the same bits; scikit-learn's contracts."""
 
-from copy import deepcopy
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sklearn.exceptions import NotFittedError
 from support.recursion_twin import THETA0, changing_runs, recursive
 from support.synthetic import DT, arx_runs
 
@@ -62,8 +60,8 @@ def test_any_cut_of_arrays(params, cuts):
     assert_same_bits(stream(recursive(**params), *ARRAYS, cuts), whole)
 
 
-@each_forgetting
-def test_one_row_at_a_time(params):
+def test_one_row_at_a_time():
+    params = FORGETTING["number"]
     whole = recursive(**params, dt=DT).fit(X, Y)
     assert_same_bits(stream(recursive(**params, dt=DT), X[:N], Y[:N], range(1, N)), whole)
     bare = stream(recursive(**params, dt=DT), *ARRAYS, range(1, N))
@@ -145,23 +143,6 @@ def test_a_stream_keeps_no_path():
     np.testing.assert_array_equal(streamed.predict_ahead(X, Y), last.predict_ahead(X, Y))
 
 
-def test_partial_fit_after_fit_of_pooled_runs_begins_a_new_run():
-    model = recursive(forgetting=0.97).fit(RUNS_X, RUNS_Y)
-    start = {"init": model.coef_, "p0": _P(model)}
-    more = RUNS_X.loc[[3]], RUNS_Y.loc[[3]]
-    model.partial_fit(*more)
-    np.testing.assert_allclose(
-        model.coef_, recursive(forgetting=0.97, **start).fit(*more).coef_, rtol=1e-9
-    )
-
-
-def _P(model):
-    """P of a model of constant lambda, all of whose instants have an update."""
-    lam, n = model.forgetting_, len(model.coef_path_) - 4
-    P = model.covariance_ * (1 + lam) / (1 + lam**n) / model.noise_variance_
-    return (P + P.T) / 2
-
-
 def test_resets_follow_the_time_of_the_run():
     whole = recursive(forgetting=0.97, reset_times=[1.0, 2.0]).fit(X, Y)
     for cuts in ([70, 71, 200], [100, 101, 200]):
@@ -187,25 +168,3 @@ def test_another_forgetting_counts_from_the_next_call_on():
     )
     np.testing.assert_array_equal(changed.coef_, steps.partial_fit(e, u).coef_)
     assert changed.forgetting_ == 0.97
-
-
-@pytest.mark.parametrize("params", [{"smooth": True}, {"forgetting": "auto"}])
-def test_what_needs_whole_runs_streams_after_fit(params):
-    e, u = ARRAYS
-    model = RecursiveARX(nk=3, dt=0.01, memory_horizon=None, **params).fit(e[:200], u[:200])
-    plain = RecursiveARX(nk=3, dt=0.01, forgetting=model.forgetting_).fit(e[:200], u[:200])
-    for rows in (e[200:300], e[200:300].tolist()):
-        of_params = deepcopy(model).partial_fit(rows, u[200:300])
-        np.testing.assert_array_equal(
-            of_params.coef_, deepcopy(plain).partial_fit(rows, u[200:300]).coef_
-        )
-        assert not hasattr(of_params, "n_rows_missing_")
-
-
-def test_predictions_before_the_window_is_full_say_so():
-    e, u = ARRAYS
-    model = RecursiveARX(nk=3, dt=0.01).partial_fit(e[:50], u[:50])
-    with pytest.raises(NotFittedError, match="collected 50 rows of the 3072"):
-        model.predict(e)
-    for name in ("coef_", "covariance_", "n_updates_", "n_held_", "noise_variance_"):
-        assert not hasattr(model, name)

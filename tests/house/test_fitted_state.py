@@ -119,15 +119,18 @@ def told_by_array(estimator):
             told.set_params(**{name: [0]})
         elif name.split("__")[-1] == "instruments" and value:
             told.set_params(**{name: [places[v] for v in value]})
-        elif name == "instrument":
-            told.set_params(roles={2: "f_t"})
+    if isinstance(told, WaveletOperator):
+        told.set_params(roles={2: "f_t"})
     return told
 
 
 def set_nonsense(model):
     for part in parts(model):
         if "steps" not in vars(part):
-            part.set_params(**{name: Nonsense() for name in part.get_params(deep=False)})
+            names = set(part.get_params(deep=False))
+            if hasattr(part, "best_estimator_"):
+                names.remove("estimator")  # of which scikit-learn's searches take the tags
+            part.set_params(**{name: Nonsense() for name in names})
 
 
 def answers(model, X, y):

@@ -4,20 +4,18 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import FunctionTransformer, MinMaxScaler, StandardScaler
 from support import naive
 from support.synthetic import DT, arx_runs, kept_rows, run_time, signals, stretches_of
 
 from skhoid import (
     ARXRegressor,
     Decimator,
-    DelayShift,
     RunInTrimmer,
 )
 
 
-@pytest.mark.parametrize("factor", [2, 3, 5, 7, 8])
-@pytest.mark.parametrize("lengths", [[60], [61, 60, 97], [5, 64]])
+@pytest.mark.parametrize("factor", [2, 7])
+@pytest.mark.parametrize("lengths", [[61, 60, 97], [5, 64]])
 @pytest.mark.parametrize("method", ["ideal", "downsample", "aggregate"])
 def test_filters_against_their_twins(method, lengths, factor):
     X = signals(lengths)
@@ -77,22 +75,6 @@ def test_the_mark_carries_factor_and_method_and_ends():
         assert out.index.names[-1] == f"decimation 1/{factor} {method} {padding}"
 
 
-def test_marks_survive_sklearn_transformers_with_pandas_output():
-    X, y = arx_runs(smooth=2)
-    direct = make_pipeline(Decimator(2), DelayShift(0.03), ARXRegressor()).fit(X, y)
-    for scaler in (StandardScaler(), MinMaxScaler(), FunctionTransformer()):
-        pipe = make_pipeline(RunInTrimmer(0.1), Decimator(2), scaler, DelayShift(0.03),
-                             ARXRegressor(2, 2, fit_intercept=True))  # fmt: skip
-        pipe.set_output(transform="pandas").fit(X, y)
-        assert pipe[-1].dt_ == 2 * DT
-        assert pipe.predict(X).shape == (len(X),)
-    pipe = make_pipeline(
-        Decimator(2), FunctionTransformer(lambda Z: 2 * Z), DelayShift(0.03), ARXRegressor()
-    ).fit(X, y)
-    np.testing.assert_allclose(pipe[-1].a_, direct[-1].a_, rtol=1e-9)
-    np.testing.assert_allclose(2 * pipe[-1].b_, direct[-1].b_, rtol=1e-9)
-
-
 @pytest.mark.parametrize("method", ["ideal", "downsample", "aggregate"])
 def test_y_is_filtered_and_thinned_as_x_is(method):
     X, y = arx_runs(lengths=[120, 97], smooth=1)
@@ -124,8 +106,8 @@ def through(signal, factor, method="ideal", padding="periodic"):
     return pipe.fit(X, signal).predict(X)
 
 
-@pytest.mark.parametrize("factor", [2, 3, 4, 7, 16])
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
+@pytest.mark.parametrize("factor", [2, 7])
+@pytest.mark.parametrize("share", [0.1, 0.8])
 def test_a_band_limited_signal_comes_back(factor, share):
     """Measured: 1.8e-3 of the amplitude up to 0.7, 3.6e-3 at 0.8 of the new Nyquist frequency."""
     n = 4096

@@ -15,7 +15,6 @@ from skhoid import (
     lost_control,
     performance_scores,
     resample_runs,
-    select_runs,
 )
 from skhoid.exceptions import MissingDataWarning
 
@@ -90,13 +89,6 @@ def test_infinities_of_both_signs():
             call(X, endless)
     with pytest.raises(ValueError, match=r"Input X contains infinity .* in column 'f_t', row 0"):
         lost_control(X.assign(f_t=-np.inf))
-
-
-def test_an_output_of_no_or_other_rows():
-    for call in (ARXRegressor().fit, resample_runs, lambda X, y: select_runs(X, y, last=1)):
-        with pytest.raises(ValueError, match="inconsistent numbers of samples"):
-            call(X, Y[:0])
-    assert len(select_runs(X, list(Y), last=1)[1]) == 60
 
 
 @pytest.mark.parametrize("model", [ARXRegressor, OperatorRegressor])

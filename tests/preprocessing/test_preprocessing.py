@@ -5,16 +5,14 @@ import pandas as pd
 import pytest
 from sklearn.base import clone
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
 from support import closed_loop as cl
-from support.synthetic import DT, arx_runs, as_table, signals
+from support.synthetic import DT, as_table, signals
 
 from skhoid import (
     ARXRegressor,
     Decimator,
     DelaySearchCV,
     OrderSearchCV,
-    resample_runs,
     vaf_score,
 )
 
@@ -58,24 +56,3 @@ def test_phase_of_times_on_half_samples_does_not_depend_on_the_slice():
     for start in range(7):
         part = Decimator(3).fit_transform(X.iloc[start:]).index.get_level_values(-1).to_numpy()
         np.testing.assert_array_equal(part, whole[start:])
-
-
-def test_holes_keep_their_width_whatever_the_clock_reads():
-    widths = []
-    for start in (0.0, 1000.0, 1.7e9):
-        values = np.sin(np.arange(200.0))
-        values[80:100] = np.nan
-        index = pd.MultiIndex.from_product(
-            [[1], start + DT * np.arange(200)], names=["run", "time"]
-        )
-        regular, _ = resample_runs(pd.DataFrame({"e": values}, index=index), values, dt=DT)
-        widths.append(int(regular["e"].isna().sum()))
-    assert widths == [20, 20, 20]
-
-
-def test_the_run_column_survives_other_transformers():
-    X, y = arx_runs()
-    array = np.column_stack([X.index.get_level_values("run"), X.to_numpy()])
-    scaler = StandardScaler().set_output(transform="pandas")
-    pipe = make_pipeline(Decimator(2, dt=DT, run=0), scaler, ARXRegressor(1, 1, 1))
-    assert pipe.fit(array, y.to_numpy())[-1].inputs_ == ["x1", "x2"]

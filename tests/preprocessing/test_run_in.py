@@ -11,7 +11,7 @@ from support.synthetic import DT, arx_runs, signals
 from skhoid import ARXRegressor, Decimator, OrderSearchCV, RunInTrimmer
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     lengths=st.lists(st.integers(5, 30), min_size=1, max_size=4),
     samples=st.integers(0, 4),

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.model_selection import KFold, LeaveOneGroupOut, ShuffleSplit
+from sklearn.model_selection import KFold, ShuffleSplit
 from sklearn.pipeline import make_pipeline
 from support import naive
 from support.synthetic import arx_runs, stretches_of
@@ -134,38 +134,10 @@ def test_single_folds_have_the_standard_error_of_the_path_that_refits():
     assert fast.standard_error_ == pytest.approx(slow.standard_error_, rel=1e-9)
 
 
-def test_a_scorer_with_runs_of_its_own():
-    """The model takes all rows for one run, the scorer for three."""
-    X, y = arx_runs(3, 150, noise=0.4)
-    values = np.column_stack([X.to_numpy(), run_labels(X)])
-    scoring = VAFScorer(run=2, average="mean", run_in=30)
-    fast, slow = (
-        DelaySearchCV(model(6, inputs=[0]), nk=[2, 3], criterion="vaf", scoring=scoring).fit(
-            values, y.to_numpy()
-        )
-        for model in (ARXRegressor, SlowARX)
-    )
-    np.testing.assert_allclose(fast.loss_, slow.loss_, rtol=1e-9)
-
-
 # Work
 
 
 # Folds
-
-
-@pytest.mark.parametrize("outer", [False, True], ids=["runs", "groups"])
-def test_leaving_groups_out_equals_the_split_of_rows(outer):
-    X, y = arx_runs(lengths=[7, 3, 9, 4, 5])
-    groups = np.repeat([2, 0, 2, 1, 0], [7, 3, 9, 4, 5]) if outer else None
-    given = run_labels(X) if groups is None else groups
-    found = split(X, y, None, groups)
-    twin = list(LeaveOneGroupOut().split(X, groups=given))
-    assert len(found) == len(twin)
-    for fold, rows in zip(found, twin, strict=True):
-        for part, wanted in zip(fold, rows, strict=True):
-            np.testing.assert_array_equal(np.flatnonzero(part.mask()), wanted)
-            assert not part.cut
 
 
 # Data that should not be copied

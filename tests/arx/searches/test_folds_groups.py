@@ -81,27 +81,6 @@ def test_routing_changes_nothing(name, cv):
         assert np.array_equal(scores(one), scores(other))
 
 
-@pytest.mark.usefixtures("routing")
-def test_a_splitter_asks_by_the_name_it_likes():
-    search = SEARCHES["delay"](GroupKFold(3).set_split_request(groups="people"))
-    expected = SEARCHES["delay"](GroupKFold(3)).fit(X, Y, groups=PEOPLE)
-    assert np.array_equal(scores(search.fit(X, Y, people=PEOPLE)), scores(expected))
-    with pytest.raises(RunIndexError, match="Run 1 is in two groups"):
-        search.fit(X, Y, people=np.arange(800) // 100)
-
-
-@pytest.mark.parametrize("name", list(SEARCHES)[:2])
-def test_other_metadata_are_refused(name):
-    search = SEARCHES[name]()
-    with pytest.raises(ValueError, match="sample_weight"):
-        search.fit(X, Y, sample_weight=np.ones(800))
-    with (
-        sklearn.config_context(enable_metadata_routing=True),
-        pytest.raises(TypeError, match="sample_weight"),
-    ):
-        search.fit(X, Y, sample_weight=np.ones(800))
-
-
 @pytest.mark.parametrize("steps", [[], [DelayShift(0.01)]])
 def test_a_search_within_a_grid_search(steps):
     """Its groups, with routing, are those of the rows it is fitted on; else it takes the runs."""

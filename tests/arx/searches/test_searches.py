@@ -11,7 +11,7 @@ from sklearn.model_selection import GridSearchCV, KFold, LeaveOneGroupOut
 from sklearn.pipeline import make_pipeline
 from support import closed_loop as cl
 from support import naive
-from support.synthetic import DT, NK, arx_runs, as_table, loop_runs, stretches_of
+from support.synthetic import DT, arx_runs, as_table, loop_runs, stretches_of
 
 from skhoid import (
     ARXRegressor,
@@ -86,36 +86,6 @@ def test_one_step_losses_against_their_twin(data, inputs, intercept):
     assert search.best_delay_ == pytest.approx(np.multiply(search.best_nk_, DT))
 
 
-@pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
-def test_one_step_losses_with_missing_values(data):
-    X, y = data
-    holed, holed_y = X.copy(), y.copy()
-    holed.iloc[[40, 300], 0] = np.nan
-    holed_y.iloc[[100, 101, 555]] = np.nan
-    candidates = [1, 3, 6]
-    search = DelaySearchCV(ARXRegressor(), nk=candidates).fit(holed, holed_y)
-    # All candidates on the rows for which every lag of every candidate is known.
-    phi, output, rows, _ = naive.regressor_rows(
-        holed_y.to_numpy(), holed[["e"]].to_numpy(), stretches_of(X), 2, [7], [1]
-    )
-    losses = []
-    for nk in candidates:
-        chosen = phi[:, [0, 1, 2 + nk - 1, 2 + nk]]
-        theta = np.linalg.lstsq(chosen, output, rcond=None)[0]
-        losses.append(np.mean((output - chosen @ theta) ** 2))
-    np.testing.assert_allclose(search.loss_, losses, rtol=1e-9)
-    assert rows.size < 4 * 150
-
-
-def test_default_candidates(data):
-    X, y = data
-    assert DelaySearchCV(ARXRegressor()).fit(X, y).cv_results_["nk"] == list(
-        range(1, 38)
-    )  # 150 // 4
-    X, y = arx_runs(1, 400)
-    assert DelaySearchCV(ARXRegressor()).fit(X, y).cv_results_["nk"] == list(range(1, 51))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "wrap",
@@ -150,20 +120,6 @@ def test_delay_without_remnant_is_29_samples(state):
     assert search.best_nk_ == 29
     assert search.best_delay_ == pytest.approx(0.29)
     assert (search.best_nk_ - 1) * search.dt_ == pytest.approx(cl.TAU_E)
-
-
-def test_delay_by_cross_validated_vaf(data):
-    X, y = data
-    candidates = [2, 3, 5]
-    search = DelaySearchCV(ARXRegressor(), nk=candidates, criterion="vaf").fit(X, y)
-    assert search.best_nk_ == NK
-    for i, nk in enumerate(candidates):
-        for fold, run in enumerate((1, 2, 3, 4)):
-            test = rows_of_runs(X, [run])
-            *_, free, _ = fit_naive(X, y, ["e"], 2, 2, nk, 6, ~test)
-            found = search.cv_results_[f"split{fold}_test_score"][i]
-            assert found == pytest.approx(max(naive.vaf(y[test], free[test]), -1000), abs=1e-7)
-    np.testing.assert_allclose(search.loss_, 100 - search.cv_results_["mean_test_score"])
 
 
 def test_window_follows_a_delay_that_jumps():
