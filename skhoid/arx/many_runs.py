@@ -128,7 +128,8 @@ def _inflation(factors: tuple[float, ...], form: str, lanes: int) -> tuple[np.nd
 
 def _windows(e: Any, u: Any, before: int) -> tuple[np.ndarray, np.ndarray]:
     """Signals of the window, as the kernels take them."""
-    return tuple(_kernels.gate(np.asarray(x, dtype=float)[:, before:]) for x in (e, u))
+    e, u = (_kernels.gate(np.asarray(x, dtype=float)[:, before:]) for x in (e, u))
+    return e, u
 
 
 def _fits(

@@ -608,7 +608,7 @@ class RecursiveARX(RecursiveLeastSquares):
         The parts of ``coef_``.
     covariance_ : ndarray of shape (n_params, n_params)
         Covariance of ``coef_``: σ² P (1 + λ^n) / (1 + λ) after n instants.
-    {standard_errors_, parameters_, covariance_path_}
+    {standard_errors_, last_parameters_, covariance_path_}
     coef_paths_ : ndarray of shape (n_runs, n_instants, n_params)
         θ(t) of each run, NaN outside it; with ``combine="average_estimates"``.
     {run_labels_}

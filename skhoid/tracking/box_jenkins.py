@@ -74,7 +74,7 @@ class RecursiveBoxJenkins(WhitenedRecursion):
         The parts of ``coef_``: F without its first 1, and B.
     covariance_ : ndarray of shape (n_params, n_params)
         Covariance of ``coef_``: σ² R^-1 (1 + λ^n) / (1 + λ) after n updates.
-    {standard_errors_, parameters_, covariance_path_}
+    {standard_errors_, last_parameters_, covariance_path_}
     one_step_errors_ : ndarray of shape (n_grid_rows,)
         eps of each row of the fitted grid by the estimates before it; NaN where there was no
         update.

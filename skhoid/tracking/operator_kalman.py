@@ -69,7 +69,7 @@ class OperatorKalman(Streaming, OperatorPath):
 
     Attributes
     ----------
-    {parameters_path_, time_path_, parameters_}
+    {parameters_path_, time_path_, last_parameters_}
     one_step_errors_ : ndarray of shape (n_grid_rows,)
         Innovations y - ŷ of each row of the fitted grid, NaN where nothing was measured.
     log_likelihood_ : float

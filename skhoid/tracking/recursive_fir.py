@@ -159,7 +159,7 @@ class RecursiveFIR(OneRecursion):
         No output coefficients; the constant.
     covariance_ : ndarray of shape (n_params, n_params)
         Mean squared error of ``coef_``, σ² A⁻¹ (S + δI) A⁻¹ with A = R + δI and S = Σ λ^2k φφ'.
-    {standard_errors_, covariance_path_, parameters_}
+    {standard_errors_, covariance_path_, last_parameters_}
     one_step_errors_ : ndarray of shape (n_grid_rows,)
         Error of each row of the fitted grid by the θ known before; NaN where there was none.
     noise_variance_ : float

@@ -106,7 +106,7 @@ class RecursiveIV(WhitenedRecursion):
         The parts of ``coef_``.
     covariance_ : ndarray of shape (n_params, n_params)
         Covariance of ``coef_``: σ² (S_zp' S_zz^-1 S_zp)^-1 (1 + λ^n) / (1 + λ).
-    {standard_errors_, parameters_, covariance_path_}
+    {standard_errors_, last_parameters_, covariance_path_}
     one_step_errors_ : ndarray of shape (n_grid_rows,)
         Filtered error of each row of the fitted grid by the estimates before it; NaN where there
         was no update.

@@ -45,7 +45,7 @@ class WindowedOperator(OperatorPath):
     parameters_path_ : DataFrame of shape (n_windows, 12)
         Over the time (s) of the windows' middles: K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm and
         their standard errors ``sd_K_e`` ...
-    {parameters_}
+    {last_parameters_}
     time_path_ : ndarray of shape (n_windows,)
         Middles of the windows in s.
     at_bound_ : ndarray of bool, shape (n_windows, 3)
