@@ -6,15 +6,14 @@ import itertools
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from numbers import Real
 from operator import attrgetter
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 from scipy.stats import norm
 
-from .._sklearn import DT, ROLES, RUN_IN, HasMethods, Interval, StrOptions, checked
+from .._sklearn import DT, ROLES, RUN_IN, HasMethods, StrOptions, checked
 from ..metrics import vaf_of_rows
 from ..pipelines import taken_apart
 from ..preprocessing.base import as_fitted
@@ -23,15 +22,15 @@ from ..recordings.recording import Finding
 from ..text import Document, Note, Told
 from .ceiling import Ceiling, Route, consistent_ceiling, noise_ceiling
 from .findings import WORDS, NextSteps, advise, is_operator
-from .leaks import LEAST_DELAY, LeakTest, leak_of_channels
+from .leaks import LEAST_DELAY, LeakTest, leak_test
 from .over_amplitude import by_operating_point, level_tests
 from .over_frequency import by_frequency, distortion_tests
 from .over_runs import by_run, tests_over_runs
-from .over_time import BlockSums, by_time, cusum, tests_of_changes, time_frequency
+from .over_time import BlockSums, by_time, tests_of_changes, time_frequency
 from .response import correlations, delay_test, linear_misfit
 from .signals import Signals, read_signals
 from .telling import numbers_of, tell_comparison
-from .tests_table import Test, tests_table
+from .tests_table import FALSE_ALARM, Test, tests_table
 
 MEAN = 0.5  # of the power of the output; more in its mean makes VAF about zero say little
 CONSTANT = 1 - 1e-9  # the same of an output that does not move
@@ -118,14 +117,9 @@ class Views:
         over runs.
     correlations : DataFrame
         Cross-correlation of the prewhitened residual with signals, by lag.
-    cusum : DataFrame
-        CUSUM of the whitened residual and of the squares of the remnant, over ``time`` in the
-        run, with the ``band`` that neither leaves by chance.
     time_frequency : DataFrame
         Power of the residual over time (index, s) and frequency (columns, rad/s), relative to
         the noise expected there.
-    remnant_spectrum : DataFrame
-        Density over ``omega`` (rad/s) of what does not repeat; described, not tested.
     """
 
     traces: pd.DataFrame
@@ -134,9 +128,7 @@ class Views:
     by_frequency: pd.DataFrame
     by_operating_point: pd.DataFrame
     correlations: pd.DataFrame
-    cusum: pd.DataFrame
     time_frequency: pd.DataFrame
-    remnant_spectrum: pd.DataFrame
 
 
 @dataclass(frozen=True, repr=False)
@@ -156,8 +148,6 @@ class Comparison(Told):
         Unit of the output.
     dt : float
         Sampling time in s.
-    false_alarm : float
-        Rate at which each test, and each table as a whole, exceeds chance with nothing missing.
     domain : {"human", "machine"}
         Wording of the findings.
     figures : Figures
@@ -172,7 +162,7 @@ class Comparison(Told):
         Where the residual is, as tables.
     tests : DataFrame
         One row per test; ``p`` accounts for the search inside the test, ``exceeds`` is p <
-        ``false_alarm``; ``cost`` is in VAF points; ``valid`` is False for what is described but not
+        0.01; ``cost`` is in VAF points; ``valid`` is False for what is described but not
         tested.
     notes : list of Note
         What was left out.
@@ -187,11 +177,12 @@ class Comparison(Told):
     'repeats'
     """
 
+    false_alarm: ClassVar[float] = FALSE_ALARM
+
     model_name: str
     output: str
     unit: str | None
     dt: float
-    false_alarm: float
     domain: str
     figures: Figures
     ceiling: NoiseCeiling
@@ -220,9 +211,7 @@ class Comparison(Told):
     by_frequency = property(attrgetter("views.by_frequency"))
     by_operating_point = property(attrgetter("views.by_operating_point"))
     correlations = property(attrgetter("views.correlations"))
-    cusum = property(attrgetter("views.cusum"))
     time_frequency = property(attrgetter("views.time_frequency"))
-    remnant_spectrum = property(attrgetter("views.remnant_spectrum"))
 
     def __repr__(self) -> str:
         ceiling = "" if np.isnan(self.noise_ceiling) else f", ceiling {self.noise_ceiling:.1f} %"
@@ -311,7 +300,6 @@ class Comparison(Told):
     repeats=[bool, Mapping, "array-like", None],
     roles=ROLES,
     run_in=RUN_IN,
-    false_alarm=[Interval(Real, 1e-12, 0.5, closed="left")],
     domain=[StrOptions({*WORDS}), None],
     dt=DT,
 )
@@ -324,7 +312,6 @@ def compare(
     repeats: Any = None,
     roles: dict[Any, str] | None = None,
     run_in: float | None = None,
-    false_alarm: float = 0.01,
     domain: str | None = None,
     dt: float | None = None,
     run: Any = None,
@@ -350,9 +337,6 @@ def compare(
         model.
     run_in : float or None, default=None
         Leave out this many seconds at the start of each run.
-    false_alarm : float, default=0.01
-        Rate at which each test, and each table as a whole, says that something exceeds chance
-        when nothing is missing; from 1e-12 to 0.5.
     domain : {"human", "machine"} or None, default=None
         Wording of the findings, and how soon a response can come: a person's not within 0.1 s. None
         means a person if the model is an OperatorRegressor, or if there are an error and x or f_t;
@@ -412,19 +396,18 @@ def compare(
     domain = domain or _domain(signals)
     leak = _leak(signals, domain)
     ceiling = noise_ceiling(signals)
-    views, tests = _look(signals, ceiling, fitted, false_alarm)
+    views, tests = _look(signals, ceiling, fitted)
     found = Comparison(
         model_name=_name_of(model),
         output=signals.output,
         unit=signals.units.get(signals.output),
         dt=signals.dt,
-        false_alarm=false_alarm,
         domain=domain,
         figures=_figures(signals, vaf, fitted),
         ceiling=_ceiling_of(ceiling, vaf, held_out=fitted is not None),
         leak=leak,
         views=views,
-        tests=tests_table([*tests, *_leak_row(signals, leak)], false_alarm),
+        tests=tests_table([*tests, *_leak_row(signals, leak)]),
         notes=signals.notes,
     )
     return replace(found, findings=advise(found, signals, of_channels))
@@ -468,17 +451,15 @@ def _ceiling_of(ceiling: Ceiling, vaf: float, held_out: bool) -> NoiseCeiling:
     return NoiseCeiling(top, interval, gap, ceiling.route, ceiling.note)
 
 
-def _look(
-    signals: Signals, ceiling: Ceiling, fitted: Signals | None, false_alarm: float
-) -> tuple[Views, list[Test]]:
+def _look(signals: Signals, ceiling: Ceiling, fitted: Signals | None) -> tuple[Views, list[Test]]:
     """Where the residual is, and every test of it."""
     runs = by_run(signals, "validation")
     p, of_runs = tests_over_runs(signals, ceiling)
-    runs["p"], runs["exceeds"] = p, p < false_alarm
+    runs["p"], runs["exceeds"] = p, p < FALSE_ALARM
     if fitted is not None:
         runs = pd.concat([runs, by_run(fitted, "estimation")], ignore_index=True)
-    correlation, of_correlation = correlations(signals, ceiling, false_alarm)
-    amplitude, of_amplitude = by_operating_point(signals, ceiling, false_alarm)
+    correlation, of_correlation = correlations(signals, ceiling)
+    amplitude, of_amplitude = by_operating_point(signals, ceiling)
     sums = BlockSums.of(signals, ceiling)
     linear = linear_misfit(signals, ceiling)
     lag = next((test.size for test in linear if test.test == "lag"), 0.0)
@@ -493,16 +474,13 @@ def _look(
         *level_tests(signals),
         *of_runs,
     ]
-    density = ceiling.noise.density * signals.dt / np.pi
     views = Views(
         by_run=runs,
-        by_time=by_time(signals, ceiling, false_alarm),
-        by_frequency=by_frequency(signals, ceiling, false_alarm),
+        by_time=by_time(signals, ceiling),
+        by_frequency=by_frequency(signals, ceiling),
         by_operating_point=amplitude,
         correlations=correlation,
-        cusum=cusum(ceiling, sums, false_alarm),
-        time_frequency=time_frequency(signals, ceiling, false_alarm),
-        remnant_spectrum=pd.DataFrame({"omega": ceiling.noise.omega, "psd": density}),
+        time_frequency=time_frequency(signals, ceiling),
         traces=_traces(signals),  # the largest last, when the others need no more room
     )
     return views, tests
@@ -540,7 +518,7 @@ def _leak(signals: Signals, domain: str) -> LeakTest | None:
     model = NextSteps(signals.model)
     if model.from_outside:
         return None
-    return leak_of_channels(
+    return leak_test(
         np.where(signals.scored, signals.y, np.nan),
         signals.free_run,
         signals.channels,

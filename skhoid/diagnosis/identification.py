@@ -42,7 +42,7 @@ from ..runs.empty import empty_runs, rows_of_runs
 from ..runs.roles import columns_by_role, input_columns
 from ..runs.selection import run_labels
 from ..text import Note
-from .leaks import LEAST_DELAY, SLOPE, LeakTest, leak_of_channels
+from .leaks import LEAST_DELAY, SLOPE, LeakTest, leak_test
 
 MOST_DELAYS = 2_000
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
@@ -432,7 +432,7 @@ class _Measured:
         """The leak test of a free run, in the rows to keep; None where it cannot know x."""
         if not least.loop:  # what comes from outside the loop alone tells nothing of x
             return None
-        found = leak_of_channels(
+        return leak_test(
             np.where(keep, self.output.to_numpy(dtype=float), np.nan),
             prediction,
             self.channels,
@@ -440,10 +440,9 @@ class _Measured:
             [slice(*rows) for rows in pairwise(self.layout.stretches)],
             told=lambda role: self.columns[role] in model.inputs_,
             least_delay=LEAST_DELAY if least.domain == "human" else model.dt_,
+            most=SLOPE_OF_X if least.closed else SLOPE,
+            opposed=OPPOSED,
         )
-        if found is None:
-            return None
-        return found.judged(SLOPE_OF_X if least.closed else SLOPE, OPPOSED)
 
 
 def _leak_notes(model: FittedModel, least: LeastDelay) -> list[Note]:

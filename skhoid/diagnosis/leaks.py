@@ -1,15 +1,14 @@
 """Test whether a prediction is the output rebuilt from the controlled element's response.
 
 The element's output is a function of its input, x = G (u + d). A model that sees x without delay
-can compute G^-1 x = u + d: it knows the output with hardly any delay, and it knows a disturbance
-that nobody could see. No person responds to a disturbance within about 0.1 s; such a prediction
-does. First what an element received, by its inverse; then the test.
+can compute G^-1 x = u + d: it knows the output at once, and a disturbance that nobody could see.
+No person responds to a disturbance within about 0.1 s; such a prediction does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from ..runs.roles import with_target
 
 LEAST_INSTRUMENT = 0.05  # of the power of the element's rate, explained by the target
 ORDER = 8  # of the low-pass filter
-NULL = 1e-3  # of the gain of the numerator at rest; at its zeros nothing can be divided
 N_INSTRUMENTS = 24  # taps of the target from which the element is estimated
 EXTERNAL = ("target", "disturbance")
 
@@ -36,33 +34,20 @@ def band_edge(outputs: Sequence[np.ndarray], dt: float, power_share: float) -> f
     return float(fft.rfftfreq(longest, dt)[max(int(np.searchsorted(share, power_share)), 1)])
 
 
-def low_passed(
-    signal: np.ndarray, dt: float, edge: float, divide: np.ndarray | None = None
-) -> np.ndarray:
-    """A signal below the edge (Hz), without delay; divided there by a polynomial of q^-1.
+def low_passed(signal: np.ndarray, dt: float, edge: float) -> np.ndarray:
+    """A signal below the edge (Hz), without delay.
 
     Odd reflections at both ends continue what neither starts nor ends at zero.
     """
     n = signal.size
     pad = min(n - 1, int(2 / (edge * dt)) + 1)
-    longer = np.concatenate(
-        [
-            2 * signal[0] - signal[pad:0:-1],
-            signal,
-            2 * signal[-1] - signal[-2 : -pad - 2 : -1],
-        ]
-    )
+    before, after = 2 * signal[0] - signal[pad:0:-1], 2 * signal[-1] - signal[-2 : -pad - 2 : -1]
+    longer = np.concatenate([before, signal, after])
     size = fft.next_fast_len(longer.size, real=True)
-    frequency = fft.rfftfreq(size, dt)
-    gain = 1 / (1 + (frequency / edge) ** ORDER) + 0j
-    if divide is not None:
-        b = np.polynomial.polynomial.polyval(np.exp(-2j * np.pi * frequency * dt), divide)
-        small = np.abs(b) < NULL * np.abs(b).max()
-        gain = np.where(small, 0.0, gain / np.where(small, 1.0, b))
+    gain = 1 / (1 + (fft.rfftfreq(size, dt) / edge) ** ORDER)
     # What an offset at one end leaves in the transform would ring: it is taken out, and put back.
     level = longer.mean()
-    filtered = fft.irfft(fft.rfft(longer - level, size) * gain, size)[pad : pad + n]
-    return filtered + level * gain[0].real
+    return fft.irfft(fft.rfft(longer - level, size) * gain, size)[pad : pad + n] + level
 
 
 def estimated_inverse(
@@ -70,15 +55,9 @@ def estimated_inverse(
 ) -> list[np.ndarray] | str:
     """The inverse of an element of second order at most, u = c2 x'' + c1 x' + c0 x + c.
 
-    Two-stage least squares: u answers the disturbance in the loop, and the target owes nothing to
-    it. A recorded disturbance acts beside u. Derivatives are central differences of what has been
-    low-passed.
+    By two-stage least squares: u answers the disturbance in the loop, and the target owes nothing
+    to it. A recorded disturbance acts beside u.
     """
-    if not any(name in piece for piece in low for name in EXTERNAL):
-        return (
-            "the controlled element is not given, and without a target its estimate from u and x "
-            "is biased by the loop"
-        )
     rows, n = triangle(_instruments_rates_output(piece, dt, taps) for piece in low)
     n_rates = 4 + ("disturbance" in low[0])
     Z, D, u = rows[:, : -n_rates - 1], rows[:, -n_rates - 1 : -1], rows[:, -1]
@@ -88,10 +67,7 @@ def estimated_inverse(
     ones = D[:, 3]
     caused_rate, rate = (each[:, 1] - ones * (ones @ each[:, 1]) / n for each in (caused, D))
     if not caused_rate @ caused_rate > LEAST_INSTRUMENT * (rate @ rate):
-        return (
-            "the controlled element is not given, and its response to the target is too weak to "
-            "estimate it from"
-        )
+        return "the controlled element's response to the target is too weak to estimate it from"
     scale = np.sqrt(np.sum(caused**2, axis=0) / n)
     scale[scale == 0] = 1.0
     c = np.linalg.lstsq(caused / scale, u, rcond=1e-6)[0] / scale
@@ -116,11 +92,7 @@ def _rates(x: np.ndarray, dt: float) -> np.ndarray:
 
 
 def triangle(tables: Iterable[np.ndarray]) -> tuple[np.ndarray, int]:
-    """A table of few rows with the sums of products of all tables, one below the other.
-
-    That is R of their QR factorisation; least squares with it are those with the whole. Also the
-    number of rows of the whole.
-    """
+    """R of the QR factorisation of tables one below the other, and the number of their rows."""
     R: Any = None
     n = 0
     for table in tables:
@@ -143,7 +115,7 @@ def with_target_and_x(
     channels: Mapping[str, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Target and output of the element, where they are known or follow from the error."""
-    known = dict(channels)
+    known = with_target(dict(channels))
     if "x" not in known and {"e", "f_t"} <= known.keys():
         known["x"] = known["f_t"] - known["e"]
     if {"x", "f_t"} <= known.keys():
@@ -171,7 +143,15 @@ OF_OUTPUT = (0, 1, 2, 4)  # taps of the output
 
 @dataclass(frozen=True)
 class LeakTest:
-    """Whether a prediction contains a disturbance that the controller could not see."""
+    """Whether a prediction contains a disturbance that the controller could not see.
+
+    ``leaks`` is None where the data cannot tell, for the reason ``unknown``. ``slope`` is the part
+    of the unseen disturbance d = G^-1 x - u that the prediction holds at once (regression at lags
+    from -0.05 s to ``least_delay``, with the output and the target held fixed): 1 for the inverse,
+    0 or less for a delayed response; ``sd`` its standard error with the long-run variance of the
+    remainder. In the band of the output, the prediction and the measured output (``reference``)
+    correlate with G^-1 x = u + d, and the residual with d (-1 for the inverse).
+    """
 
     leaks: bool | None
     correlation_with_inverse: float
@@ -196,33 +176,33 @@ class LeakTest:
             f"{self.residual_with_disturbance:+.2f} with that disturbance."
         )
 
-    def as_dict(self) -> dict[str, Any]:
-        """Its numbers and the reason, by name."""
-        found = {name: value for name, value in vars(self).items() if name != "unknown"}
-        return {**found, "reason": self.reason}
-
-    def judged(self, slope: float, residual: float) -> LeakTest:
-        """The same test with other limits, of which both must be exceeded."""
-        if self.leaks is None:
-            return self
-        leaks = _exceeds(self.slope, self.sd, slope) and self.residual_with_disturbance < residual
-        return replace(self, leaks=leaks)
-
 
 def leak_test(
     u: np.ndarray,
     u_hat: np.ndarray,
-    x: np.ndarray,
+    channels: Mapping[str, np.ndarray],
     dt: float,
     runs: Sequence[Any] | None = None,
-    element: tuple[Any, Any] | None = None,
     *,
-    target: np.ndarray | None = None,
-    disturbance: np.ndarray | None = None,
-    told: bool = True,
-    least_delay: float = LEAST_DELAY,
-) -> LeakTest:
-    """Test whether a prediction knows the disturbance that only the element's response shows."""
+    told: Callable[[str], bool],
+    least_delay: float,
+    most: float = SLOPE,
+    opposed: float = np.inf,
+) -> LeakTest | None:
+    """Test whether a prediction knows the disturbance that only the element's response shows.
+
+    Of ``u`` (NaN in rows that do not count), ``u_hat`` and ``channels`` by role, of shape (n_rows,)
+    with the rows of each run, or (n_rows, n_runs). None where less than two of e, x and f_t are
+    known. ``told`` says whether the model has a recorded disturbance as an input: what follows it
+    linearly is then not unseen. It leaks where the slope exceeds ``most`` surely, and the residual
+    correlates with the disturbance by less than ``opposed``.
+    """
+    known = with_target_and_x(channels)
+    if known is None:
+        return None
+    target, x = known
+    recorded = next((role for role in channels if role.startswith("dist")), None)
+    disturbance = None if recorded is None else channels[recorded]
     pieces = _pieces(runs, u, u_hat, x, target, disturbance)
     edge = band_edge([piece["u"] for piece in pieces], dt, POWER) if pieces else 0.0
     seconds = dt * sum(piece["u"].size for piece in pieces)
@@ -230,13 +210,12 @@ def leak_test(
         return _unknown("the runs are too short, or the output does not move")
     taps = max(round(0.15 / (edge * dt)), 1)
     edge *= WIDER
-    low = [{name: low_passed(values, dt, edge) for name, values in p.items()} for p in pieces]
-    low_all = low
-    inverse = _inverse(pieces, low, dt, edge, taps, element)
+    low_all = [{name: low_passed(values, dt, edge) for name, values in p.items()} for p in pieces]
+    inverse = estimated_inverse(low_all, dt, taps)
     if isinstance(inverse, str):
         return _unknown(inverse)
-    unseen = [v - p["u"] for v, p in zip(inverse, low, strict=True)]
-    if told and disturbance is not None:
+    unseen, low = [v - p["u"] for v, p in zip(inverse, low_all, strict=True)], low_all
+    if recorded is not None and told(recorded):
         unseen = _without_recorded(unseen, low, taps)
     else:
         low = [{k: v for k, v in p.items() if k != "disturbance"} for p in low]
@@ -251,12 +230,14 @@ def leak_test(
             f"the unseen disturbance is {100 * size:.0f} % of the output (rms), too little to tell "
             "the output from what the element received"
         )
-    if element is None and _changes(low_all, dt, taps, trim) < LEFT_BY_CHANGE * size:
+    if _changes(low_all, dt, taps, trim) < LEFT_BY_CHANGE * size:
         return _unknown(
             "what looks like an unseen disturbance is an element that changes in time, or is not "
-            "linear; give the controlled element"
+            "linear"
         )
     slope, sd = _immediate(low, unseen, dt, taps, trim, least_delay)
+    if not np.isfinite(slope):
+        return _unknown("the unseen disturbance follows the output and the target everywhere")
     with_inverse, reference, with_disturbance = (
         _correlation(products, *pair)
         for pair in (
@@ -265,43 +246,8 @@ def leak_test(
             (of_residual, of_unseen),
         )
     )
-    if not np.isfinite(slope):
-        return _unknown("the unseen disturbance follows the output and the target everywhere")
-    leaks = _exceeds(slope, sd, SLOPE)
+    leaks = bool(slope > most and slope - SIGMAS * sd > most / 2 and with_disturbance < opposed)
     return LeakTest(leaks, with_inverse, reference, with_disturbance, slope, sd, least_delay)
-
-
-def leak_of_channels(
-    u: np.ndarray,
-    u_hat: np.ndarray,
-    channels: Mapping[str, np.ndarray],
-    dt: float,
-    runs: Sequence[Any] | None = None,
-    *,
-    told: Callable[[str], bool],
-    least_delay: float,
-) -> LeakTest | None:
-    """The leak test of a prediction, where two of e, x and f_t are known; else None."""
-    known = with_target_and_x(with_target(dict(channels)))
-    if known is None:
-        return None
-    target, x = known
-    recorded = next((role for role in channels if role.startswith("dist")), None)
-    return leak_test(
-        u,
-        u_hat,
-        x,
-        dt,
-        runs,
-        target=target,
-        disturbance=None if recorded is None else channels[recorded],
-        told=recorded is not None and told(recorded),
-        least_delay=least_delay,
-    )
-
-
-def _exceeds(slope: float, sd: float, most: float) -> bool:
-    return bool(slope > most and slope - SIGMAS * sd > most / 2)
 
 
 def _changes(low: list[dict[str, np.ndarray]], dt: float, taps: int, trim: int) -> float:
@@ -343,7 +289,7 @@ def _pieces(
     u: np.ndarray,
     u_hat: np.ndarray,
     x: np.ndarray,
-    target: np.ndarray | None,
+    target: np.ndarray,
     disturbance: np.ndarray | None,
 ) -> list[dict[str, np.ndarray]]:
     """The signals of each run over the longest stretch in which all of them are known."""
@@ -368,26 +314,6 @@ def _pieces(
             piece["u_hat"] = np.clip(piece["u_hat"], 2 * low - high, 2 * high - low)
             pieces.append(piece)
     return pieces
-
-
-def _inverse(
-    pieces: list[dict[str, np.ndarray]],
-    low: list[dict[str, np.ndarray]],
-    dt: float,
-    edge: float,
-    taps: int,
-    element: tuple[Any, Any] | None,
-) -> list[np.ndarray] | str:
-    """What the element received, run by run, or why that is not known."""
-    if element is None:
-        return estimated_inverse(low, dt, taps)
-    b, a = (np.atleast_1d(np.asarray(part, dtype=float)).ravel() for part in element)
-    found = []
-    for piece in pieces:
-        received = np.convolve(piece["x"], a)[: piece["x"].size]
-        received[: a.size - 1] = received[min(a.size - 1, received.size - 1)]
-        found.append(low_passed(received, dt, edge, b))
-    return found
 
 
 def _without_recorded(

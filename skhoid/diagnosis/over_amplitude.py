@@ -13,7 +13,7 @@ from scipy.stats import poisson
 
 from .ceiling import Ceiling
 from .signals import Signals
-from .tests_table import Test
+from .tests_table import FALSE_ALARM, Test
 
 N_BINS = 12
 LONGEST_LAG = 1.5  # s, by which the response follows a channel at most
@@ -21,9 +21,7 @@ LEAST_COUNT = 0.005  # of the samples, in a bin
 N_DRAWS = 2000
 
 
-def by_operating_point(
-    signals: Signals, ceiling: Ceiling, false_alarm: float
-) -> tuple[pd.DataFrame, list[Test]]:
+def by_operating_point(signals: Signals, ceiling: Ceiling) -> tuple[pd.DataFrame, list[Test]]:
     """Mean residual against the value of signals one response time earlier.
 
     Remnant goes round the loop into e, x and u, and would sort itself into bins: with runs that
@@ -35,7 +33,7 @@ def by_operating_point(
     tables, tests = [], []
     for name, (values, source) in quantities.items():
         lag, sign = _response_lag(signals, source)
-        found = _bins(signals, ceiling, name, values, lag, sign, false_alarm)
+        found = _bins(signals, ceiling, name, values, lag, sign)
         if found is not None:
             tables.append(found[0])
             tests += found[1]
@@ -105,7 +103,6 @@ def _bins(
     values: np.ndarray,
     lag: int,
     sign: float,
-    false_alarm: float,
 ) -> tuple[pd.DataFrame, list[Test]] | None:
     valid = name in signals.external or all(group.n_runs > 1 for group in signals.groups)
     every = np.concatenate([z[known] for z, known in _coordinates(signals, values, lag)])
@@ -136,7 +133,7 @@ def _bins(
     covariance = covariance[np.ix_(kept, kept)] / np.outer(n, n)
     sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     band = (
-        float(np.quantile(_largest_of_bins(covariance, sd, ceiling.noise.free), 1 - false_alarm))
+        float(np.quantile(_largest_of_bins(covariance, sd, ceiling.noise.free), 1 - FALSE_ALARM))
         * sd
     )
     table = pd.DataFrame(

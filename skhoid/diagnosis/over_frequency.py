@@ -13,7 +13,7 @@ from scipy.stats import f as f_distribution
 from .ceiling import Ceiling, Route
 from .repeats import Group
 from .signals import Signals
-from .tests_table import Test, of_several
+from .tests_table import FALSE_ALARM, Test, of_several
 
 N_BANDS = 16  # at most
 WIDTH = 1.4  # ratio of the ends of a band, at least
@@ -28,7 +28,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def by_frequency(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFrame:
+def by_frequency(signals: Signals, ceiling: Ceiling) -> pd.DataFrame:
     """Residual at the excited lines (or in bands), and between them.
 
     Runs of different length are cut to the shortest, so that they share their bins.
@@ -60,7 +60,7 @@ def by_frequency(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.D
         table.loc[known, kind] = np.rad2deg(np.unwrap(np.deg2rad(table.loc[known, kind])))
     tested = table["p"].notna().to_numpy()
     table.loc[tested, "p"] = of_several(table.loc[tested, "p"].to_numpy())
-    table["exceeds"] = table["p"] < false_alarm
+    table["exceeds"] = table["p"] < FALSE_ALARM
     return table[list(COLUMNS)]
 
 

@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 from scipy.signal import ShortTimeFFT
 from scipy.signal.windows import hann
-from scipy.stats import chi2, kstwobign, norm
+from scipy.stats import chi2, norm
 from scipy.stats import f as f_distribution
 
 from .ceiling import Ceiling, Route
 from .repeats import Group
 from .signals import Signals, coherent_part
-from .tests_table import Test, of_one, of_several
+from .tests_table import FALSE_ALARM, Test, of_one, of_several
 
 TRIM = 0.05  # of the information, at either end, where no change is looked for
 N_DRAWS = 2000
@@ -204,23 +204,6 @@ def _test(
     )
 
 
-def cusum(ceiling: Ceiling, sums: BlockSums, false_alarm: float) -> pd.DataFrame:
-    """CUSUM of the whitened residual, and of the squares of the remnant, over time in the run.
-
-    Both are tied down at the ends and in standard deviations of the whole sum: Brownian bridges
-    if nothing changes. ``band`` is what their largest excursion exceeds at the false-alarm rate
-    (Brown, Durbin and Evans 1975; Inclan and Tiao 1994).
-    """
-    columns = {"time": sums.edges[1:]}
-    for name, parts in (("cusum", sums.means), ("cusum_of_squares", sums.powers)):
-        scores = np.sum([part[0][:, 0] for part in parts], axis=0)
-        information = np.sum([part[1][:, 0, 0] for part in parts], axis=0)
-        path, passed = np.cumsum(scores), np.cumsum(information)
-        total = passed[-1] if passed[-1] > 0 else 1.0
-        columns[name] = (path - passed / total * path[-1]) / np.sqrt(total)
-    return pd.DataFrame(columns | {"band": float(kstwobign.isf(false_alarm))})
-
-
 def gain_over_time(signals: Signals, ceiling: Ceiling, edges: np.ndarray) -> pd.DataFrame | None:
     """Gain of the measured response relative to the predicted one, in windows."""
     sums: list[Sums] = []
@@ -290,7 +273,7 @@ SHORTEST = 1.0  # s, of a window
 N_BANDS = 14  # of the map
 
 
-def by_time(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFrame:
+def by_time(signals: Signals, ceiling: Ceiling) -> pd.DataFrame:
     """Residual of all runs, and of each, in windows of time in the run.
 
     ``exceeds`` says that a window has more, or less, than chance.
@@ -306,14 +289,14 @@ def by_time(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFr
         names.append(signals.run_label(k))
         sums.append(np.array([np.bincount(window, w, edges.size - 1) for w in weights]))
         sums[0] += sums[-1]
-    table = _table_of_windows(edges, names, np.array(sums), signals.dt, ceiling, false_alarm)
+    table = _table_of_windows(edges, names, np.array(sums), signals.dt, ceiling)
     together = table[: np.count_nonzero(sums[0][0])]
     more = pd.DataFrame(_repeating(signals, ceiling, edges, together), index=together.index)
     gain = gain_over_time(signals, ceiling, edges)
     if gain is not None and len(together) == len(gain):
         more = more.join(gain)
     table = table.join(more)
-    table["exceeds"] = table["p"] < false_alarm
+    table["exceeds"] = table["p"] < FALSE_ALARM
     return table
 
 
@@ -323,7 +306,6 @@ def _table_of_windows(
     sums: np.ndarray,
     dt: float,
     ceiling: Ceiling,
-    false_alarm: float,
 ) -> pd.DataFrame:
     """Rows for the windows of all runs, which are first, and of each, that hold samples.
 
@@ -354,7 +336,7 @@ def _table_of_windows(
         ratio = np.where(all_lost > 0, lost / count / (all_lost / n_samples), 1.0)
     p = of_several(2 * np.where(np.isfinite(F), tail, 0.5), n_windows)
     views = np.where(run == 0, 1, len(names) - 1)
-    each = of_one(false_alarm / views, n_windows) / 2
+    each = of_one(FALSE_ALARM / views, n_windows) / 2
     limits = np.array(
         [f_distribution.ppf(each, free, free_rest), f_distribution.isf(each, free, free_rest)]
     )
@@ -419,7 +401,7 @@ def _windows(edges: np.ndarray, time: np.ndarray, dt: float) -> np.ndarray:
     return np.clip(np.searchsorted(edges, time + dt / 4, side="right") - 1, 0, edges.size - 2)
 
 
-def time_frequency(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd.DataFrame:
+def time_frequency(signals: Signals, ceiling: Ceiling) -> pd.DataFrame:
     """Residual power over time and frequency, relative to the noise expected there.
 
     ``attrs["limit"]`` is what one cell of the map exceeds by chance at the false-alarm rate.
@@ -452,6 +434,6 @@ def time_frequency(signals: Signals, ceiling: Ceiling, false_alarm: float) -> pd
     )
     # A Hann window makes two of three neighbouring bins independent.
     free = np.maximum(2 * n_runs * np.diff(edges) * 2 / 3, 2.0)
-    beyond = of_one(false_alarm, table.size)
+    beyond = of_one(FALSE_ALARM, table.size)
     table.attrs["limit"] = (chi2.isf(beyond, free) / free).tolist()
     return table

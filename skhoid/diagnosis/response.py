@@ -15,7 +15,7 @@ from .ceiling import Ceiling
 from .over_time import tail_probability
 from .repeats import Group
 from .signals import Signals, bandwidth, coherent_part, tap_spacing
-from .tests_table import Test
+from .tests_table import FALSE_ALARM, Test
 
 
 def linear_misfit(signals: Signals, ceiling: Ceiling) -> list[Test]:
@@ -226,9 +226,7 @@ LONGEST_LAG = 3.0  # s, for lags of loops that a person closes
 N_DRAWS = 2000
 
 
-def correlations(
-    signals: Signals, ceiling: Ceiling, false_alarm: float
-) -> tuple[pd.DataFrame, list[Test]]:
+def correlations(signals: Signals, ceiling: Ceiling) -> tuple[pd.DataFrame, list[Test]]:
     """Cross-correlation of prewhitened residual and signals, with simultaneous bands."""
     tables, tests = [], []
     shown = [n for n in signals.channels if n in EXACT or is_external(n)]
@@ -238,7 +236,7 @@ def correlations(
         if found is None:
             continue
         lags, score, scale, largest = found
-        limit = float(np.quantile(largest, 1 - false_alarm))
+        limit = float(np.quantile(largest, 1 - FALSE_ALARM))
         k = int(np.argmax(np.abs(score)))
         tables.append(
             pd.DataFrame(

@@ -127,7 +127,7 @@ def numbers_of(c: Comparison) -> dict[str, Any]:
         "ceiling_route": c.ceiling_route,
         "ceiling_status": c.ceiling.note.kind,
         "ceiling_note": c.ceiling.note.text,
-        "leak": None if c.leak is None else c.leak.as_dict(),
+        "leak": None if c.leak is None else {**vars(c.leak), "reason": c.leak.reason},
         "findings": [vars(finding) for finding in c.findings],
         "notes": list(map(str, c.notes)),
     }

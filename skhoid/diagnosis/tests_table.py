@@ -32,6 +32,7 @@ class Test:
     __test__ = False  # not a test of pytest
 
 
+FALSE_ALARM = 0.01  # of each test, and of each table as a whole, with nothing missing
 COLUMNS = (
     "test",
     "signal",
@@ -46,25 +47,22 @@ COLUMNS = (
 )
 
 
-def tests_table(tests: list[Test], false_alarm: float) -> pd.DataFrame:
+def tests_table(tests: list[Test]) -> pd.DataFrame:
     frame = pd.DataFrame([asdict(test) for test in tests])
     if frame.empty:
         return pd.DataFrame(columns=list(COLUMNS))
     by_rule = np.array([test.rule is True for test in tests])
-    frame["exceeds"] = frame["valid"] & ((frame["p"] < false_alarm) | by_rule)
+    frame["exceeds"] = frame["valid"] & ((frame["p"] < FALSE_ALARM) | by_rule)
     return frame[list(COLUMNS)]
 
 
 def of_several(p: np.ndarray, n: Any = None) -> np.ndarray:
-    """P-values of several independent tests, each corrected for being one of them (Sidak).
-
-    ``n`` is how many, by default all that are finite.
-    """
+    """P-values of ``n`` independent tests (None: all finite), corrected as by Sidak."""
     p = np.asarray(p, dtype=float)
     n = np.sum(np.isfinite(p)) if n is None else n
     return -np.expm1(n * np.log1p(-np.minimum(p, 1 - 1e-16)))
 
 
 def of_one(false_alarm: Any, n: Any) -> Any:
-    """Rate of each of n independent tests that together have the stated false-alarm rate."""
+    """Rate of each of n independent tests that together have a false-alarm rate."""
     return -np.expm1(np.log1p(-false_alarm) / n)

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..diagnosis.leaks import LeakTest, leak_of_channels
+from ..diagnosis.leaks import LeakTest, leak_test
 from ..effects.base import Effect
 from ..effects.catalogue import CLASSES
 from ..effects.composition import Effects
@@ -423,7 +423,7 @@ def leak_of(model: Model) -> LeakTest | None:
     channels = {role: record.channels[name] for role, name in names.items()}
     told = {getattr(effect, "channel", None) for _, effect in model.effects}
     with np.errstate(all="ignore"):
-        return leak_of_channels(
+        return leak_test(
             np.where(record.known, record.y, np.nan),
             model.output,
             channels,

@@ -180,15 +180,6 @@ def test_no_roles(simulated):
 # Errors
 
 
-@pytest.mark.parametrize("value", [2, 0, 0.5, -0.1, np.nan])
-def test_false_alarm_is_a_rate(simulated, value):
-    X, y, truth = simulated
-    with pytest.raises(
-        ValueError, match=r"'false_alarm' parameter of compare must be a float in the range"
-    ):
-        compare(Oracle(truth.u_without_remnant), X, y, false_alarm=value)
-
-
 @pytest.mark.parametrize(
     ("repeats", "message"),
     [

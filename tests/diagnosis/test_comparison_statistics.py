@@ -107,7 +107,7 @@ def null_draw(seed):
     order, n_runs = int(rng.integers(1, 4)), int(rng.integers(3, 9))
     intensity = float(rng.choice(INTENSITIES))
     X, y, truth = simulate_runs(condition, n_runs, intensity=intensity, order=order, seed=seed)
-    comparison = compare(Oracle(truth.u_without_remnant), X, y, false_alarm=FALSE_ALARM)
+    comparison = compare(Oracle(truth.u_without_remnant), X, y)
     ceiling = true_ceiling(truth, y, comparison)
     low, high = comparison.noise_ceiling_interval
     return Draw(

@@ -15,7 +15,6 @@ LONG = st.sampled_from([60, 100, 150])
 COMPARED = {
     "repeats": [None, True, False, ["a", "b"]],
     "run_in": [None, 0.0, 0.5],
-    "false_alarm": [0.01, 0.5],
     "domain": [None, "human", "machine"],
     "roles": [None, {"e": "e"}, {"stick": "f_t"}, {"nothing": "x"}],
     "dt": [None, 0.01],

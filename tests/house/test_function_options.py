@@ -22,7 +22,6 @@ MODEL = ARXRegressor().fit(X, Y)
     ("function", "args", "option", "value"),
     [
         (skhoid.compare, (MODEL, X, Y), "run_in", "1"),
-        (skhoid.compare, (MODEL, X, Y), "false_alarm", 0.7),
         (skhoid.compare, (MODEL, X, Y), "domain", "animal"),
         (skhoid.compare, (MODEL, X, Y), "dt", "0.02"),
         (skhoid.remnant_estimate, (MODEL, X, Y), "run_in", -1),

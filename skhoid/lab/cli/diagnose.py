@@ -108,9 +108,7 @@ OF_COMPARISON = (
     "by_operating_point",
     "tests",
     "correlations",
-    "cusum",
     "time_frequency",
-    "remnant_spectrum",
 )
 
 
