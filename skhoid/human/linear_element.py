@@ -460,14 +460,8 @@ def _read_text(text: str, dt: float | None) -> LinearElement:
     """An element from a ratio of polynomials in s, or in z with its sampling time (s)."""
     top, bottom, variable = parse(text)
     if (variable == "z") != (dt is not None) and variable:
-        raise ValueError(
-            f"The controlled element {text!r} is in {variable}: "
-            + (
-                "give its sampling time too, dt=... in seconds."
-                if variable == "z"
-                else f"dt={dt!r} is for elements in z. Leave dt out."
-            )
-        )
+        what = "give its sampling time too, dt=... in s" if variable == "z" else "leave dt out"
+        raise ValueError(f"The controlled element {text!r} is in {variable}: {what}.")
     return LinearElement(tuple(top), tuple(bottom), dt)
 
 

@@ -111,20 +111,17 @@ def collect_bins(lines: dict[Any, Lines], windows: Windows, number: int) -> dict
     layout, rows = windows.layout, windows.rows[number]
     n_in_run = int(layout.run_starts[number + 1] - layout.run_starts[number])
     window = (rows.stop - rows.start, layout.dt, layout.labels[number], n_in_run)
-    owner: dict[int, Any] = {}
+    owner: set[int] = set()
     found = {}
     for name, part in lines.items():
         found[name] = part.bins(*window)
         for position, bin_number in enumerate(found[name].tolist()):
             if bin_number in owner:
-                other = owner[bin_number]
-                which = "is given twice" if other == name else f"is also in {other!r}"
                 raise ValueError(
-                    f"The line at {part.omega[position]:.6g} rad/s of the forcing function "
-                    f"{'' if name is None else repr(name) + ' '}{which}. Lines must differ: "
-                    "responses to two functions at the same line cannot be separated."
+                    f"The line at {part.omega[position]:.6g} rad/s is given twice: responses to "
+                    "two functions at the same line cannot be separated."
                 )
-            owner[bin_number] = name
+            owner.add(bin_number)
     return found
 
 

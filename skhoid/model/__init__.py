@@ -5,7 +5,7 @@ from .effect_curves import effect_curves as effect_curves
 from .estimator import GreyBox
 from .operator_regressor import OperatorRegressor
 from .parameters import parameter_text as parameter_text
-from .prepared import SimulatedCore, SimulatedModel
+from .prepared import SimulatedCore
 from .simulated_arx import SimulatedARX
 from .simulated_arx import simulated_model as simulated_model
 
@@ -16,5 +16,4 @@ __all__ = [
     "ParameterTable",
     "SimulatedARX",
     "SimulatedCore",
-    "SimulatedModel",
 ]

@@ -375,7 +375,7 @@ def response_plot(bench: Bench) -> Response:
     """The plot that shows most of an effect, by its place and what it answers."""
     place = bench.effect.place
     if bench.effect.noise:
-        return realisation(bench)
+        return course(bench)
 
     def simulate(record: Record) -> np.ndarray:
         return bench.simulator(record).run(bench.whole(bench.values, bench.theta))
@@ -401,9 +401,7 @@ def response_plot(bench: Bench) -> Response:
         if share_of_command(bench, bench.values) is not None:
             return share(bench)
         return linear_gain(bench) if is_linear(bench) else held_command(bench)
-    if place == "inside":
-        return inside(bench)
-    return spring(bench) if place == "spring" else course(bench)
+    return inside(bench) if place in ("inside", "spring") else course(bench)
 
 
 def signal_map(bench: Bench, signal: str) -> Response:
@@ -641,28 +639,6 @@ def held_command(bench: Bench) -> Response:
     )
 
 
-def spring(bench: Bench) -> Response:
-    """Command that holds an output, in the steady state."""
-    size = bench.amplitude("u")
-    x = np.linspace(-size, size, N_WAVE)
-    record = bench.made_up(np.arange(2.0))
-
-    def lines(values: dict[str, float], theta: np.ndarray) -> np.ndarray:
-        further = bench.effect.apply(Spring(), record, **values)
-        return _holding(bench, theta) * x + further.force(x)
-
-    unit = bench.unit("u") if bench.core.kind.is_operator else bench.unit(bench.error)
-    return Response(
-        "spring",
-        x,
-        lines,
-        with_unit(f"output {bench.model.simulation_.output}", bench.unit("u")),
-        with_unit("command that holds it", unit),
-        without=Curve(x, _holding(bench, bench.theta) * x),
-        measured=bench.met("u"),
-    )
-
-
 def _holding(bench: Bench, theta: np.ndarray) -> float:
     """Command that holds an output of one, by the linear core."""
     if bench.core.kind.is_operator:
@@ -673,10 +649,11 @@ def _holding(bench: Bench, theta: np.ndarray) -> float:
 
 
 def inside(bench: Bench) -> Response:
-    """Force over the output or its rate, or the stops of the output."""
+    """Force or command over the output or its rate in the steady state, or its stops."""
     record = bench.made_up(np.arange(2.0))
     limb = getattr(bench.effect, "of", None) == "limb"
     of_rate = limb or getattr(bench.effect, "of", None) == "rate"
+    is_operator = bench.core.kind.is_operator
     size = bench.amplitude("u")
     if of_rate:
         size = LARGEST * float(getattr(bench.effect, "reference", None) or size)
@@ -694,30 +671,36 @@ def inside(bench: Bench) -> Response:
 
     name, unit = bench.model.simulation_.output, bench.unit("u")
     without = np.zeros(N_WAVE) if of_rate else x if has_stops else _holding(bench, bench.theta) * x
-    what = "force against the input" if of_rate else "input that holds it"
-    if limb:
-        what = "force against the command"
+    if has_stops:
+        what, of_what = f"output {name} between stops", unit
+    elif bench.effect.place == "spring":
+        what, of_what = "command that holds it", bench.unit("u" if is_operator else bench.error)
+    elif limb:
+        what, of_what = "force against the command", unit
+    else:
+        what = "force against the input" if of_rate else "input that holds it"
+        of_what = bench.unit(bench.error)
+    abscissa = f"rate of {name}" if of_rate else f"output {name}"
     return Response(
         "map" if has_stops else "spring",
         x,
         lines,
-        with_unit(f"output {name}", unit)
-        if not of_rate
-        else with_unit(f"rate of {name}", unit and f"{unit}/s"),
-        with_unit(f"output {name} between stops", unit)
-        if has_stops
-        else with_unit(what, unit if limb else bench.unit(bench.error)),
+        with_unit(abscissa, unit and f"{unit}/s" if of_rate else unit),
+        with_unit(what, of_what),
         without=Curve(x, without),
         measured=None if of_rate else bench.met("u"),
     )
 
 
 def course(bench: Bench) -> Response:
-    """What is added to the output over the time in the run."""
-    t = run_times(bench)
-    record, zero = bench.made_up(t), np.zeros((t.size, 1))
+    """What is added to the output over the time in the run; of noise a realisation."""
+    zero, noise = np.zeros((N_TIMES, 1)), bool(bench.effect.noise)
+    t = bench.effect.realisation(bench.values)[0] if noise else run_times(bench)
+    record = bench.made_up(t)
 
     def lines(values: dict[str, float], theta: np.ndarray) -> np.ndarray:
+        if noise:
+            return bench.effect.realisation(values, t)[1]
         added = np.asarray(bench.effect.apply(zero, record, **values))
         return np.broadcast_to(added, (t.size, 1))[:, 0]
 
@@ -725,23 +708,10 @@ def course(bench: Bench) -> Response:
         "course",
         t,
         lines,
-        "time in the run, s",
+        "time, s" if noise else "time in the run, s",
         with_unit("added to the output", bench.unit("u")),
         without=Curve(t, np.zeros(t.size)),
-    )
-
-
-def realisation(bench: Bench) -> Response:
-    """Noise whose phase nobody knows: ``apply`` adds nothing."""
-    t, _ = bench.effect.realisation(bench.values)
-    return Response(
-        "course",
-        t,
-        lambda values, theta: bench.effect.realisation(values, t)[1],
-        "time, s",
-        with_unit("added to the output", bench.unit("u")),
-        without=Curve(t, np.zeros(t.size)),
-        note="its phase is not known",
+        note="its phase is not known" if noise else "",
     )
 
 

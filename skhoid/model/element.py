@@ -155,7 +155,7 @@ class ElementEstimate:
 
     ``constants`` are K, and omega_b in rad/s where the form has one, with standard errors ``sd``;
     ``unexplained`` is the share of the power of x (of what the target moves, with ``instruments``)
-    that it does not explain; ``disturbance`` is the channel that adds to u.
+    that it does not explain.
     """
 
     element: LinearElement
@@ -181,7 +181,7 @@ def search_element(record: Record) -> ElementEstimate | None:
     found = [
         _estimate(record, x, disturbance) for disturbance in (*record.with_role("dist")[:1], None)
     ]
-    return min((f for f in found if f is not None), key=_find_unexplained, default=None)
+    return min((f for f in found if f is not None), key=lambda f: f.unexplained, default=None)
 
 
 def _estimate(record: Record, x: np.ndarray, disturbance: str | None) -> ElementEstimate | None:
@@ -283,7 +283,8 @@ class _Search:
             for case, one in zip(fits, fast, strict=True)
             if top < CLEAR or one.agreement > top - LESS
         ]
-        form, best = min((c for c in able if not c[0].breaks), key=_rate, default=(None, None))
+        plain = [c for c in able if not c[0].breaks]
+        form, best = min(plain, key=lambda c: c[1].unexplained, default=(None, None))
         for other, fit in able:
             surely = other.breaks and fit.constants[1] > SURE * fit.sd[1]
             if best is None or (surely and EXACT < SIMPLER * best.unexplained > fit.unexplained):
@@ -338,14 +339,6 @@ class _Search:
             instruments=table.instruments is not None,
             disturbance=self.disturbance,
         )
-
-
-def _rate(case: tuple[Form, ElementEstimate]) -> float:
-    return case[1].unexplained
-
-
-def _find_unexplained(found: ElementEstimate) -> float:
-    return found.unexplained
 
 
 def _integrate(signal: np.ndarray, dt: float) -> np.ndarray:

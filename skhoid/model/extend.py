@@ -43,12 +43,10 @@ def extended(
 ) -> Model:
     """A fitted model with one more effect, from the best of its variants and starts.
 
-    ``start`` has a user's values, by full names, that are tried too.
-    Variants and starts are explored under the ``coarse`` criterion. The fit is followed
-    to the end only where that shows a gain: of twice the share ``worth`` of the power, or of as
-    much as that after some iterations. ``rough`` is what :func:`explored_from` returned for the
-    parent, in a search: without it, what other parameters gain on the rows of ``coarse`` counts as
-    gain of the effect.
+    They are explored under the ``coarse`` criterion, and followed to the end only where that shows
+    a gain: of twice the share ``worth`` of the power, or of as much as that after some iterations.
+    In a search, ``rough`` is what :func:`explored_from` returned for the parent: without it, what
+    other parameters gain on the rows of ``coarse`` counts as gain of the effect.
     """
     record = replace(parent.simulator.record, prediction=parent.output)
     core = parent.simulator.core
@@ -219,31 +217,12 @@ def refitted(
     max_iter: int = MOST_ITERATIONS,
     tol: float = TOLERANCE,
 ) -> Model:
-    """A model refitted to some of the rows, to convergence.
+    """A model refitted to some of the rows, ``train``, to convergence; never worse there than its
+    starts.
 
-    Its simulator is that of the whole record, so ``output`` covers the rows left out too; estimated
-    initial states are those that fit all known rows of each run.
-
-    Parameters
-    ----------
-    model : Model
-        The effects and their choices, and where the fit starts.
-    criterion : Criterion
-        On the record of the model, with the noise model to keep.
-    train : ndarray of bool of shape (n_samples, n_runs)
-        Rows to fit on, at the full rate of the record.
-    starts : iterable of dict of str to float
-        Further starting points, by parameter name, such as ``values()`` of the model without the
-        last effect; parameters not named start at the model's values.
-    rows : ndarray or None, default=None
-        What :func:`shared_derivatives` returned for the model; None: each fit computes its own.
-    max_iter, tol : int and float
-        Where fits end, as in :func:`~skhoid.model.fitting.minimise`.
-
-    Returns
-    -------
-    fitted : Model
-        Never worse on its rows than at any of its starts.
+    Its simulator is that of the whole record, so ``output`` covers the rows left out too.
+    ``starts`` are further starting points by name; ``rows`` is what :func:`shared_derivatives`
+    returned.
     """
     simulator, inside = model.simulator, criterion.on(train)
     whole = simulator

@@ -331,10 +331,9 @@ def _find_starts_beside(
 def evolve(model: Model, name: str, criterion: Criterion) -> tuple[Model, np.ndarray]:
     """The model at the best minimum by differential evolution, if that is better than its own.
 
-    All parameters together: events of an effect that jumps depend on the core too. On some runs;
-    the core then follows on all. Under whitened residuals the minima are deep and narrow, and the
-    fit of least simulation error may have ended in any of them. Returned too are the distances from
-    the best of the last generation, of shape (POPULATION, n_parameters).
+    All parameters together, on some runs: events of an effect that jumps depend on the core too,
+    and whitened residuals have deep and narrow minima. Returned too are the distances from the best
+    of the last generation, of shape (POPULATION, n_parameters).
     """
     simulator, record = model.simulator, criterion.record
     runs = np.sort(np.argsort(-record.known.sum(axis=0), kind="stable")[:RUNS_EVOLVED])
@@ -395,13 +394,8 @@ def wander(model: Model, criterion: Criterion, apart: np.ndarray) -> tuple[Model
     """The likeliest parameters that Markov chains pass, and the covariance of chains about them.
 
     A likelihood with many narrow minima side by side has no slopes that would tell how far the
-    estimates may be off. Each chain steps along the difference of two others, so that they find the
-    directions and distances by themselves; they begin ``apart`` from the model by so much.
-
-    References
-    ----------
-    Ter Braak, A Markov chain Monte Carlo version of the genetic algorithm differential evolution
-    (2006).
+    estimates may be off. Each chain steps along the difference of two others (Ter Braak 2006, A
+    Markov chain Monte Carlo version of the genetic algorithm differential evolution).
     """
     simulator = model.simulator
     rng = np.random.default_rng(0)

@@ -62,11 +62,9 @@ Likeliest = tuple[float, np.ndarray] | None  # loss and parameters; None where n
 def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     """Refine under an AR model of the residual that is estimated along with the parameters.
 
-    In a closed loop the estimate of least simulation error is biased: the remnant goes round the
-    loop into the error, and a response that is too slow, or to something else, fits it. The
-    maximum-likelihood estimate is not biased if the noise model is right, and is biased with a
-    noise model that keeps the bias. So for an operator both are estimated together, from several
-    starting points: see :func:`fit_jointly`.
+    In a closed loop the remnant goes round the loop into the error, and a response that is too slow
+    fits it: the estimate of least simulation error is biased, and a noise model of its residual
+    keeps the bias. So for an operator both are estimated together: see :func:`fit_jointly`.
     """
     kind = model.simulator.record.core
     model, noise = settled(model, criterion)
@@ -105,11 +103,9 @@ def make_criterion(model: Model, noise: RemnantModel) -> Criterion:
 def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     """Refine under an AR model of the residual, and again under that of the new residual.
 
-    Repeated until neither moves: in a closed loop the first fit is biased, and so is its noise
-    model, which keeps the bias for some rounds. A wrong model would leave more and more to the
-    noise model, so the free run may become only slightly worse (for an operator, after two rounds).
-    Under a noise model that is nearly an integrator levels are not determined: where the free run
-    is worse than none, the round before is the last. An ARX model gets two rounds.
+    Until neither moves. A wrong model would leave more and more to the noise model, so the free run
+    may become only slightly worse (for an operator, after two rounds). An ARX model gets two
+    rounds.
     """
     core = model.simulator.record.core
     power = 0.0
@@ -174,17 +170,12 @@ def collect_prior(simulator: Simulator) -> Prior:
 def fit_jointly(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Parameters that are most probable jointly with a noise model; None where the fit fails.
 
-    Their joint likelihood takes a person's remnant as an AR process; what is usual for people
-    decides where the likelihood is flat, as between a delay and the lag of a limb. A gain on the
-    error rate that is not needed is left out.
-
-    The covariance due to choices is returned too: rows at half and at twice the rate, the mean of
-    both; the closed loop where it is known (:func:`estimate_loop_bias`); how large the gain may be
-    that was left out (:func:`seek_high_gain`). Where the simulation error forbids what is most
-    probable, all of that difference counts.
-
-    Of a large number of runs, some are fitted from all starting points, and then all from where
-    that led; what the closed loop would change is found on those same runs.
+    What is usual for people decides where the likelihood is flat, as between a delay and the lag of
+    a limb; a gain on the error rate that is not needed is left out. The covariance due to choices
+    is returned too: rows at half and at twice the rate; the closed loop
+    (:func:`estimate_loop_bias`); how large a gain may be that was left out
+    (:func:`seek_high_gain`). Where the simulation error forbids what is most probable, all of that
+    difference counts.
     """
     simulator = model.simulator
     core = simulator.core
@@ -232,9 +223,8 @@ def fit_jointly(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
 def estimate_loop_bias(simulator: Simulator, theta: np.ndarray, held: np.ndarray) -> np.ndarray:
     """Covariance due to how far the likeliest parameters in the closed loop are, beyond chance.
 
-    The loop tells little of an offset or of what is slow. If both models are right, the difference
-    of an estimate from a better one has the difference of their variances (Hausman, Specification
-    tests in econometrics, 1978); what exceeds that is taken for a bias.
+    If both models are right, the difference of an estimate from a better one has the difference of
+    their variances (Hausman, Specification tests in econometrics, 1978).
     """
     in_loop = fit_in_loop(simulator, theta, held)
     criterion = make_joint_criterion(simulator, theta)
@@ -337,12 +327,7 @@ def choose_among_kinks(
 def fit_in_loop(
     simulator: Simulator, theta: np.ndarray, held: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Likeliest parameters of a linear model in the closed loop, and their variances.
-
-    None where the loop is not known.
-
-    The remnant in the error does not affect them: another way to the same parameters.
-    """
+    """Likeliest parameters of a linear model in its closed loop if it is known, and variances."""
     loop = loop_of(simulator.record)
     linear = all(effect.place in ("path", "sum", "delay") for _, effect in simulator.effects)
     if loop is None or not linear:

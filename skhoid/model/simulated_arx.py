@@ -25,7 +25,7 @@ from .cores import ARXCore
 from .estimator import GreyBox
 from .fitting import Criterion, RemnantModel
 from .model import Model, find_scaled_sse, fit_by_halving
-from .prepared import Prepared, SimulatedCore, check_simulated_model, mark_measured
+from .prepared import Prepared, SimulatedCore, mark_measured
 from .simulator import Simulator
 
 SHARED = ("na", "nb", "nk", "inputs", "fit_intercept", "initial", "roles", "dt", "run")
@@ -145,17 +145,12 @@ class SimulatedARX(GreyBox, BaseARX):
 
     @classmethod
     def like(cls, model: ARXRegressor) -> SimulatedARX:
-        """The simulated model of the same orders and data as one by least squares, unfitted.
+        """The simulated model of the same orders and data as one by least squares, without effects.
 
         Parameters
         ----------
         model : ARXRegressor
             Fitted or not.
-
-        Returns
-        -------
-        simulated : SimulatedARX
-            Without effects.
         """
         if model.method == "iv":
             raise ValueError(
@@ -210,10 +205,17 @@ class SimulatedARX(GreyBox, BaseARX):
 
 
 def simulated_model(estimator: Any, purpose: str) -> Any:
-    """The estimator, if it simulates effects; the SimulatedARX like it for an ARXRegressor."""
+    """The estimator, if it simulates effects; the SimulatedARX like it of an ARXRegressor."""
     if isinstance(estimator, ARXRegressor):
         return SimulatedARX.like(estimator)
-    check_simulated_model(estimator, purpose)
+    if not isinstance(estimator, GreyBox):
+        is_class = isinstance(estimator, type)
+        name = estimator.__name__ if is_class else type(estimator).__name__
+        raise TypeError(
+            f"{purpose} takes an OperatorRegressor, an ARXRegressor, or a model derived from "
+            'skhoid.model.GreyBox (docs/effect-in-depth.md, "A model of your own"); got '
+            + (f"the class {name}: pass {name}()." if is_class else f"{name}.")
+        )
     return estimator
 
 

@@ -72,14 +72,10 @@ def change_if_finer(
 def smooth(model: Model, names: Collection[str]) -> Model:
     """A model with free forms that are as smooth as is most likely, at the minimum of that.
 
-    By the generalised Fellner-Schall iteration: the variance of a curve's coefficients is the sum
-    of their squares, in units of the prior's, over their effective degrees of freedom. Residuals
-    are whitened: remnant is not taken for roughness.
-
-    References
-    ----------
-    Wood and Fasiolo, A generalized Fellner-Schall method for smoothing parameter optimization
-    (2017).
+    The variance of a curve's coefficients is the sum of their squares, in units of the prior's,
+    over their effective degrees of freedom (Wood and Fasiolo 2017, A generalized Fellner-Schall
+    method for smoothing parameter optimization). Residuals are whitened: remnant is not taken for
+    roughness.
     """
     criterion = Criterion(model.simulator.record)
     plain = Criterion(model.simulator.record)

@@ -36,16 +36,12 @@ def covariance_of(
 ) -> np.ndarray:
     """Covariance of an operator's parameters; NaN for those at a bound or without effect.
 
-    It has these parts. Derivatives are differences over about a standard deviation, which are more
-    meaningful than the tangent of a stepped or jagged response; of an output in steps the corners
+    Derivatives are differences over about a standard deviation; of an output in steps the corners
     are softened, since each row that jumps would tell more than any noise allows. The noise model
-    is estimated from the same rows: in a closed loop the remnant is in the error too, and what one
-    of both takes the other lacks. Where whitened residuals are not white, a long-run covariance of
-    the scores enlarges the variances. How far the estimates would move at twice the sampling time
-    counts as a further standard deviation, and so does what is between samples
-    (:func:`simulate_later`): the accuracy of the simulation limits them whatever the noise. So do
-    the last step of a search where the response is not smooth, and what other choices in the fit
-    would have changed.
+    is estimated from the same rows. Where whitened residuals are not white, a long-run covariance
+    of the scores enlarges the variances. How far the estimates would move at twice the sampling
+    time, or by what is between samples, counts too, and so do the last step of a search where the
+    response is not smooth, and what other choices in the fit would have changed.
     """
     theta = fit.theta
     free = (theta > simulator.low) & (theta < simulator.high)
@@ -220,22 +216,13 @@ class Conditional(NamedTuple):
 def find_profile_intervals(
     model: Model, criterion: Criterion, covariance: np.ndarray
 ) -> dict[str, tuple[float, float]]:
-    """95 % intervals of the parameters of effects by their full names.
+    """95 % intervals of the parameters of effects by their full names, by profile likelihood.
 
-    An interval holds the values at which the others, the noise model too, explain the data nearly
-    as well as at the estimate: the deviance from it is below the 95 % point of chi squared. What
-    the ``covariance`` has beyond that of the likelihood (colour that the noise model leaves, a
-    coarser simulation, other choices in the fit) adds to the squares of the distances. So where the
-    likelihood is as a normal distribution has it, this is the interval of the standard error.
-    Parameters at their bounds are free here, and their own intervals end there.
-
-    Only for responses that are smooth in their parameters, and not for so many rows that some are
-    fitted first: then standard errors hold.
-
-    References
-    ----------
-    Venzon and Moolgavkar, A method for computing profile-likelihood-based confidence intervals
-    (1988).
+    What the ``covariance`` has beyond that of the likelihood adds to the squares of the distances,
+    so that of a normal likelihood this is the interval of the standard error. Parameters at their
+    bounds are free here, and their own intervals end there. Only for smooth responses, and not for
+    so many rows that some are fitted first (Venzon and Moolgavkar 1988, A method for computing
+    profile-likelihood-based confidence intervals).
     """
     simulator = model.simulator
     curves = tuple(f"{name}__" for name, effect in simulator.effects if effect.free_form)

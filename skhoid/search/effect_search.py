@@ -21,12 +21,12 @@ from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
 from ..human import ELEMENT
-from ..model.estimator import delay_notes
+from ..model.estimator import GreyBox, delay_notes
 from ..model.fitting import MOST_ROWS, Criterion, RemnantModel
 from ..model.likelihood import likelihood_fit
 from ..model.model import Model
 from ..model.parameters import difference_notes
-from ..model.prepared import Prepared, SimulatedModel
+from ..model.prepared import Prepared
 from ..model.simulated_arx import simulated_model
 from ..preprocessing.base import RemembersParameters
 from ..preprocessing.gate import as_output, as_table
@@ -99,9 +99,9 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
 
     Parameters
     ----------
-    estimator : OperatorRegressor, ARXRegressor or other SimulatedModel
+    estimator : OperatorRegressor, ARXRegressor or other GreyBox
         The model, unfitted; effects that it already has stay. For what a model of your own needs,
-        see :class:`skhoid.model.SimulatedModel`.
+        see :class:`skhoid.model.GreyBox`.
     effects : "all", list of ids or effects, Effect or Effects, default="all"
         Effects to try, which may include your own.
     cv : cross-validation generator, iterable of splits, int or None, default=None
@@ -669,7 +669,7 @@ class Ends:
 
     def numbers(
         self, search: Search, prepared: Prepared, path: Path
-    ) -> tuple[SearchNumbers, SimulatedModel]:
+    ) -> tuple[SearchNumbers, GreyBox]:
         """Numbers of a path, and its best model."""
         assert self.recorded is not None
         best = self.estimators.of(prepared, path.model if path.added else path.steps[0].plain)
@@ -682,7 +682,7 @@ class Ends:
 class Estimators:
     """Models of a search as estimators, each at its largest likelihood, which is found once."""
 
-    def __init__(self, model: SimulatedModel):
+    def __init__(self, model: GreyBox):
         self.model = model
         self._known: dict[tuple, tuple[Prepared, Model, RemnantModel]] = {}
 

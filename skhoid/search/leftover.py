@@ -16,12 +16,12 @@ from ..effects.composition import Effects
 from ..effects.free_forms import shakes
 from ..effects.operator_signals import Gains
 from ..effects.record import Record, Signature, differentiated
-from ..model.estimator import vaf_of_output
+from ..model.estimator import GreyBox, vaf_of_output
 from ..model.extend import on_all_runs
 from ..model.fitting import Criterion, derivatives
 from ..model.loop import LoopSimulator
 from ..model.model import Model
-from ..model.prepared import Prepared, SimulatedModel
+from ..model.prepared import Prepared
 from ..model.simulator import Simulator
 from ..runs.roles import OTHER
 from .data import Held
@@ -118,7 +118,7 @@ class AllRuns:
 def numbers_of(
     search: Search,
     path: Path,
-    best: SimulatedModel,
+    best: GreyBox,
     prepared: Prepared,
     measured: np.ndarray,
     recorded: np.ndarray,
@@ -169,7 +169,7 @@ def walked(search: Search, path: Path, all_runs: AllRuns | None = None) -> list[
 
 
 def gap_of(
-    model: SimulatedModel, prepared: Prepared, measured: np.ndarray
+    model: GreyBox, prepared: Prepared, measured: np.ndarray
 ) -> tuple[float, float, float, str]:
     """Explainable gap of a model in points, its standard error, and the VAF it refers to.
 

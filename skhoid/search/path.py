@@ -11,11 +11,11 @@ from scipy.stats import chi2
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..model.cores import OperatorCore
-from ..model.estimator import vaf_of_output
+from ..model.estimator import GreyBox, vaf_of_output
 from ..model.extend import beside_each_other, extended
 from ..model.fitting import Criterion, minimise
 from ..model.model import Model, in_order, without
-from ..model.prepared import Prepared, SimulatedModel
+from ..model.prepared import Prepared
 from ..model.simulator import Simulator
 from .judges import (
     JointParent,
@@ -333,7 +333,7 @@ class GivenDelay:
         first = None if waits else search.step(baseline)
         return cls(search, baseline, unique_name(claim, baseline.effects), claim, first)
 
-    def freed(self, prepared: Prepared, model: SimulatedModel) -> tuple[Prepared, Search, Model]:
+    def freed(self, prepared: Prepared, model: GreyBox) -> tuple[Prepared, Search, Model]:
         """Data, search and baseline of the same model whose delay is free."""
         core, search = self.search.core, self.search
         if self.first is not None:

@@ -15,13 +15,13 @@ from ..effects.free_form import FEWEST, FreeForm
 from ..effects.free_forms import TIME, one_sided
 from ..effects.record import Record
 from ..effects.registry import titles_of
-from ..model.estimator import vaf_of_output
+from ..model.estimator import GreyBox, vaf_of_output
 from ..model.extend import extended
 from ..model.fitting import Criterion, RemnantModel, derivatives, scaled_inverse
 from ..model.likelihood import TOLERATED, settled
 from ..model.model import Model
 from ..model.parameters import effects_with_values
-from ..model.prepared import Prepared, SimulatedModel
+from ..model.prepared import Prepared
 from ..model.simulator import Simulator
 from ..model.smoothing import (
     CROWDED,
@@ -404,7 +404,7 @@ def _n_knots(model: Model, name: str) -> int:
 
 
 def fitted_shape(
-    shaped: Shaped, model: SimulatedModel, prepared: Prepared, measured: np.ndarray
+    shaped: Shaped, model: GreyBox, prepared: Prepared, measured: np.ndarray
 ) -> Shape | None:
     """The shape of a search on all rows; None where there is none.
 
@@ -438,7 +438,7 @@ def _unbiased(fitted: Model, criterion: Criterion) -> tuple[Model, RemnantModel]
 def _fitted(
     shaped: Shaped,
     found: Candidate,
-    model: SimulatedModel,
+    model: GreyBox,
     prepared: Prepared,
     measured: np.ndarray,
 ) -> Shape | None:

@@ -189,8 +189,7 @@ class Remnant:
         if (self.intensity is None) == (self.gain is None):
             raise ValueError(
                 "Remnant: give either intensity (P_n, for which the gain is then found) or gain "
-                "(K_n); got "
-                f"intensity={self.intensity!r} and gain={self.gain!r}."
+                f"(K_n); got intensity={self.intensity!r} and gain={self.gain!r}."
             )
         if self.intensity is not None:
             check_positive(self, "intensity", zero=True)

@@ -617,13 +617,9 @@ def _read_noise(noise: Any, n_runs: int, n_total: int) -> np.ndarray:
     noise = np.atleast_2d(as_floats(noise, "noise"))
     if noise.shape != (n_runs, n_total):
         raise ValueError(
-            f"noise must have one row for each of {n_runs} runs and one column for each of "
-            f"{n_total} "
-            f"samples (run-in and window); got {noise.shape}."
+            f"noise must have the shape ({n_runs}, {n_total}), runs and samples with the run-in; "
+            f"got {noise.shape}."
         )
-    if not np.isfinite(noise).all():
-        run, k = np.argwhere(~np.isfinite(noise))[0]
-        raise ValueError(f"noise is {noise[run, k]} in run {run}, sample {k}; it must be finite.")
     return noise
 
 
@@ -704,7 +700,6 @@ def entropy_of(random_state: Any) -> int:
     if isinstance(random_state, bool) or not isinstance(random_state, Integral) or random_state < 0:
         raise ValueError(
             "random_state must be a non-negative whole number, a RandomState, a Generator or "
-            "None; got "
-            f"{random_state!r}."
+            f"None; got {random_state!r}."
         )
     return int(random_state)

@@ -62,15 +62,13 @@ class Multisine:
         sizes = (len(self.multiples), len(self.amplitudes), len(self.phases))
         if len(set(sizes)) > 1:
             raise ValueError(
-                "Multisine: multiples, amplitudes and phases must have the same length; got {}, "
-                "{} and "
-                "{}.".format(*sizes)
+                "Multisine: multiples, amplitudes and phases must have the same length; got "
+                "{}, {} and {}.".format(*sizes)
             )
         if any(n < 1 or n != int(n) for n in self.multiples):
             raise ValueError(
                 f"Multisine: multiples of the base frequency 2 pi / period must be whole "
-                f"numbers, at least 1, so that each line completes its cycles; got "
-                f"{self.multiples}."
+                f"numbers, at least 1; got {self.multiples}."
             )
         if len(set(self.multiples)) < len(self.multiples):
             raise ValueError(f"Multisine: a multiple occurs twice in {self.multiples}.")

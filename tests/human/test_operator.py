@@ -92,37 +92,6 @@ def test_lead_is_given_once():
         HumanOperator(tau_e=lambda t: 0.2)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({}, "give either intensity .* or gain"),
-        ({"intensity": 15}, "15 percent is 0.15"),
-        ({"gain": 0.1, "order": 5}, "order must be 1, 2, 3, 4 or 'nm'; got 5"),
-    ],
-)
-def test_senseless_remnants(options, message):
-    with pytest.raises(ValueError, match=message):
-        Remnant(**options)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (
-            {"multiples": (1.5,)},
-            r"multiples of the base frequency .*must be whole numbers.*got \(1.5,\)",
-        ),
-        ({"phases": (np.inf,)}, "phases must be finite numbers"),
-        ({"phases": (1.0, 2.0)}, "got 1, 1 and 2"),
-        ({"period": 0.0}, "period must be positive, in s; got 0.0"),
-    ],
-)
-def test_senseless_multisines(options, message):
-    one_line = {"multiples": (3,), "amplitudes": (1.0,), "phases": (0.0,)}
-    with pytest.raises(ValueError, match="Multisine: .*" + message):
-        Multisine(**(one_line | options))
-
-
 # Frequency responses
 
 
@@ -156,31 +125,6 @@ def test_remnant_response_is_that_of_its_state_equations(order):
     for omega, H in zip(OMEGA, expected, strict=True):
         states = np.linalg.solve(1j * omega * np.eye(4) - A, [0.3 * q[2], 0, 0, 0])
         assert q[6:] @ states == pytest.approx(H, rel=1e-12)
-
-
-@pytest.mark.parametrize("t", [0.0, 41.5])
-def test_responses_of_what_varies_are_those_of_the_frozen(t):
-    condition = tracking_condition("C3")
-    for value in (condition.operator, condition.controlled_element):
-        np.testing.assert_array_equal(
-            value.frequency_response(OMEGA, t), value.at(t).frequency_response(OMEGA)
-        )
-    gain = Sigmoid(0.1, 0.3, rate=0.5, time=40.96)
-    np.testing.assert_allclose(
-        Remnant(gain=gain).frequency_response(OMEGA, t),
-        Remnant(gain=float(gain(t))).frequency_response(OMEGA),
-    )
-    frozen = condition.operator.at(t)
-    assert frozen.rate_gain == frozen.K_edot == pytest.approx(float(condition.operator.K_edot(t)))
-
-
-def test_rate_gain():
-    assert HumanOperator(K_e=0.09, T_L=0.4).rate_gain == 0.036
-    varying = HumanOperator(K_e=Ramp(0.1, 0.2, 0, 1), T_L=Step(1.0, 2.0, 0.5))
-    t = np.array([0.0, 0.25, 0.5, 1.0])
-    K_e, K_edot = varying.gains(t)
-    np.testing.assert_allclose(K_e, [0.1, 0.125, 0.15, 0.2])
-    np.testing.assert_allclose(K_edot, [0.1, 0.125, 0.3, 0.4])
 
 
 # Functions of time

@@ -22,9 +22,7 @@ from skhoid import (
 )
 from skhoid.human.operator import crossover, zoh_parameters
 from skhoid.interpret.conversion import (
-    NAMES,
     arx_to_operator,
-    fit_operator,
     operator_parameters,
 )
 
@@ -122,33 +120,6 @@ def test_poles_that_are_no_complex_pair():
 # The fit in the frequency domain
 
 
-@pytest.mark.parametrize("state", ["C1", "C2"])
-def test_fit_of_an_exact_operator_is_exact(state):
-    theta = zoh_parameters(OPERATORS[state], DT)
-    values, deviations, misfit, n_failed = fit_operator(theta, DT, na=2, delay=0.29)
-    for name, value in (TRUTH[state] | {"tau_e": 0.28}).items():
-        assert values[name] == pytest.approx(value, rel=1e-9)
-        assert np.isnan(deviations[name])
-    assert misfit < 1e-10
-    assert n_failed == 0
-
-
-def test_fit_has_the_deviations_of_the_poles():
-    theta = zoh_parameters(OPERATORS["C1"], DT)
-    _, expected, _ = arx_to_operator(theta, DT, COVARIANCE)
-    _, deviations, _, _ = fit_operator(theta, DT, na=2, delay=0.29, covariance=COVARIANCE)
-    for name, value in expected.items():
-        assert deviations[name] == pytest.approx(value, rel=1e-6)
-    assert deviations["tau_e"] < 1e-9
-
-
-def test_fit_at_a_bound_is_none():
-    flat = np.array([0.0, 0.0, 0.1, 0.0])  # a gain without dynamics
-    values, _, _, n_failed = fit_operator([flat, [np.nan] * 4], DT, na=2, delay=0.29)
-    assert n_failed == 1
-    assert np.isnan(values["K_e"]).all()
-
-
 @pytest.mark.parametrize(
     ("band", "message"),
     [((0.2, 400.0), "above the Nyquist frequency 314.2 rad/s"), ((0.0, 10.0), "0 < low < high")],
@@ -182,20 +153,6 @@ def test_fit_of_decimated_models_of_table_5_3(remnant_free, factor, nk, rel):
     for name, value in (TRUTH[state] | {"tau_e": 0.28}).items():
         assert found[name] == pytest.approx(value, rel=rel)
     assert found["misfit"] < 0.02
-
-
-def test_frame(fitted):
-    frame = operator_parameters(fitted)
-    assert list(frame.columns) == [*NAMES, *(f"sd_{name}" for name in NAMES)]
-    assert len(frame) == 1
-    assert frame.attrs["units"]["omega_nm"] == frame.attrs["units"]["sd_omega_nm"] == "rad/s"
-    assert frame.attrs["n_nan"] == 0
-    values, deviations, _ = arx_to_operator(fitted.coef_, DT, fitted.covariance_)
-    for name in values:
-        assert frame[name].iloc[0] == pytest.approx(values[name], rel=1e-12)
-        assert frame[f"sd_{name}"].iloc[0] == pytest.approx(deviations[name], rel=1e-12)
-    assert np.isnan(frame["sd_tau_e"].iloc[0])
-    assert "misfit" in operator_parameters(fitted, method="fit")
 
 
 @pytest.mark.parametrize(
@@ -286,12 +243,3 @@ def test_crossover(operator, element, expected):
     assert [omega_c, margin] == pytest.approx(expected, rel=1e-10)
     loop = operator.frequency_response(omega_c) * element.frequency_response(omega_c)
     assert abs(loop) == pytest.approx(1, abs=1e-12)
-
-
-def test_no_crossover():
-    with pytest.warns(UserWarning, match="1 of 2 instants have no crossover, the first at t = 5 s"):
-        omega_c, margin = crossover(
-            HumanOperator(K_e=lambda t: np.where(t < 2, 0.09, 0.0)), ControlledElement(), [0, 5]
-        )
-    np.testing.assert_array_equal(np.isnan(omega_c), [False, True])
-    np.testing.assert_array_equal(np.isnan(margin), [False, True])

@@ -146,20 +146,14 @@ def test_wrong_forcing_functions_are_refused():
     both = {"inputs": ["e", "x"]}
     with pytest.raises(ValueError, match=r"2 responses, .*'x'.* there is 1"):
         fourier_coefficients(X, y, forcing=[2 * np.pi], **both)
-    with pytest.raises(ValueError, match=r"6.28319 rad/s .*'f_d' is also in 'f_t'"):
+    with pytest.raises(ValueError, match=r"6.28319 rad/s is given twice"):
         fourier_coefficients(X, y, forcing={"f_t": [2 * np.pi], "f_d": [2 * np.pi]})
-    with pytest.raises(ValueError, match="is given twice"):
-        fourier_coefficients(X, y, forcing=[2 * np.pi, 2 * np.pi])
     pair = {"f_t": np.pi * np.array([1, 2]), "f_d": np.pi * np.array([1.5, 2.5])}
     with pytest.raises(ValueError, match="no column of that name"):
         fourier_coefficients(X, y, forcing=pair, **both)
-    with pytest.raises(ValueError, match="'f_t' has only one line"):
-        fourier_coefficients(X, y, forcing=pair | {"f_t": [np.pi]}, **both)
     X.columns = ["f_t", "f_d"]
     with pytest.raises(ValueError, match=r"'f_t' has no power at its line 3\.14159 rad/s in run 1"):
         fourier_coefficients(X, y, forcing=pair, inputs=["f_t", "f_d"])
-    with pytest.raises(ValueError, match="4 bins without excitation"):
-        fourier_coefficients(X, y, forcing=[2 * np.pi / 0.12], window=(0.0, 0.12), inputs=["f_t"])
     with pytest.raises(ValueError, match="positive numbers"):
         fourier_coefficients(X, y, forcing=[-1.0])
 

@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 from scipy.optimize import brentq
 from scipy.signal import freqz
-from sklearn.exceptions import NotFittedError
 from sklearn.model_selection import GridSearchCV
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -108,12 +107,6 @@ def test_sparse_lines_unwrap_like_dense_ones():
             late.phase + np.degrees(0.2 * LINES),
         ):
             np.testing.assert_allclose(found, expected, atol=1e-9)
-
-
-def test_lowest_line_is_within_half_a_turn_and_lost_lines_stay_lost():
-    response = FrequencyResponse([1.0, 2.0, 3.0], [np.nan, -1.0, 1j], delay=0.0)
-    np.testing.assert_allclose(response.phase, [np.nan, 180.0, 90.0])
-    assert np.isnan(FrequencyResponse([1.0], [[np.nan], [np.nan]]).phase).all()
 
 
 # Crossover
@@ -270,48 +263,3 @@ def test_response_of_pipelines_and_searches(two_inputs):
     ).fit(X, y)
     with pytest.raises(ValueError, match="cannot account for StandardScaler"):
         FrequencyResponse.of(scaled, omega)
-
-
-def test_what_has_no_frequency_response_is_refused():
-    with pytest.raises(NotFittedError):
-        FrequencyResponse.of(ARXRegressor(), [1.0])
-    with pytest.raises(TypeError, match=r"frequency_response\(omega, t\).*got int"):
-        FrequencyResponse.of(3, [1.0])
-
-
-# The result object
-
-
-def test_table_labels_and_selection():
-    coherence = np.array([[0.9, 0.8], [0.7, 0.6]])
-    covariance = np.zeros((2, 2, 2, 2)) + np.eye(2)
-    response = FrequencyResponse(
-        [1.0, 2.0], [[1, 1j], [2, 2j]], runs=["a", "b"], coherence=coherence, covariance=covariance
-    )
-    table = response.to_frame()
-    assert table.index.names == ["run", "omega"]
-    assert list(table) == ["magnitude", "phase", "magnitude_sd", "phase_sd", "coherence"]
-    assert table.loc[("b", 2.0), "magnitude"] == 2
-    assert table.loc[("b", 2.0), "phase_sd"] == pytest.approx(np.degrees(0.5))
-    np.testing.assert_array_equal(table["coherence"], coherence.ravel())
-    one = response.select_run("b")
-    assert list(one.to_frame().index.names) == ["omega"]
-    np.testing.assert_array_equal(one.response, [2, 2j])
-    np.testing.assert_array_equal(one.coherence, coherence[1])
-    assert repr(response) == "FrequencyResponse(u/e, runs=2, lines=2, 1 to 2 rad/s)"
-    with pytest.raises(ValueError, match="no run 'c'"):
-        response.select_run("c")
-    assert FrequencyResponse([1.0], [[1.0]], runs=[("S1", 2)]).labels == ["S1/2"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (([0.0, 1.0], [1, 1]), "positive frequencies"),
-        (([1.0, 2.0], [1, 1, 1]), r"must be \(2,\) or \(n_runs, 2\)"),
-        (([1.0], [1], None, "e", "u", np.eye(2)), "covariance has the shape"),
-    ],
-)
-def test_wrong_shapes_are_refused(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        FrequencyResponse(*arguments)

@@ -8,8 +8,7 @@ from support.places import RECORDINGS
 
 from skhoid import ARXRegressor, OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import Effect
-from skhoid.model.arx_starts import draw_spread_poles, find_arx_starts
-from skhoid.model.cores import ARXCore
+from skhoid.model.arx_starts import find_arx_starts
 from skhoid.model.fitting import Criterion
 from skhoid.model.simulator import Effects, Simulator
 
@@ -53,17 +52,6 @@ def test_fit_is_never_worse_than_its_starts(seed):
     # The likelihood weighs errors by the noise, and may not spoil the free run for it.
     done = model.set_params(effects="bias").fit(X, y)
     assert done.vaf_ >= 100 * (1 - 1.06 * fitted.sse / float(y @ y))
-
-
-@pytest.mark.parametrize("na", [1, 4])
-def test_spread_poles_are_stable_and_the_same_each_time(na):
-    prepared = SimulatedARX(na, 2, 0, dt=0.01).prepare(*stiff(0))
-    core = ARXCore(na, 2, 0)
-    found = draw_spread_poles(core, prepared.record)
-    poles = np.abs([np.roots(np.r_[1.0, a]) for a in found])
-    assert poles.shape == (24, na)
-    assert poles.max() <= 0.999 + 1e-9
-    assert poles.min() < 0.5 < 0.95 < poles.max()
 
 
 def test_map_that_hides_the_sign_is_fitted():

@@ -70,15 +70,6 @@ def test_forms_in_an_open_loop(text, dt):
     )
 
 
-def test_what_does_not_answer_the_output_has_no_element():
-    record = tracked("1/s", runs=2)
-    rng = np.random.default_rng(1)
-    walk = lfilter([1.0], [1.0, -0.99], rng.standard_normal(record.y.shape), axis=0)
-    channels = {"e": record.channels["e"], "x": walk}
-    assert search_element(replace(record, channels=channels, roles={"e": "e", "x": "x"})) is None
-    assert search_element(without(record, "x")) is None
-
-
 @pytest.mark.parametrize("x", [2.0, "parabola"])
 def test_what_rests_has_no_element(x):
     record = tracked("1/s", runs=2)

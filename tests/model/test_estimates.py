@@ -38,18 +38,3 @@ def test_parameter_without_effect_has_no_error(fitted):
     assert str(Estimate.of(row)).endswith("(not determined)")
     assert np.isnan(fitted.parameters_.loc["idle__double", "sd"])
     assert (fitted.parameters_.loc[["K_e", "T_L", "tau_e"], "sd"] > 0).all()
-
-
-def test_model_names_it(fitted):
-    X, y = make_tracking_runs(duration=20.48, remnant_intensity=0.05, random_state=1)
-    regressor = OperatorRegressor(effects=Idle())
-    model = regressor.first_fit(regressor.prepare(X, y))
-    assert model.undetermined() == ["idle__share"]
-    assert model.at_bound() == []
-
-
-def test_model_names_bounds():
-    X, y = make_tracking_runs(duration=20.48, channels=["e", "x"], random_state=1)
-    regressor = OperatorRegressor(least_delay=0.5)
-    model = regressor.first_fit(regressor.prepare(X, y))
-    assert "tau_e" in model.at_bound()

@@ -14,7 +14,6 @@ from skhoid import (
     make_tracking_runs,
     vaf_score,
 )
-from skhoid.model.initial import fit_states, make_free_responses
 
 
 def furnace(level=900.0, seed=0):
@@ -104,13 +103,3 @@ def test_channel_with_a_mean_does_not_begin_with_a_jump():
     assert np.abs(model.predict(X)[first]).max() < 2 * y.abs().max()
     assert model.score(X, y) > 80.0
     assert compare(model, X, y).vaf > 80.0
-
-
-def test_states_are_those_of_the_difference_equation():
-    a = np.array([1.0, -1.6, 0.7])
-    free = lfilter([1.0, 0.4], a, np.eye(1, 200).ravel())
-    responses = make_free_responses(a, 200)
-    known = np.ones((200, 1), dtype=bool)
-    amounts = fit_states(responses, free[:, None], known)
-    np.testing.assert_allclose((responses @ amounts).ravel(), free, atol=1e-5)
-    np.testing.assert_allclose(responses.T @ responses, np.eye(2), atol=1e-12)

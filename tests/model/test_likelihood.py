@@ -2,34 +2,13 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 from support.person_in_loop import Person, pursued
 
 from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import Feedforward
-from skhoid.model.fitting import AR_ORDER, Criterion, make_normal_equations
 from skhoid.model.likelihood import (
-    TOLERATED,
-    fit_autoregression,
     fit_jointly,
-    likelihood_fit,
 )
-
-POLES = np.array([0.9, 0.6, -0.6, 0.5 + 0.6j, 0.5 - 0.6j, -0.3])
-
-
-def coloured(n=4000, runs=3, seed=0):
-    a = np.real(np.poly(POLES))
-    rng = np.random.default_rng(seed)
-    return lfilter([1.0], a, rng.standard_normal((n + 200, runs)), axis=0)[200:], a[1:]
-
-
-def test_autoregression_recovers_a_known_process():
-    residual, ar = coloured()
-    found = fit_autoregression(residual, np.ones(residual.shape, dtype=bool))
-    assert found.ar.size == AR_ORDER == ar.size
-    np.testing.assert_allclose(found.ar, ar, atol=0.06)
-    np.testing.assert_array_equal(found.scale, 1.0)
 
 
 def first(text="1/s", seed=3, **options):
@@ -43,29 +22,6 @@ def first(text="1/s", seed=3, **options):
 @pytest.fixture(scope="module")
 def fitted():
     return first()
-
-
-def test_joint_fit_is_no_worse_a_simulation_than_is_tolerated(fitted):
-    model, _ = fitted
-    plain = Criterion(model.simulator.record)
-    theta, _ = fit_jointly(model)
-    least = plain.sse(model.output)
-    assert least <= plain.sse(model.simulator.run(theta)) <= TOLERATED * least
-    low, high = model.simulator.low, model.simulator.high
-    assert ((theta >= low) & (theta <= high)).all()
-
-
-def test_likelihood_fit_has_the_noise_model_of_its_residual(fitted):
-    model, _ = fitted
-    criterion = Criterion(model.simulator.record)
-    found, noise = likelihood_fit(model, criterion)
-    expected = criterion.remnant_model(found.output)
-    np.testing.assert_allclose(noise.ar, expected.ar)
-    assert found.sse == pytest.approx(criterion.sse(found.output))
-    assert found.fit.n == criterion.n
-    normal, gradient = make_normal_equations(found.simulator, criterion, found.theta)
-    np.testing.assert_allclose(found.fit.normal, normal)
-    np.testing.assert_allclose(found.fit.gradient, gradient)
 
 
 def test_gain_on_the_error_rate_that_nobody_needs_is_zero(fitted):

@@ -9,8 +9,7 @@ from scipy.signal import lfilter
 from support.person_in_loop import Person, sampled_loop
 
 from skhoid import LinearElement
-from skhoid.effects import DeadZone, Effects
-from skhoid.effects.parameter import CoreKind
+from skhoid.effects import Effects
 from skhoid.effects.record import Record
 from skhoid.model.cores import OperatorCore
 from skhoid.model.fitting import Criterion, minimise
@@ -19,7 +18,6 @@ from skhoid.model.loop import (
     Loop,
     LoopSimulator,
     choose_pulse_response,
-    drawn,
     loop_of,
 )
 from skhoid.model.simulator import Simulator
@@ -168,50 +166,8 @@ def test_unstable_loop_is_nan_without_warning(world):
     np.testing.assert_allclose(again, before, atol=1e-4 * np.std(before))
 
 
-def test_linear_model_needs_no_draws(world):
-    remnant = drawn(world.noise, world.record.known)
-    with_draws = world.simulator(begin=100, remnant=remnant)
-    found = with_draws.run(theta_of(world.person))
-    expected = world.simulator(begin=100).run(theta_of(world.person))
-    np.testing.assert_array_equal(found, expected)
-
-
-def dead_zone_simulator(world, remnant):
-    threshold = 0.5 * np.std(world.record.input)
-    simulator = world.simulator(begin=100, effects=[("dead_zone", DeadZone())], remnant=remnant)
-    return simulator, np.r_[theta_of(world.person), threshold]
-
-
-def test_change_of_a_parameter_of_a_nonlinear_model_points_the_same_way():
-    """The sensitivity of a threshold varies; one for all is what a minimiser needs."""
-    world = World("1/s", remnant=0.5)
-    simulator, theta = dead_zone_simulator(world, drawn(world.noise, world.record.known))
-    base = simulator.run(theta)
-    for position in range(theta.size):
-        step = 2e-2 * simulator.size(position, theta[position])
-        moved = theta.copy()
-        moved[position] += step
-        simulator.run(theta)
-        change = simulator.run_with_change(position, moved[position]) - base
-        difference = simulator.run(moved) - base
-        assert np.corrcoef(change.ravel(), difference.ravel())[0, 1] > 0.85, position
-        assert 0.6 < np.std(change) / np.std(difference) < 1.6, position
-
-
 def without(record, **changes):
     return replace(record, remembered={}, **changes)
-
-
-def test_loop_is_known_where_all_of_it_is():
-    record = World("1/s", runs=1, seconds=5.0).record
-    loop = loop_of(record, settling=2.0)
-    assert loop.begin == 100
-    np.testing.assert_array_equal(loop.a, [1, -1])
-    assert loop_of(without(record, controlled_element=None)) is None
-    assert loop_of(record, settling=20.0) is None  # as long as the runs
-    assert loop_of(without(record, y=None)) is None
-    assert loop_of(without(record, roles={"e": "f_t", "x": "x", "f_t": ""})) is None
-    assert loop_of(without(record, core=CoreKind.ARX)) is None
 
 
 def test_loop_of_an_output_with_gaps_is_unknown_but_not_of_short_runs():

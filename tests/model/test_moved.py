@@ -40,27 +40,6 @@ def test_the_model_itself_stays(model, runs):
     assert model.parameters_.equals(table)
 
 
-def test_values_move_as_those_of_a_fit_elsewhere(model, runs):
-    """All parameters of another fit: then it predicts what that predicts."""
-    other = OperatorRegressor(effects=DeadZone(form="gap") + Bias()).fit(
-        *(part[part.index.get_level_values("run") == 0] for part in runs)
-    )
-    estimated = [n for n in other.parameters_.index if n != "T_L"]
-    moved = model.with_parameters(other.parameters_["value"][estimated].to_dict())
-    np.testing.assert_allclose(
-        moved.predict(runs[0]), other.predict(runs[0]), rtol=1e-9, atol=1e-12
-    )
-
-
-def test_what_was_given_can_be_moved_too(runs):
-    given = OperatorRegressor(effects=DeadZone(form="gap", width=0.2) + Bias()).fit(*runs)
-    moved = given.with_parameters({"dead_zone__width": 0.4})
-    assert moved.effects_.get_params()["dead_zone__width"] == 0.4
-    assert not np.array_equal(moved.predict(runs[0]), given.predict(runs[0]))
-    back = moved.with_parameters({"dead_zone__width": 0.2})
-    np.testing.assert_array_equal(back.predict(runs[0]), given.predict(runs[0]))
-
-
 def test_table_has_what_moved_without_error_and_what_follows_from_it(model):
     table = model.with_parameters({"K_e": 0.2, "dead_zone__width": 0.5}).parameters_
     assert table.loc["T_L", "value"] == table.loc["K_edot", "value"] / 0.2
@@ -68,14 +47,6 @@ def test_table_has_what_moved_without_error_and_what_follows_from_it(model):
         assert table.loc[name, ["sd", "low", "high"]].isna().all()
     kept = model.parameters_.loc[["K_edot", "omega_nm", "bias__level"]]
     assert table.loc[kept.index].equals(kept)
-
-
-def test_figures_of_the_fit_are_gone_and_the_summary_says_so(model):
-    moved = model.with_parameters({"K_e": 0.2})
-    for name in ("vaf_", "loglik_", "bic_", "simulation_parameters_"):
-        assert hasattr(model, name)
-        assert not hasattr(moved, name)
-    assert "moved by hand" in str(moved.summary())
 
 
 @pytest.mark.parametrize(

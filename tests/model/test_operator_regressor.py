@@ -1,21 +1,14 @@
 """OperatorRegressor: the parameters of the thesis's operator, their errors, and odd data."""
 
-import pickle
 import re
 
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import TransferFunction
 from scipy.stats import binom
 from sklearn.base import clone
-from sklearn.exceptions import NotFittedError
-from sklearn.pipeline import make_pipeline
 
 from skhoid import (
-    ControlledElement,
-    Decimator,
-    MissingDataWarning,
     OperatorRegressor,
     RankDeficiencyError,
     RunInTrimmer,
@@ -29,9 +22,7 @@ from skhoid import (
 from skhoid.effects import (
     Bias,
     Effects,
-    Feedforward,
     OutputFeedback,
-    WrongDelay,
 )
 
 # Table II and Appendix D.
@@ -93,27 +84,6 @@ def test_effects_given_by_name_have_no_parameters(effects):
             model.set_params(effects__dead_zone__width=5.0)
         model.set_params(effects=Effects.of("dead_zone"), effects__dead_zone__width=5.0)
         assert model.effects.steps[0][1].width == 5.0
-
-
-def test_K_edot_is_K_e_T_L(fitted):
-    table = fitted.parameters_
-    assert table.loc["T_L", "value"] == pytest.approx(
-        table.loc["K_edot", "value"] / table.loc["K_e", "value"], rel=1e-12
-    )
-    # Its standard error by the quotient's derivatives.
-    C = fitted.covariance_.loc[["K_e", "K_edot"], ["K_e", "K_edot"]].to_numpy()
-    K_e, K_edot = table.loc["K_e", "value"], table.loc["K_edot", "value"]
-    slope = np.array([-K_edot / K_e**2, 1 / K_e])
-    assert table.loc["T_L", "sd"] == pytest.approx(np.sqrt(slope @ C @ slope), rel=1e-9)
-
-
-def test_intervals_and_covariance_agree(fitted):
-    table = fitted.parameters_
-    np.testing.assert_allclose(table["low"], table["value"] - 1.96 * table["sd"])
-    np.testing.assert_allclose(table["high"], table["value"] + 1.96 * table["sd"])
-    own = table.loc[fitted.covariance_.index, "sd"]
-    np.testing.assert_allclose(np.diag(fitted.covariance_), own**2, rtol=1e-12)
-    assert np.linalg.eigvalsh(fitted.covariance_).min() > 0
 
 
 @pytest.mark.slow
@@ -202,17 +172,6 @@ def test_a_gap_begins_anew(runs):
     )
 
 
-def test_a_value_of_X_that_is_missing_is_held_and_told(runs, fitted):
-    X, y = runs
-    X = X.copy()
-    X.iloc[1000:1003, 0] = np.nan
-    with pytest.warns(MissingDataWarning):
-        model = OperatorRegressor().fit(X, y)
-    np.testing.assert_allclose(values(model), values(fitted), rtol=0.02)
-    with pytest.warns(MissingDataWarning):
-        assert np.isfinite(model.predict(X)).all()
-
-
 def test_a_run_in_is_simulated_and_not_fitted():
     X, y = make_tracking_runs(
         n_runs=1, duration=15.0, keep_run_in=10.0, remnant_intensity=0.1, random_state=1
@@ -223,23 +182,6 @@ def test_a_run_in_is_simulated_and_not_fitted():
     spoilt[y.index.get_level_values("time") < -0.005] += 5.0
     model = OperatorRegressor(settling=0.0).fit(marked, y)
     assert_same(model, OperatorRegressor(settling=0.0).fit(marked, spoilt))
-
-
-def test_in_a_pipeline_behind_a_decimator(runs, fitted):
-    X, y = runs
-    model = make_pipeline(Decimator(4), OperatorRegressor()).fit(X, y)
-    core = model[-1]
-    assert core.dt_ == pytest.approx(0.04)
-    for name in TRUTH["C1"]:
-        row = fitted.parameters_.loc[name]
-        assert abs(values(core)[name] - row["value"]) < 3 * row["sd"] + 0.02 * row["value"], name
-    predicted = model.predict(X)
-    assert predicted.shape == y.shape
-    # What was before the recording is not known, at neither rate.
-    known = X.index.get_level_values("time").to_numpy() >= 3.0
-    assert vaf_score(y[known], predicted[known]) == pytest.approx(
-        vaf_score(y[known], fitted.predict(X)[known]), abs=0.3
-    )
 
 
 def test_a_given_delay_is_kept(runs):
@@ -288,73 +230,12 @@ def test_roles_are_names_or_given(runs):
     assert model.inputs_ == ["error"]
 
 
-def test_the_target_is_e_and_x(runs):
-    X, y = select_runs(*runs, first=1)
-    element = ControlledElement(90.0, 6.0)
-    given = OperatorRegressor(effects=Feedforward(form="inverse"), controlled_element=element)
-    with_target = clone(given).fit(X, y)
-    without = clone(given).fit(X.drop(columns="f_t"), y)
-    np.testing.assert_allclose(with_target.predict(X), without.predict(X[["e", "x"]]), atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    "element",
-    [
-        ControlledElement(90.0, 6.0),
-        "90/(s(s+6))",
-        TransferFunction([90], [1, 6, 0]),
-    ],
-)
-def test_an_element_is_the_same_however_it_is_given(runs, element):
-    model = OperatorRegressor(controlled_element=element)
-    model.prepare(*runs)
-    assert model.controlled_element_ == ControlledElement(90.0, 6.0)
-
-
-def test_the_controlled_element_is_estimated(fitted):
-    element = fitted.controlled_element_
-    assert float(element.K_c) == pytest.approx(90.0, rel=0.05)
-    assert float(element.omega_b) == pytest.approx(6.0, rel=0.05)
-
-
 def test_units_are_those_of_the_data(fitted):
     units = fitted.parameters_["unit"]
     assert units["K_e"] == "V/deg"
     assert units["K_edot"] == "V s/deg"
     assert units["omega_nm"] == "rad/s"
     assert units["tau_e"] == units["T_L"] == "s"
-
-
-def test_survives_pickle_and_clone(runs, fitted):
-    X, _ = runs
-    stored = pickle.loads(pickle.dumps(fitted))
-    np.testing.assert_array_equal(stored.predict(X), fitted.predict(X))
-    pd.testing.assert_frame_equal(stored.parameters_, fitted.parameters_)
-    with pytest.raises(NotFittedError):
-        clone(fitted).predict(X)
-    with pytest.raises(NotFittedError):
-        clone(fitted).summary()
-
-
-def test_two_columns_without_roles_need_inputs(runs):
-    X, y = runs
-    two = X[["x", "f_t"]]
-    with pytest.raises(ValueError, match=r"responds to one channel, but got .*inputs="):
-        OperatorRegressor(inputs=["x", "f_t"]).fit(two, y)
-    chosen = OperatorRegressor(inputs="e").fit(X, y)
-    assert chosen.inputs_ == ["e"]
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        ({"delay": -0.1}, "delay"),
-        ({"controlled_element": (90.0, 6.0)}, "controlled_element"),
-    ],
-)
-def test_wrong_parameters_are_named(runs, wrong, message):
-    with pytest.raises(ValueError, match=message):
-        OperatorRegressor(**wrong).fit(*runs)
 
 
 def test_a_short_run_says_what_to_do(runs):
@@ -391,11 +272,3 @@ def test_a_run_as_long_as_a_short_one_must_be_is_fitted(runs, model, needed):
 def test_what_stands_still_is_refused(runs, kind, change, message):
     with pytest.raises(RankDeficiencyError, match=re.escape(message)):
         kind(inputs="e", effects="bias").fit(*change(*runs))
-
-
-def test_an_effect_that_does_not_apply_is_refused(runs):
-    with pytest.raises(ValueError, match="wrong_delay does not apply: the model already"):
-        OperatorRegressor(effects=WrongDelay()).fit(*runs)
-    X, y = runs
-    with pytest.raises(ValueError, match=r"output_feedback does not apply: .*role x"):
-        OperatorRegressor(effects=OutputFeedback()).fit(X[["e"]], y)

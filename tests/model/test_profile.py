@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skhoid import OperatorRegressor, make_tracking_runs
-from skhoid.effects import GainDrift, HardeningStiffness
+from skhoid.effects import GainDrift
 from skhoid.model.fitting import Criterion
 from skhoid.model.likelihood import collect_prior, likelihood_fit
 from skhoid.model.uncertainty import CHI2_95, NEAR, _Profile, covariance_of, find_profile_intervals
@@ -52,11 +52,3 @@ def test_a_normal_likelihood_has_the_interval_of_the_standard_error(drifting):
     assert found["gain_drift__rate"] == pytest.approx(
         (model.theta[i] - 1.96 * sd, model.theta[i] + 1.96 * sd), abs=0.4 * sd
     )
-
-
-def test_a_parameter_at_its_bound_has_one_side():
-    table = OperatorRegressor(effects=HardeningStiffness(form="cubic")).fit(*runs()).parameters_
-    row = table.loc["hardening_stiffness__stiffness"]
-    if row["value"] == 0.0:
-        assert np.isnan(row["sd"])
-    assert row["low"] == 0.0 < row["high"]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from sklearn.base import BaseEstimator, clone
+from sklearn.base import clone
 from sklearn.linear_model import LinearRegression
 
 from skhoid import EffectSearchCV, OperatorRegressor, SimulatedARX
@@ -13,12 +13,9 @@ from skhoid.model.cores import OperatorCore
 from skhoid.model.fitting import Criterion
 from skhoid.model.likelihood import likelihood_fit
 from skhoid.model.model import fit_core
-from skhoid.model.prepared import METHODS
-from skhoid.model.simulated_arx import simulated_model
 
 DT = 0.02
 K_E, LAG, LEVEL = 0.8, 0.4, 0.3
-OTHERS = [name for name in METHODS if name != "get_params"]
 
 
 class LagCore(OperatorCore):
@@ -66,52 +63,6 @@ class LagRegressor(GreyBox):
         return SimulatedCore(LagCore(), lag_from_starts, "first-order lag", "As for operators.")
 
 
-class Wrapped(BaseEstimator):
-    """A model that is none of the package's, and passes on what the protocol names."""
-
-    def __init__(self, effects=None, settling=1.0):
-        self.effects = effects
-        self.settling = settling
-
-    def _inner(self):
-        return LagRegressor(effects=self.effects, settling=self.settling, dt=DT)
-
-    def fit(self, X, y):
-        self.inner_ = self._inner().fit(X, y)
-        return self
-
-    def predict(self, X):
-        return self.inner_.predict(X)
-
-    def score(self, X, y):
-        return self.inner_.score(X, y)
-
-    @property
-    def parameters_(self):
-        return self.inner_.parameters_
-
-    def with_effect(self, effect):
-        return clone(self).set_params(effects=self._inner().with_effect(effect).effects)
-
-    def prepare(self, X, y):
-        self.read_ = self._inner()
-        prepared = self.read_.prepare(X, y)
-        self.n_features_in_ = self.read_.n_features_in_
-        return prepared
-
-    def first_fit(self, prepared):
-        return self._inner().first_fit(prepared)
-
-    def with_fit(self, prepared, fitted, noise):
-        taken = clone(self)
-        taken.inner_ = self.read_.with_fit(prepared, fitted, noise)
-        taken.n_features_in_ = self.n_features_in_
-        return taken
-
-    def free_run(self, prepared):
-        return self.inner_.free_run(prepared)
-
-
 @pytest.fixture(scope="module")
 def biased():
     """One run of a lag with an offset."""
@@ -124,26 +75,9 @@ def biased():
     return e[:, None], y + 0.05 * rng.standard_normal(t.size)
 
 
-def bare(*lacking):
-    """A class of what the protocol names but for some members."""
-    body = {name: vars(Wrapped)[name] for name in OTHERS if name in vars(Wrapped)}
-    for name in ("get_params", "set_params"):
-        body[name] = getattr(BaseEstimator, name)
-    members = {name: body[name] for name in body if name not in lacking}
-
-    def without_effects(self, settling=1.0):
-        self.settling = settling
-
-    members["__init__"] = vars(Wrapped)["__init__"]
-    if "effects" in lacking:
-        members["__init__"] = without_effects
-    kept = {"_get_param_names": BaseEstimator.__dict__["_get_param_names"]}
-    return type("Own", (), members | kept)()
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("model", [LagRegressor(dt=DT), Wrapped()], ids=["subclass", "own class"])
-def test_a_model_of_ones_own_is_searched(biased, model):
+def test_a_model_of_ones_own_is_searched(biased):
+    model = LagRegressor(dt=DT)
     search = EffectSearchCV(model, effects=["saturation", "bias"]).fit(*biased)
     assert search.best_effects_ == ["bias"]
     best = search.best_estimator_
@@ -159,26 +93,11 @@ def test_a_model_of_ones_own_is_searched(biased, model):
     np.testing.assert_allclose(refitted.parameters_["value"], values, rtol=1e-2, atol=1e-3)
 
 
-@pytest.mark.parametrize("name", OTHERS[-3:])
-def test_a_method_that_lacks_is_named(biased, name):
-    with pytest.raises(TypeError, match=rf"Own lacks {name}\(\)\. .*add-an-effect"):
-        EffectSearchCV(bare(name)).fit(*biased)
-
-
-def test_a_parameter_that_lacks_is_named(biased):
-    with pytest.raises(TypeError, match="Own lacks the parameter effects"):
-        EffectSearchCV(bare("effects")).fit(*biased)
-
-
 def test_what_is_no_estimator_lacks_all(biased):
-    with pytest.raises(TypeError, match=r"LinearRegression lacks with_effect\(\), prepare\(\)"):
+    with pytest.raises(TypeError, match="got LinearRegression"):
         EffectSearchCV(LinearRegression()).fit(*biased)
     with pytest.raises(TypeError, match=r"class OperatorRegressor: pass OperatorRegressor\(\)"):
         EffectSearchCV(OperatorRegressor).fit(*biased)
-
-
-def test_nothing_else_is_asked_for():
-    simulated_model(bare(), "The search")
 
 
 @pytest.mark.parametrize("model", [OperatorRegressor(dt=DT), SimulatedARX(dt=DT)], ids=str)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skhoid.effects import DeadZone, Effects, ErrorScan, Intermittent
+from skhoid.effects import Effects, ErrorScan, Intermittent
 from skhoid.effects.catalogue import CLASSES
 from skhoid.model.cores import ARXCore, OperatorCore
 from skhoid.model.fitting import Criterion
@@ -27,11 +27,6 @@ def parent_of(kind):
     hidden = Effects.of(Intermittent(trigger="event", hold_time=0.2, threshold=0.3))
     record = replace(record, y=Simulator(core, hidden, record).run(np.array(own)) * record.known)
     return fit_core(core, record, Criterion(record), np.array([own]))
-
-
-@pytest.fixture(scope="module", params=CORES)
-def parent(request):
-    return parent_of(request.param)
 
 
 @pytest.fixture(scope="module")
@@ -68,25 +63,3 @@ def test_effects_ask_nothing_else(operator):
             for start in variant.scanned(scan, record) + variant.scanned_beside(scan, first):
                 assert {name for name in start if name[0] != "+"} == first.keys()
                 assert np.isfinite(list(start.values())).all()
-
-
-def test_squares_of_the_best_multiple(parent):
-    scan, record = scan_of(parent, DeadZone(form="gap")), parent.simulator.record
-    bent = scan.on_first(np.inf)[0].run(np.array([*parent.theta, 0.3]))
-    thin = Criterion(record).thin
-    rows = record.known[::thin]
-    x, y = bent[::thin][rows], record.y[::thin][rows]
-    expected = y @ y - (x @ y) ** 2 / (x @ x)
-    assert scan({"width": 0.3}, np.inf) == pytest.approx(expected, rel=1e-9)
-    assert scan({"width": 0.3}, 10.0) < expected
-
-
-def test_squares_of_sums_of_answers(operator):
-    """The command that the model gives, and its rate, leave no more than the model."""
-    scan = scan_of(operator, Intermittent(trigger="clock"), bent=False)
-    command, rate = scan.commands(np.inf)
-    left = scan.left([np.stack([x, 0.0 * x], axis=2) for x in (command, rate)], np.inf)
-    criterion = Criterion(operator.simulator.record)
-    assert left.shape == (2,)
-    assert left[0] <= operator.sse * (1 + 1e-4)
-    assert left[1] == pytest.approx(criterion.power)

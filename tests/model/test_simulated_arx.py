@@ -1,20 +1,16 @@
 """ARXRegressor with effects: against plain loops, recovery of what was simulated, real data."""
 
-import pickle
-
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.signal import lfilter
 from sklearn.base import clone
-from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
 from support.places import RECORDINGS
 
 from skhoid import (
     ARXRegressor,
     EffectSearchCV,
     SimulatedARX,
-    run_labels,
 )
 from skhoid.effects import DeadZone
 from skhoid.search import Verdict
@@ -136,18 +132,6 @@ def test_a_delay_cannot_come_before_its_cause():
     assert model.parameters_.loc["wrong_delay__extra", "value"] == pytest.approx(-2 * DT)
 
 
-def test_units_scale():
-    X, y = runs(SIMULATED["hardening_stiffness"][0])
-    model = arx("hardening_stiffness").fit(X, y)
-    other = clone(model).fit(100 * X, 0.01 * y)
-    name = "hardening_stiffness__stiffness"
-    assert other.parameters_.loc[name, "value"] == pytest.approx(
-        100 / 0.01**3 * model.parameters_.loc[name, "value"], rel=1e-3
-    )
-    assert model.parameters_.loc[name, "unit"] == "V/mm^3"
-    np.testing.assert_allclose(other.predict(100 * X), 0.01 * model.predict(X), atol=1e-5 * y.std())
-
-
 def test_settling_and_gaps_and_missing_values():
     X, y = runs(SIMULATED["dead_zone"][0])
     disturbed = y.copy()
@@ -198,19 +182,6 @@ def test_forecasts_are_those_of_the_ar_model():
     one, far = (np.std(y - model.predict_ahead(X, y, h)) for h in (1, 400))
     assert one == pytest.approx(0.2, rel=0.05)
     assert far == pytest.approx(residual.std(), rel=0.02)
-
-
-def test_sklearn_tools():
-    X, y = runs(SIMULATED["dead_zone"][0])
-    model = ARXRegressor(2, 2, NK).with_effect(DeadZone(form="gap")).with_effect("bias")
-    assert model.get_params()["effects__dead_zone__form"] == "gap"
-    grid = GridSearchCV(model, {"effects__dead_zone__width": [0.3, 0.6]}, cv=LeaveOneGroupOut())
-    grid.fit(X, y, groups=run_labels(X))
-    assert grid.best_params_ == {"effects__dead_zone__width": 0.6}
-    best = pickle.loads(pickle.dumps(grid.best_estimator_))
-    np.testing.assert_array_equal(best.predict(X), grid.predict(X))
-    assert "dead_zone" in best.summary()
-    assert "Residual sd" in ARXRegressor(2, 2, NK).fit(X, y).summary()
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import CubicGain, FreeMap
 from skhoid.model.extend import extended
 from skhoid.model.fitting import Criterion
-from skhoid.model.smoothing import change_if_rougher, in_detail, posterior_of, set_spreads
+from skhoid.model.smoothing import in_detail, posterior_of
 
 
 def with_map(effects, spread=None, seed=0):
@@ -41,21 +41,6 @@ def test_the_data_decide_how_smooth_a_curve_is(bent):
     assert spreads[0] > 3 * spreads[1]
 
 
-def test_a_large_spread_is_least_squares_and_a_small_one_a_line():
-    free, line = with_map(None, spread=1e4), with_map(None, spread=1e-5)
-    assert abs(dof_of(free) - 10.0) < 0.2
-    assert dof_of(line) < 1.1  # the level has no roughness
-    assert free.n_parameters > line.n_parameters + 8
-    values = np.array([v for k, v in line.values().items() if k.startswith("map__")])
-    assert np.abs(values[1:]).max() < 1e-4
-
-
-def under_its_noise(model):
-    criterion = Criterion(model.simulator.record)
-    criterion.set_noise(criterion.remnant_model(model.output))
-    return model.refined(criterion, max_iter=40, tol=1e-9), criterion
-
-
 @pytest.mark.slow
 def test_more_knots_show_what_bends_between_them(bent):
     few, many = bent, in_detail(bent, "map")
@@ -69,15 +54,3 @@ def test_more_knots_show_what_bends_between_them(bent):
     curves = [e.design(at) @ c for e, c in zip((old, new), own, strict=True)]
     curves = [c - np.polyval(np.polyfit(at, c, 1), at) for c in curves]  # which is the gain's
     assert np.std(curves[0] - curves[1]) < 0.2 * np.std(curves[0])
-
-
-@pytest.mark.slow
-def test_a_curve_moves_as_said_if_it_may_be_rougher(bent):
-    """Twin: fitted with a spread that is ten times as large."""
-    model, criterion = under_its_noise(bent)
-    spread = dict(model.effects.steps)["map"].spread
-    rougher = set_spreads(model, {"map": (10 * spread, spread)})
-    found = rougher.refined(criterion, max_iter=40, tol=1e-9).theta - model.theta
-    said = change_if_rougher(model, "map", criterion)
-    own = [i for i, name in enumerate(model.simulator.names) if name.startswith("map__")]
-    assert np.abs(said[own] - found[own]).max() < 0.1 * np.abs(found[own]).max()

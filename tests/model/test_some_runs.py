@@ -11,7 +11,6 @@ from skhoid.model.fitting import (
     Criterion,
     find_residual,
     minimise,
-    some_runs,
     take_some_runs,
     whitened_derivatives,
 )
@@ -74,14 +73,6 @@ def test_a_few_runs_at_a_time_make_the_same_output_and_derivatives(
     np.testing.assert_array_equal(
         apart.last_state.command.position, whole.last_state.command.position
     )
-
-
-@pytest.mark.parametrize(
-    ("most", "expected"), [(10_000, None), (3000, [0, 3, 6]), (2000, [0, 6]), (1, [0, 6])]
-)
-def test_some_runs_are_spread_evenly(record, most, expected):
-    found = some_runs(record, most)
-    assert expected == (None if found is None else found.tolist())
 
 
 def simulated(monkeypatch, data, most):

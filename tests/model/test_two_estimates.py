@@ -1,40 +1,10 @@
 """Estimates of least simulation error beside those of maximum likelihood."""
 
-import numpy as np
-import pandas as pd
 import pytest
 from support.person_in_loop import pursued
 
 from skhoid import OperatorRegressor
 from skhoid.model.parameters import difference_notes, find_differing
-
-NAN = np.nan
-
-
-def table(**rows):
-    columns = ["value", "sd", "low", "high"]
-    frame = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
-    return frame.assign(unit="s")
-
-
-def row(value, sd=0.01):
-    return value, sd, value - 2 * sd, value + 2 * sd
-
-
-@pytest.mark.parametrize(
-    ("one", "other", "differ"),
-    [
-        (row(0.25), row(0.29), True),
-        (row(0.25), row(0.27), False),  # within 1.96 times the root of two
-        (row(0.25), (0.1, NAN, NAN, NAN), True),  # at its bound
-        (row(0.25), (0.5, NAN, 0.0, 0.8), False),  # not determined
-        ((0.25, 0.0, 0.25, 0.25), (0.25, 0.0, 0.25, 0.25), False),  # given
-    ],
-)
-def test_what_differs(one, other, differ):
-    names = ["tau_e"] if differ else []
-    assert find_differing(table(tau_e=one), table(tau_e=other)) == names
-    assert find_differing(table(tau_e=other), table(tau_e=one)) == names
 
 
 @pytest.fixture(scope="module")

@@ -389,7 +389,7 @@ def test_a_search_that_is_not_fitted_says_so():
         ({"max_effects": -1}, "max_effects"),
         ({"controlled_element": 3.0}, "controlled_element"),
         ({"cv": "loo"}, "cv"),
-        ({"estimator": Bias()}, "Bias lacks"),
+        ({"estimator": Bias()}, "got Bias"),
     ],
     ids=str,
 )

@@ -1,4 +1,4 @@
-"""The conditions of the thesis, mixtures of them, and Table G.1."""
+"""The conditions of the thesis, and mixtures of them."""
 
 import numpy as np
 import pytest
@@ -19,28 +19,6 @@ STATES = {"C1": (90.0, 6.0, 0.09, 0.4), "C2": (30.0, 0.2, 0.07, 1.2)}  # Table I
 TRANSITIONS = {"C3": ("C1", "C2", 0.5), "C4": ("C1", "C2", 100.0)} | {
     "C5": ("C2", "C1", 0.5),
     "C6": ("C2", "C1", 100.0),
-}
-TABLE_G1 = {  # K_n for P_n = 0.05, 0.10 ... 0.30: C1, C2
-    1: (
-        (0.006, 0.009, 0.011, 0.013, 0.015, 0.018),
-        (0.013, 0.020, 0.026, 0.032, 0.039, 0.046),
-    ),
-    2: (
-        (0.008, 0.012, 0.016, 0.019, 0.023, 0.026),
-        (0.019, 0.029, 0.039, 0.051, 0.066, 0.091),
-    ),
-    3: (
-        (0.010, 0.014, 0.018, 0.022, 0.026, 0.031),
-        (0.022, 0.034, 0.047, 0.063, 0.088, 0.150),
-    ),
-    4: (
-        (0.010, 0.015, 0.020, 0.024, 0.029, 0.034),
-        (0.024, 0.038, 0.053, 0.073, 0.110, 0.339),
-    ),
-    "nm": (
-        (0.006, 0.009, 0.011, 0.013, 0.016, 0.018),
-        (0.013, 0.020, 0.026, 0.033, 0.040, 0.050),
-    ),
 }
 
 # Conditions
@@ -107,16 +85,6 @@ def test_unknown_conditions(name, hint):
         assert str(caught.value).endswith(f"Did you mean {hint!r}?")
 
 
-# Table G.1
-
-
-@pytest.mark.parametrize("order", list(TABLE_G1))
-@pytest.mark.parametrize("column", [0, 5])
-def test_gains_of_the_table(order, column):
-    P_n = (0.05, 0.10, 0.15, 0.20, 0.25, 0.30)[column]
-    gains = {state: TABLE_G1[order][i][column] for i, state in enumerate(("C1", "C2"))}
-    for state, gain in gains.items():
-        assert Remnant.from_table(state, P_n, order) == Remnant(order=order, gain=gain)
-    for name, (begin, end, G) in TRANSITIONS.items():
-        expected = Sigmoid(gains[begin], gains[end], rate=G, time=40.96)
-        assert Remnant.from_table(name, P_n, order).gain == expected
+def test_a_gain_of_table_g1_follows_the_transition():
+    gain = Sigmoid(0.016, 0.039, rate=100.0, time=40.96)
+    assert Remnant.from_table("C4", 0.15) == Remnant(order=2, gain=gain)

@@ -28,24 +28,6 @@ def test_task_of_a_condition():
 
 
 @pytest.mark.parametrize(
-    ("duration", "run_in", "rate", "n_samples", "n_run_in"),
-    [
-        (81.92, None, 100.0, 8192, 57344),
-        (81.92, None, 48.0, 3932, 27524),
-        (1.0, 0.0, 100.0, 100, 0),
-        (0.999, 0.5, 100.0, 99, 50),
-        (10.0, 0.25, 64.0, 640, 16),
-    ],
-)
-def test_numbers_of_samples(duration, run_in, rate, n_samples, n_run_in):
-    task = CompensatoryTask(duration=duration, run_in=run_in, sampling_rate=rate)
-    assert (task.n_samples, task.n_run_in) == (n_samples, n_run_in)
-    record = task.simulate()
-    assert record.u.shape == (1, n_samples)
-    np.testing.assert_array_equal(record.time, np.arange(n_samples) / rate)
-
-
-@pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"display": np.nan}, "display must be a finite number; got nan"),
@@ -106,35 +88,6 @@ def test_senseless_functions_of_time(options, message):
     task = CompensatoryTask(**({"duration": 3.0, "run_in": 0.5} | options))
     with pytest.raises(ValueError, match=message):
         task.simulate()
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"n_runs": 0}, "n_runs must be a whole number, at least 1; got 0"),
-        ({"keep_run_in": 0.6}, "keep_run_in must lie between 0 and the run-in of 0.5 s; got 0.6"),
-        (
-            {"noise": np.zeros((2, 150))},
-            r"one row for each of 1 runs and .* 150 .*; got \(2, 150\)",
-        ),
-        ({"noise": np.full((1, 150), np.nan)}, "noise is nan in run 0, sample 0"),
-        ({"random_state": -1}, "random_state must be a non-negative whole number, .*; got -1"),
-    ],
-)
-def test_senseless_arguments_of_simulate(options, message):
-    task = CompensatoryTask(duration=1.0, run_in=0.5, remnant=Remnant(gain=0.02))
-    with pytest.raises(ValueError, match=message):
-        task.simulate(**options)
-
-
-def test_functions_of_time_must_take_arrays():
-    def scalar_only(t):
-        return 0.09 if t < 10 else 0.08
-
-    for function in (scalar_only, lambda t: t[:3]):
-        operator = HumanOperator(K_e=function)
-        with pytest.raises(ValueError, match="must take an array of instants"):
-            CompensatoryTask(operator=operator, duration=1.0, run_in=0.0).simulate()
 
 
 @pytest.mark.parametrize("name", ["e", "f_t", "x"])

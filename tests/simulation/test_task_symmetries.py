@@ -19,16 +19,6 @@ from skhoid.simulation.engine import operator_response, physics_rows
 # Symmetries
 
 
-def test_scaling_the_target_scales_all():
-    task = short_task(remnant=None, disturbance=None)
-    louder = replace(
-        task, target=replace(task.target, amplitudes=3 * np.array(task.target.amplitudes))
-    )
-    one, three = whole(task), whole(louder)
-    for name in SIGNALS:
-        np.testing.assert_allclose(getattr(three, name), 3 * getattr(one, name), atol=1e-13, rtol=0)
-
-
 def test_superposition_of_target_disturbance_and_remnant():
     task = short_task()
     noise = unit_noise(task, 2)
@@ -88,20 +78,6 @@ def test_noise_gives_the_runs_of_a_random_state():
         for i in range(10)
     ]
     assert_records_equal(whole(task, 10, random_state=7), whole(task, 10, noise=noise))
-
-
-def test_random_states():
-    task = short_task()
-    assert_records_equal(
-        whole(task, random_state=np.random.default_rng(3)),
-        whole(task, random_state=np.random.default_rng(3)),
-    )
-    assert_records_equal(
-        whole(task, random_state=np.random.RandomState(3)),
-        whole(task, random_state=np.random.RandomState(3)),
-    )
-    assert not np.array_equal(whole(task).u, whole(task).u)
-    assert not np.array_equal(whole(task, random_state=1).u, whole(task, random_state=2).u)
 
 
 def test_open_loop_remnant_does_not_go_round():

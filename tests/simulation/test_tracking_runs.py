@@ -3,19 +3,14 @@
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.pipeline import make_pipeline
 from support.closed_loop import ZOH_100HZ
 
 from skhoid import (
-    ARXRegressor,
     CompensatoryTask,
-    DelayShift,
     HumanOperator,
     Multisine,
     Ramp,
     Remnant,
-    Step,
-    UnstableLoopError,
     make_tracking_runs,
     run_labels,
     sampling_time,
@@ -81,17 +76,6 @@ def test_the_default_is_the_measurement_window_after_seven_others():
     )
 
 
-@pytest.mark.parametrize("rate", [64.0, 1000.0])
-def test_sampling_rates(rate):
-    X, y, truth = make(sampling_rate=rate, return_truth=True)
-    assert len(X) == 2 * round(4 * rate)
-    assert sampling_time(X) == pytest.approx(1 / rate)
-    assert len(truth.parameters) == round(4 * rate)
-    model = ARXRegressor(nk=round(0.28 * rate) + 1).fit(X, y)
-    assert model.dt_ == pytest.approx(1 / rate)
-    assert model.score(X, y) > 0.98
-
-
 # Run-in
 
 
@@ -107,18 +91,6 @@ def test_run_in_has_negative_times():
 # Options
 
 
-@pytest.mark.parametrize(("name", "intensity", "order"), [("C2", 0.15, 2), ("c5", 0.25, "nm")])
-def test_remnant_gain_of_the_table(name, intensity, order):
-    truth = make(
-        name,
-        remnant_gain="table",
-        remnant_intensity=intensity,
-        remnant_order=order,
-        return_truth=True,
-    )[2]
-    assert truth.task.remnant == Remnant.from_table(name, intensity, order)
-
-
 def test_remnant_intensity_is_reached():
     """The mean of 40 ratios around that of ten others: sigma about 0.15 * 15 % / sqrt(10)."""
     _, y, truth = make_tracking_runs(
@@ -126,22 +98,6 @@ def test_remnant_intensity_is_reached():
     )
     ratios = truth.remnant.groupby(level="run").var() / y.groupby(level="run").var()
     assert ratios.mean() == pytest.approx(0.15, abs=4 * 0.15 * 0.15 / np.sqrt(10))
-
-
-def test_random_phases():
-    X, _ = make(n_runs=3, channels=["f_t"], random_phases=True, random_state=0)
-    again, _ = make(n_runs=3, channels=["f_t"], random_phases=True, random_state=0)
-    pd.testing.assert_frame_equal(X, again)
-    assert len({X["f_t"].loc[run].iloc[0] for run in range(3)}) == 3
-    whole, _ = make_tracking_runs(
-        "C1", 2, channels=["f_t", "dist"], random_phases=True, run_in=0.0,
-        disturbance=Multisine().interleaved(random_state=0), random_state=0,
-    )  # fmt: skip
-    for column, lines in (("f_t", Multisine().multiples), ("dist", (4, 6, 9, 14, 23))):
-        spectrum = np.abs(np.fft.rfft(whole[column].loc[1])) / 4096
-        np.testing.assert_allclose(
-            spectrum[list(lines)], Multisine().amplitudes[: len(lines)], rtol=1e-9
-        )
 
 
 def test_adaptation_lag():
@@ -181,20 +137,6 @@ def test_perturbation():
 # The truth
 
 
-def test_truth_of_runs():
-    X, y, truth = make(
-        "C2", 3, remnant_gain=0.04, random_state=0, keep_run_in=0.5, return_truth=True
-    )
-    for series in (truth.u_without_remnant, truth.remnant):
-        assert isinstance(series, pd.Series)
-        assert series.index.equals(X.index)
-    np.testing.assert_allclose(truth.u_without_remnant + truth.remnant, y, rtol=0, atol=1e-15)
-    assert truth.remnant.groupby(level="run").std().min() > 0
-    assert truth.task.simulate(3, random_state=0).u.ravel().tolist() == (
-        y[y.index.get_level_values("time") >= 0].tolist()
-    )
-
-
 @pytest.mark.parametrize(("state", "T_L"), [("C1", 0.4), ("C2", 1.2)])
 def test_true_parameters(state, T_L):
     truth = make(state, return_truth=True, keep_run_in=1.0, remnant_gain=0.01)[2]
@@ -229,45 +171,6 @@ def test_true_arx_model_simulates_the_runs():
 
 
 # The design's example
-
-
-def test_unstable_transition_without_a_target():
-    operator = HumanOperator(K_e=Step(0.09, 0.9, time=1.0), T_L=0.4)
-    disturbance = Multisine().interleaved(random_state=0)
-    for options in ({"disturbance": disturbance}, {"remnant_gain": 0.02}):
-        with pytest.raises(UnstableLoopError):
-            make_tracking_runs(
-                "C1", 1, operator=operator, target=0.0, duration=20.0, run_in=5.0, **options
-            )
-
-
-def test_a_model_in_the_loop_must_answer_the_error():
-    X, y = make_tracking_runs("C1", 1, channels=["e", "f_t"], duration=20.0, run_in=5.0)
-    model = ARXRegressor(nk=29, inputs=["f_t"]).fit(X, y)
-    with pytest.raises(ValueError, match=r"responds to the error e alone.*inputs=\['e'\]"):
-        CompensatoryTask(operator=model)
-    model = ARXRegressor(nk=29, inputs=["e"]).fit(X, y)
-    with pytest.raises(ValueError, match="display and transport are those of a HumanOperator"):
-        CompensatoryTask(operator=model, display="pursuit")
-
-
-def test_a_model_in_the_loop_keeps_its_delay():
-    X, y = make_tracking_runs("C1", 1, duration=20.0, run_in=5.0)
-    shifted = make_pipeline(DelayShift(0.29), ARXRegressor()).fit(X, y)
-    direct = ARXRegressor(nk=29).fit(X, y)
-    direct.coef_ = shifted[-1].coef_
-    one, two = (CompensatoryTask(operator=m).simulate() for m in (shifted, direct))
-    np.testing.assert_array_equal(one.u, two.u)
-
-
-def test_truth_of_a_pursuit_operator():
-    operator = HumanOperator(K_t=0.02, K_xdot=-0.01)
-    truth = make(operator=operator, display="pursuit", return_truth=True)[2]
-    assert truth.parameters["K_t"].eq(0.02).all()
-    assert truth.parameters["K_xdot"].eq(-0.01).all()
-    assert "arx_parameters" not in truth
-    with pytest.raises(ValueError, match="no gains on them"):
-        make(display="pursuit")
 
 
 def test_remnant_follows_an_operator_that_is_late():

@@ -48,13 +48,6 @@ def test_senseless_arguments(options, message):
         make(**options)
 
 
-def test_a_model_has_no_parameters_to_lag_or_perturb():
-    model = ARXRegressor(nk=29).fit(*make())
-    for options in ({"adaptation_lag": 1.0}, {"perturbation": {"K_e": 0.1}}):
-        with pytest.raises(ValueError, match="HumanOperator; the operator is a ARXRegressor"):
-            make(operator=model, **options)
-
-
 def test_models_that_do_not_fit_the_loop():
     X, y = make(channels=["e", "x"], remnant_gain=0.02, random_state=0)
     slow = ARXRegressor(nk=15).fit(*make(sampling_rate=50.0))
@@ -87,13 +80,6 @@ def test_constant_loops_that_are_unstable(condition, operator, duration):
     message = r"unstable: its error grows by a factor e every [\d.]+ s. Lower .*\(K_e\)"
     with pytest.raises(UnstableLoopError, match=message):
         make(condition, operator=operator, duration=duration)
-
-
-def test_an_unstable_model_in_the_loop():
-    model = ARXRegressor(nk=29).fit(*make())
-    model.coef_ = model.coef_ * np.array([1.0, 1.0, 8.0, 8.0])
-    with pytest.raises(UnstableLoopError, match="grows by a factor e every"):
-        make(operator=model)
 
 
 def test_a_loop_that_is_unstable_for_a_moment_only():

@@ -1,14 +1,11 @@
 """The remnant gain that gives a wanted intensity: exact on its realisations, and Table G.1."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from skhoid import (
     CompensatoryTask,
     HumanOperator,
-    Multisine,
     Remnant,
     RemnantIntensityError,
     Sigmoid,
@@ -42,38 +39,6 @@ def test_mean_intensity_of_the_same_realisations_is_exact(condition, order, inte
     assert achieved.std() > 0.01 * intensity
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"disturbance": Multisine((4, 9), (0.03, 0.02), (0.0, 1.0))},
-        {"display": "pursuit", "operator": HumanOperator(K_t=0.02, K_x=-0.01)},
-        {"sampling_rate": 50.0, "transport": "interpolated"},
-        {"target": lambda t: np.sin(0.7 * t) + 0.3 * np.cos(2.9 * t) + 1.0},
-    ],
-    ids=lambda options: next(iter(options)),
-)
-def test_any_task(options):
-    task = wanting("C1", 0.12, **options)
-    noise = white(task)
-    tuned = tune_remnant(task, noise=noise)
-    assert tuned.simulate(10, noise=noise).intensity().mean() == pytest.approx(0.12, rel=1e-9)
-
-
-def test_only_the_remnant_changes():
-    task = wanting("C2", order="nm")
-    tuned = tune_remnant(task, random_state=0)
-    assert tuned.remnant.gain > 0
-    assert tuned.remnant.intensity is None
-    assert replace(tuned, remnant=task.remnant) == task
-    assert tuned.remnant.order == "nm"
-
-
-def test_no_remnant_needs_no_gain():
-    tuned = tune_remnant(wanting("C1", 0.0))
-    assert tuned.remnant.gain == 0.0
-    assert not tuned.simulate(random_state=0).n.any()
-
-
 # Transitions
 
 
@@ -103,12 +68,6 @@ def test_fourth_order_remnant_cannot_reach_030_in_c2():
         RemnantIntensityError, match=r"P_n tends to 0\.(2[89]|3[01])\d as K_n grows"
     ):
         tune_remnant(wanting("C2", 0.30, order=4, run_in=None), random_state=0)
-
-
-@pytest.mark.parametrize("remnant", [None, Remnant(gain=0.1)], ids=repr)
-def test_a_task_without_a_wish(remnant):
-    with pytest.raises(ValueError, match=r"an intensity, such as Remnant\(intensity=0.15\); got"):
-        tune_remnant(CompensatoryTask(remnant=remnant))
 
 
 def test_a_loop_that_is_unstable():

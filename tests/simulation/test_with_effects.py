@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from skhoid import ARXRegressor, CompensatoryTask, OperatorRegressor, make_tracking_runs
+from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import Bias, DeadZone, Effect, GainDrift, Intermittent, Parameter, Preview
 
 SHORT = {"n_runs": 3, "duration": 40.96, "sampling_rate": 50, "channels": ["e", "x", "f_t"]}
@@ -26,14 +26,6 @@ def test_the_loop_is_closed():
     found = model.parameters_["value"]
     assert {name: found[name] for name in truth} == pytest.approx(truth, rel=0.03)
     assert model.vaf_ > 99.9
-
-
-def test_an_offset_is_integrated_away():
-    X, y = make_tracking_runs("C1", run_in=40.0, **SHORT)
-    X_b, y_b = make_tracking_runs("C1", run_in=40.0, effects=Bias(level=0.1), **SHORT)
-    # The controlled element integrates, so that in the end the error makes up for the offset.
-    assert (y_b - y).mean() == pytest.approx(0.0, abs=2e-3)
-    assert (X_b["e"] - X["e"]).mean() == pytest.approx(-0.1 / 0.09, rel=0.02)
 
 
 def test_runs_with_effects_do_not_depend_on_their_number():
@@ -76,10 +68,3 @@ def test_own_effects_and_those_that_look_ahead_are_simulated():
 def test_what_cannot_be_simulated_is_refused(options, message):
     with pytest.raises(ValueError, match=message):
         make_tracking_runs("C1", **SHORT, **options)
-
-
-def test_effects_need_an_operator_of_physics():
-    X, y = make_tracking_runs("C1", **SHORT)
-    model = ARXRegressor(nk=15, inputs=["e"]).fit(X, y)
-    with pytest.raises(ValueError, match="effects need a HumanOperator"):
-        CompensatoryTask(operator=model, effects=Bias(level=0.1), sampling_rate=50)

@@ -17,7 +17,7 @@ from ... import EffectSearchCV
 from ...effects import Effects, catalogue, title_of
 from ...effects import effect as effect_of
 from ...exceptions import did_you_mean
-from ...model import GreyBox, simulated_model
+from ...model import simulated_model
 from ...runs import of_person
 from .models import OUT, TRAIN, USES, History, Models, Position, Runs, own_values
 from .script import script_of
@@ -33,7 +33,7 @@ class Exploration:
 
     Parameters
     ----------
-    estimator : OperatorRegressor, ARXRegressor or other SimulatedModel
+    estimator : OperatorRegressor, ARXRegressor or other GreyBox
         The model, unfitted; its effects are where it starts.
     X : DataFrame or array of shape (n_rows, n_columns)
         Channels, one row per sample.
@@ -115,11 +115,6 @@ class Exploration:
         fitted: Sequence[Any] = (),
     ):
         estimator = simulated_model(estimator, "Exploration")
-        if not isinstance(estimator, GreyBox):
-            raise TypeError(
-                f"An exploration moves parameters, by with_parameters, which "
-                f"{type(estimator).__name__} lacks: derive it from skhoid.model.GreyBox."
-            )
         self.estimator = clone(estimator)
         self.options = dict(options or {})
         if search is not None and options is None:

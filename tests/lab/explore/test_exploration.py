@@ -289,5 +289,5 @@ def test_a_simulation_that_runs_away_is_said(runs):
 
 
 def test_other_models_are_refused(runs):
-    with pytest.raises(TypeError, match="RecursiveARX lacks"):
+    with pytest.raises(TypeError, match="got RecursiveARX"):
         Exploration(RecursiveARX(), *runs)
