@@ -56,9 +56,8 @@ class NoCeiling(StrEnum):
 class Ceiling:
     """Noise of each group of runs, and what it leaves to explain.
 
-    ``gap`` is in VAF points of the power of the output on the rows that have a route; ``gap``,
-    ``sd`` and ``vaf`` are NaN where it is not known (``known`` is False). ``note`` says how it was
-    found, or why it was not. ``part`` is the share of the power of the output that these rows hold.
+    ``gap`` is in VAF points of the output on rows that have a route, which hold the share ``part``
+    of its power; NaN where it is not known, for the reason ``note``.
     """
 
     route: Route
@@ -113,13 +112,10 @@ def consistent_ceiling(
 def noise_ceiling(signals: Signals) -> Ceiling:
     """Split the residual into what repeats and what does not.
 
-    With runs that share the target the residual of run k is r_k = d + n_k. What repeats, d, is
-    left in the mean over runs, and the deviations from it hold the noise: Σn² is estimated by
-    R/(R - 1) Σ (r_k - mean r)². A linear misfit Δ answers the noise that went round the loop
-    into e as well, Δe_n; it is estimated with the target (or the other runs) as instruments, which
-    are independent of the noise, shrunk by as much as chance alone would find (James and Stein),
-    and taken out first. With a periodic target and one run the noise is read off between the
-    excited lines.
+    Of R runs that share the target, r_k = d + n_k: Σn² is R/(R - 1) Σ (r_k - mean r)². A linear
+    misfit Δ answers the noise in e, too (Δe_n): it is estimated with the target or the other runs
+    as instruments, shrunk (James and Stein) and taken out. With one run and a periodic target the
+    noise is read off between the lines.
     """
     routes = [_route(group) for group in signals.groups]
     best = next((route for route in (Route.REPEATS, Route.LINES) if route in routes), Route.NONE)
@@ -229,10 +225,7 @@ def _noise_power(
 def _without_linear_misfit(
     signals: Signals, group: Group, noise: NoiseDensity
 ) -> tuple[np.ndarray, float]:
-    """Residuals of a group less what a linear response to the driving signal would explain.
-
-    Also the variance that this estimate gives the power of the noise.
-    """
+    """Residuals of a group less a linear response to e, and the variance that this adds."""
     r = signals.residual[group.rows]
     if signals.driving != "e" or np.sum(r**2) <= SILENT * np.sum(signals.y[group.rows] ** 2):
         return r, 0.0
@@ -300,9 +293,8 @@ def _part_by_way_of_error(
 ) -> float:
     """Share (0 to 1) of a misfit that responds to e; the rest responds to the target in other ways.
 
-    Both are the same for what repeats. What does not repeat, n + Δe_n, tells them apart: without
-    the right part of Δe_n it is closest to what white noise through a filter can be (the
-    prediction-error criterion, which holds in a closed loop).
+    Without the right part of Δe_n, n + Δe_n is closest to filtered white noise (the prediction-
+    error criterion, which holds in a closed loop).
     """
     if group.n_runs == 1 or not response.any():
         return 1.0
@@ -382,11 +374,10 @@ ENVELOPE = 10.0  # s, over which the power of the noise is averaged
 
 @dataclass(frozen=True)
 class NoiseDensity:
-    """Density of noise over frequency, per bin of a Fourier transform of unit length.
+    """Density of noise per bin of a Fourier transform of unit length.
 
-    ``density`` at the frequencies ``omega`` (rad/s) averages to the variance of a sample over
-    all bins; ``envelope`` is the power over time, relative to its mean, at the instants ``time``.
-    The density has ``free`` degrees of freedom at least.
+    It has ``free`` degrees of freedom, and averages to the variance of a sample; ``envelope`` is
+    the power over time, over its mean.
     """
 
     omega: np.ndarray
@@ -438,10 +429,7 @@ class NoiseDensity:
         return self.at(omega) > LEAKAGE * self.density.max()
 
     def whitened(self, values: np.ndarray, time: np.ndarray) -> np.ndarray:
-        """Signals (columns) through the zero-phase filter that makes the noise white, of power 1.
-
-        Frequencies at which the noise is not known are taken out.
-        """
+        """Signals (columns) through the zero-phase filter that makes the noise white."""
         n = len(values)
         omega = 2 * np.pi * fft.rfftfreq(n, self.dt)
         S = self.at(omega)
@@ -459,11 +447,7 @@ def noise_density(
     independent: float,
     floor: float,
 ) -> NoiseDensity:
-    """Noise density of records, whose excited bins (``without``) say nothing about it.
-
-    Records are zero where they are not ``scored``. So many of them are ``independent``: deviations
-    from a mean are one less. Rounding errors are below the density ``floor``.
-    """
+    """Noise density of records (zero where not scored), apart from excited bins (``without``)."""
     longest = max(len(record) for record in records)
     omega = 2 * np.pi * fft.rfftfreq(longest, dt)[1:]
     power, count = np.zeros(omega.size), np.zeros(omega.size)

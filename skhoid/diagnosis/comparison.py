@@ -364,12 +364,9 @@ def compare(
     Notes
     -----
     The residual of run k is r_k = d + n_k: a misfit d that repeats with the target, and remnant
-    n_k. The ceiling is 100 (1 - Σn²/Σu²) with Σn² from the part of r that does not repeat. (The
-    part of u that does not repeat would be larger: remnant goes round the loop into e, and the
-    response to it can be predicted.) Tests use patterns that are independent of the remnant of
-    their own run: the target, and what signals of the other runs have in common. They are valid in
-    a closed loop whatever the colour of the remnant. A finding does not prove a cause: see its
-    meaning.
+    n_k. The ceiling is 100 (1 - Σn²/Σu²) with Σn² from the part of r that does not repeat. Tests
+    use patterns that are independent of the remnant of their own run, and so are valid in a closed
+    loop. A finding does not prove a cause: see its meaning.
 
     Examples
     --------
@@ -436,10 +433,7 @@ def _figures(signals: Signals, vaf: float, fitted: Signals | None) -> Figures:
 
 
 def _ceiling_of(ceiling: Ceiling, vaf: float, held_out: bool) -> NoiseCeiling:
-    """The ceiling to show, or why it is not known.
-
-    With rows that have no route left out, the ceiling is that of all rows that count.
-    """
+    """The ceiling to show, or why it is not known."""
     estimate = vaf + ceiling.gap
     top, reason = consistent_ceiling(estimate, vaf, ceiling.sd, held_out=held_out)
     if reason is not None or not ceiling.known:

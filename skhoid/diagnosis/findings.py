@@ -289,8 +289,8 @@ GOOD_ONE_STEP, POOR = 95.0, 50.0  # percent; a model that only one-step predicti
 def advise(c: Comparison, signals: Signals, of_channels: list[Finding]) -> list[Finding]:
     """Ordered findings: first what makes the data doubtful, then what costs most.
 
-    A test is a finding if it exceeds the false-alarm rate divided by the number of tests, so that
-    all findings together keep that rate.
+    A finding's p is below the false-alarm rate over the number of tests: all together keep that
+    rate.
     """
     found = [finding for finding in of_channels if finding.name not in REMARKS]
     then = NextSteps(signals.model)
@@ -621,8 +621,8 @@ def _model(c: Comparison, signals: Signals, then: NextSteps) -> Iterator[Finding
 def _overfit(c: Comparison, signals: Signals, then: NextSteps) -> tuple[bool, str]:
     """Whether the parameters can have learnt the noise, and what a higher error means.
 
-    p parameters fitted to N independent values of noise raise the error of other runs to
-    (N + p)/(N - p) times their own; N is twice the bandwidth of the output times the duration.
+    p parameters fitted to N independent values raise the error of other runs by (N + p)/(N - p); N
+    is twice the bandwidth of the output times the duration.
     """
     differ = "These runs differ from those the model was fitted to"
     either = f"The model has learnt the noise of its own runs, or {differ[0].lower()}{differ[1:]}."

@@ -65,17 +65,9 @@ class Verdict(StrEnum):
 class ModelChoice:
     """What the caller fixes: orders and delay that are None are searched for.
 
-    Orders are not searched if ``na`` or ``nb`` is given (the other is then 2). Searches compare
-    least squares; with ``method="iv"`` what they choose is fitted by instrumental variables.
-    ``memory``, the ``memory_time`` or ``memory_horizon`` of a :class:`RecursiveARX`, adds a model
-    that follows the data.
-
-    Where e or x are inputs, no delay below ``least_delay`` seconds is tried: None takes 0.1 s of a
-    person, and one sample of a machine. ``domain`` is "human" or "machine"; None says human where
-    the data have the role e and x or f_t; ``roles`` says the roles of columns.
-
-    Rows in which control was lost count nowhere, unless ``lost_control`` is "keep", or ``domain``
-    "machine".
+    Orders are not searched if ``na`` or ``nb`` is given. ``memory`` (``memory_time`` or
+    ``memory_horizon`` of a RecursiveARX) adds a model that follows the data. Where e or x are
+    inputs, no delay below ``least_delay`` (s) is tried: 0.1 s of a person, one sample of a machine.
     """
 
     inputs: list[str] | None = None
@@ -93,11 +85,9 @@ class ModelChoice:
 
 @dataclass(frozen=True)
 class FittedModel:
-    """A model, its free-run VAF on the rows it was fitted on and on held-out ones, its leak test.
+    """A model with its free-run VAF on fitted and held-out rows, and its leak test, if possible.
 
-    ``leak`` is None where less than two of e, x and f_t are known. ``spare`` are the samples by
-    which a person's answer to x is later than the least delay; where its inputs do not tell x, they
-    are infinite.
+    ``spare`` are the samples by which a person's answer to x is later than the least delay.
     """
 
     name: str
@@ -122,10 +112,7 @@ class FittedModel:
 
     @property
     def untold(self) -> bool:
-        """Whether it could as well rebuild the output from x.
-
-        It responds sooner than anybody could, or just as soon and cannot be tested.
-        """
+        """Whether it could as well rebuild the output: too soon, or just so and not tested."""
         tested = self.leak is not None and self.leak.leaks is not None
         return self.spare < 0 or (self.spare <= 1 and not tested)
 
@@ -268,10 +255,8 @@ def identify(
 ) -> Identification:
     """Discard the run-in, find delay and orders, fit, and validate on held-out data.
 
-    The last run is held out, or ``validation_runs``, or the second half of a single run; nothing
-    is chosen or fitted on it. With ``centered`` the models have an intercept and VAF is taken
-    about the mean of each run. Where two of e, x and f_t are known, models are tested for leaks:
-    one that rebuilds the output from x is refused, and the notes say what was seen.
+    The last run is held out, or ``validation_runs``, or the second half of a single run. With
+    ``centered`` the models have an intercept, and VAF is about the mean of each run.
     """
     layout = read_layout(X)
     seen = _Measured.of(X, y, layout, choice, run_in)
@@ -375,11 +360,7 @@ def identify(
 
 @dataclass(frozen=True)
 class _Measured:
-    """Channels by role, and the output, which is missing where control was lost.
-
-    ``columns`` are the names of the channels' columns, and ``complete`` says that nothing else is
-    missing.
-    """
+    """Channels by role, and the output, which is missing where control was lost."""
 
     layout: RunLayout
     columns: dict[str, str]

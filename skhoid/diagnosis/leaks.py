@@ -35,10 +35,7 @@ def band_edge(outputs: Sequence[np.ndarray], dt: float, power_share: float) -> f
 
 
 def low_passed(signal: np.ndarray, dt: float, edge: float) -> np.ndarray:
-    """A signal below the edge (Hz), without delay.
-
-    Odd reflections at both ends continue what neither starts nor ends at zero.
-    """
+    """A signal below the edge (Hz), without delay; odd reflections continue both ends."""
     n = signal.size
     pad = min(n - 1, int(2 / (edge * dt)) + 1)
     before, after = 2 * signal[0] - signal[pad:0:-1], 2 * signal[-1] - signal[-2 : -pad - 2 : -1]
@@ -251,10 +248,7 @@ def leak_test(
 
 
 def _changes(low: list[dict[str, np.ndarray]], dt: float, taps: int, trim: int) -> float:
-    """Unseen disturbance, over the output (rms), that an element of its own in each window leaves.
-
-    Infinite where one cannot be estimated.
-    """
+    """Unseen disturbance, over the output (rms), that elements of their own in windows leave."""
     found: list[list[np.ndarray]] = [[] for _ in low]
     for window in range(WINDOWS):
         parts = []
@@ -339,10 +333,7 @@ def _immediate(
     trim: int,
     least_delay: float,
 ) -> tuple[float, float]:
-    """Largest slope of the prediction on the disturbance before an answer to it can come.
-
-    With the standard error that sums over blocks of time give it.
-    """
+    """Largest slope of the prediction on the disturbance before an answer can come; its sd."""
     earliest, latest = -int(EARLY / dt + 1e-9), int(np.ceil(least_delay / dt - 1e-9))
     lags = range(earliest, max(latest, 1), max(round(STEP / dt), 1))
     n_free = 1 + len(lags)

@@ -22,12 +22,10 @@ N_DRAWS = 2000
 
 
 def by_operating_point(signals: Signals, ceiling: Ceiling) -> tuple[pd.DataFrame, list[Test]]:
-    """Mean residual against the value of signals one response time earlier.
+    """Mean residual against the value of signals one response time earlier, and its tests.
 
-    Remnant goes round the loop into e, x and u, and would sort itself into bins: with runs that
-    share the target the straight line that it makes is taken out, otherwise the mean residual is
-    described, not tested, except over the target. ``attrs["units"]`` holds the units of the
-    channels, as far as the runs have any.
+    Remnant goes round the loop and would sort itself into bins: with repeats the straight line that
+    it makes is taken out, else it is described, not tested, except over the target.
     """
     quantities = _quantities(signals)
     tables, tests = [], []
@@ -170,11 +168,7 @@ def _coordinates(
 
 
 def _linear_in_remnant(r: np.ndarray, z: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """The part that residual and signal share because remnant went round the loop.
-
-    Both are Gaussian if the remnant is, and then the mean of the one given the other is a straight
-    line, in the part of the signal that the other runs do not have.
-    """
+    """The straight line that residual and signal share because remnant went round the loop."""
     n_runs = len(r)
     own = np.where(known, z - (z.sum(axis=0) - z) / (n_runs - 1), 0.0)
     deviation = np.where(known, r - r.mean(axis=0), 0.0)

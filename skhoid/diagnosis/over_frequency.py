@@ -29,10 +29,7 @@ COLUMNS = (
 
 
 def by_frequency(signals: Signals, ceiling: Ceiling) -> pd.DataFrame:
-    """Residual at the excited lines (or in bands), and between them.
-
-    Runs of different length are cut to the shortest, so that they share their bins.
-    """
+    """Residual at the excited lines (or in bands), and between them."""
     n = min(group.n_samples for group in signals.groups)
     parts = [_GroupSpectra.of(signals, group, n) for group in signals.groups]
     total = sum(float(np.sum(signals.y[rows] ** 2)) for g in signals.groups for rows in g.rows)
@@ -65,10 +62,9 @@ def by_frequency(signals: Signals, ceiling: Ceiling) -> pd.DataFrame:
 
 
 class _GroupSpectra:
-    """Transforms of a group: target, driving signal, output, prediction and residual by run.
+    """Transforms of the signals of a group, by run.
 
-    A target without excited lines leaks over the ends of its window; responses to it are taken
-    between signals under a Hann window, which leaves neighbouring bins correlated.
+    A target without lines leaks: a Hann window leaves neighbouring bins correlated.
     """
 
     def __init__(self, group: Group, signals: dict[str, np.ndarray], lines: np.ndarray | None):
@@ -154,9 +150,7 @@ def _common_lines(of_groups: list[np.ndarray | None]) -> np.ndarray | None:
 def distortion_tests(signals: Signals, ceiling: Ceiling) -> list[Test]:
     """Tests for power, at excited lines or beside them, that no linear response can make.
 
-    At the lines, what is left of the residuals of several targets when the best linear response
-    of each line is taken out; beside them, what repeats over runs. A nonlinearity of odd order
-    (cubic) distorts the odd harmonics of odd lines, one of even order the even harmonics.
+    Odd orders (cubic) distort the odd harmonics of odd lines, even orders the even harmonics.
     """
     n = min(group.n_samples for group in signals.groups)
     lines = _common_lines(

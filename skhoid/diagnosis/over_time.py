@@ -42,12 +42,9 @@ def largest_break(
 ) -> Break | None:
     """Look for one change of coefficients c in r = Z c + n over all instants.
 
-    ``scores`` are the sums of z n in each block of time, of shape (n_blocks, n_coefficients), and
-    ``information`` their covariances under noise alone, in units in which the information on c is
-    the same matrix. The statistic is the largest Lagrange multiplier (Andrews 1993, Econometrica
-    61: 821), its p-value that of independent normal scores with these covariances (the fixed
-    regressor bootstrap of Hansen 2000, Journal of Econometrics 97: 93); ``free`` are the degrees of
-    freedom with which the level of the noise is known. None where there is no information.
+    By the largest Lagrange multiplier (Andrews 1993, Econometrica 61: 821), with the p-value of the
+    fixed regressor bootstrap (Hansen 2000, Journal of Econometrics 97: 93). ``scores`` are sums of
+    z n by block, ``information`` their covariances under noise alone.
     """
     n_blocks, p = scores.shape
     total = information.sum(axis=0)
@@ -98,11 +95,10 @@ Sums = tuple[np.ndarray, np.ndarray]  # of z r and of z z' in blocks of time
 
 @dataclass(frozen=True)
 class BlockSums:
-    """Sums over blocks of time that tests of changes and CUSUMs start from, by run.
+    """Sums over blocks of time that tests of changes start from, by run.
 
-    ``gains`` are those with what the response owes to causes outside the loop: they test.
-    ``placing`` are those with the whole response, which went on where the target rested: they
-    show when, and would test nothing in a closed loop.
+    ``gains`` test: with what the response owes to causes outside the loop. ``placing``, with the
+    whole response, show when, and would test nothing in a closed loop.
     """
 
     edges: np.ndarray
@@ -274,10 +270,7 @@ N_BANDS = 14  # of the map
 
 
 def by_time(signals: Signals, ceiling: Ceiling) -> pd.DataFrame:
-    """Residual of all runs, and of each, in windows of time in the run.
-
-    ``exceeds`` says that a window has more, or less, than chance.
-    """
+    """Residual of all runs, and of each, in windows of time in the run."""
     edges = _edges(signals)
     names, sums = ["all"], [np.zeros((3, edges.size - 1))]
     for k, (start, stop) in enumerate(pairwise(signals.layout.run_starts)):
@@ -307,10 +300,7 @@ def _table_of_windows(
     dt: float,
     ceiling: Ceiling,
 ) -> pd.DataFrame:
-    """Rows for the windows of all runs, which are first, and of each, that hold samples.
-
-    ``sums`` are those of samples, of squared output and of squared residual, by run and window.
-    """
+    """Rows for the windows of all runs, and of each; ``sums`` of samples, y² and r²."""
     count, power, lost = sums.transpose(1, 0, 2)
     totals = sums.sum(axis=2)
     run, window = np.nonzero(count)
@@ -402,10 +392,7 @@ def _windows(edges: np.ndarray, time: np.ndarray, dt: float) -> np.ndarray:
 
 
 def time_frequency(signals: Signals, ceiling: Ceiling) -> pd.DataFrame:
-    """Residual power over time and frequency, relative to the noise expected there.
-
-    ``attrs["limit"]`` is what one cell of the map exceeds by chance at the false-alarm rate.
-    """
+    """Residual power over time and frequency, relative to the noise expected there."""
     n = min(group.n_samples for group in signals.groups)
     length = max(n // N_WINDOWS, 16)
     hop = length // 2

@@ -219,24 +219,11 @@ def remnant_estimate(
 
     Notes
     -----
-    The interval of P_n is for the operator: other runs of the same operator have another
-    realisation of the remnant, and their own ratio. The ratio in these particular runs is known
-    better, two to three times at five runs. The interval allows for what remnant adds to u on its
-    way round the loop, and for a power that varies over the run.
-
-    Order and time constant come from a Whittle likelihood of the averaged periodogram, up to 60
-    rad/s, half the Nyquist frequency, or ten times a floor of white measurement noise. The
-    probabilities compare the four orders with each other and assume that one of them is true;
-    ``p_value`` tests that. Without measurement noise the right order is found in all of 2,880
-    simulations of five runs (C1, C2 and C4, P_n 0.05 to 0.30, orders 1 to 4) and in 98 % of single
-    runs; with white noise of a tenth of the remnant's power in little more than half of those of
-    orders 3 and 4, since a steep spectrum then ends in the floor.
-
-    A model's error in the linear response to e is in its residual and, since remnant goes round the
-    loop into e, it does not repeat either. It is estimated from the part of e that the target
-    explains, and taken out; anything else that the model lacks and that does not repeat counts as
-    remnant. With an ARX(2, 2) model of other runs, P_n is within 1.5 % of its value on average for
-    orders 1 to 3; for order 4 it is 5 % too high at P_n = 0.15 and 14 % at 0.30.
+    The interval of P_n is for the operator, whose other runs have another remnant. Order and time
+    constant come from a Whittle likelihood of the averaged periodogram, up to 60 rad/s, half the
+    Nyquist frequency, or ten times a floor of white measurement noise. ``p_value`` tests what the
+    probabilities assume: that one of the four orders is true. A model's linear error in the
+    response to e, which remnant on its way round the loop would show as remnant, is taken out.
 
     References
     ----------
@@ -252,12 +239,8 @@ def remnant_estimate(
     ...     "C2", 5, remnant_intensity=0.2, remnant_order=3, channels=["e", "f_t"], random_state=0
     ... )
     >>> remnant = remnant_estimate(ARXRegressor(nk=29).fit(X, y), X, y)
-    >>> remnant.order, round(remnant.time_constant, 2), round(remnant.intensity, 1)
-    (3, 0.06, 0.2)
     >>> remnant.orders["probability"].round(2).to_dict()
     {1: 0.0, 2: 0.0, 3: 1.0, 4: 0.0}
-    >>> print(remnant.summary().splitlines()[0])
-    Remnant in u, from what does not repeat between runs with the same target (5 runs).
     """
     signals = read_signals(model, X, y, repeats=repeats, roles=roles, run_in=run_in, dt=dt, run=run)
     ceiling = noise_ceiling(signals)
@@ -310,12 +293,7 @@ def _of_best_order(orders: pd.DataFrame, spectrum: pd.DataFrame) -> dict[str, An
 def _intensity(
     signals: Signals, ceiling: Ceiling, used: list[tuple[Group, np.ndarray]]
 ) -> tuple[float, tuple[float, float]]:
-    """P_n, and its interval by the delta method from the joint spectra of n and u.
-
-    P_n is a ratio N / U of powers, whose errors have the variance of N - P_n U. In each bin of the
-    Fourier transform that is a quadratic form in n and in what n adds to u, plus the product of
-    the latter with the response of u to the target.
-    """
+    """P_n = N / U, and its interval by the delta method from the joint spectra of n and u."""
     parts = [_powers(signals.y[group.rows], part, group, ceiling) for group, part in used]
     N = sum(float(part["n"].sum()) for part in parts)
     U = sum(float(part["u"].sum()) for part in parts)
@@ -332,10 +310,7 @@ def _intensity(
 def _powers(
     u: np.ndarray, part: np.ndarray, group: Group, ceiling: Ceiling
 ) -> dict[str, np.ndarray]:
-    """Power of n and u by bin, and variances and covariance of these powers under noise.
-
-    ``response`` is the variance of the product of the response to the target with the noise in u.
-    """
+    """Power of n and u by bin, and variances and covariance of these powers under noise."""
     R = group.n_runs
     n, u = (fft.rfft(x - x.mean(axis=1, keepdims=True), axis=1)[:, 1:] for x in (part, u))
     if group.n_samples % 2 == 0:  # the Nyquist bin stands for one, all others for two
@@ -431,10 +406,7 @@ def _shape(omega: Any, T_n: float, m: int) -> np.ndarray:
 
 
 def _fits(spectrum: pd.DataFrame) -> pd.DataFrame:
-    """Filters of every order at their greatest likelihood.
-
-    Whittle: each ordinate of the periodogram is exponentially distributed about the density.
-    """
+    """Filters of every order at their greatest (Whittle) likelihood."""
     omega, dof = spectrum["omega"].to_numpy(), spectrum["dof"].to_numpy()
     density = np.pi * spectrum["psd"].to_numpy()
 

@@ -50,11 +50,7 @@ BY_TARGET = Note(Decided.BY_TARGET, "")
 
 @dataclass(frozen=True)
 class Group:
-    """Runs that share the target, on the rows that all of them have.
-
-    ``rows`` are row positions, one row of them a run; ``lines`` the excited bins of the Fourier
-    transform over these rows, None where the target is unknown or not periodic in them.
-    """
+    """Runs (``rows``, one row a run) of one target; ``lines`` are its excited bins, if any."""
 
     runs: np.ndarray
     rows: np.ndarray
@@ -89,10 +85,7 @@ def grouped(
     channels: Mapping[str, np.ndarray],
     repeats: Any,
 ) -> Grouped:
-    """Sort runs into groups of repeats: of one target, and of one disturbance.
-
-    ``stretches`` are first and last row + 1 of runs by number; ``measured`` is the output.
-    """
+    """Sort runs into groups of repeats: of one target, and of one disturbance."""
     labels = repeat_labels(layout, repeats)
     outside = {name: values for name, values in channels.items() if is_external(name)}
     members, apart = runs_in_common(layout, stretches, outside, labels)
@@ -155,9 +148,8 @@ def _by_disturbance(
 ) -> tuple[list[np.ndarray], Note]:
     """Split runs of one target by a disturbance that was not recorded, and say how.
 
-    The element moves as x = G (u + d). With G estimated, d follows: constant over the run, or in
-    windows with an element of their own, whichever leaves the runs more alike. Runs differ where
-    their d do, by more than what hardly shows in u.
+    With an estimated element x = G (u + d), d follows: with one element or one a window, whichever
+    leaves the runs more alike.
     """
     together = [np.arange(len(rows))]
     signals = with_target_and_x(channels)
@@ -304,10 +296,7 @@ def _period(outside: Mapping[str, np.ndarray], rows: np.ndarray) -> int | None:
 
 
 def excited_lines(target: np.ndarray, whole: bool = False) -> np.ndarray | None:
-    """Bins that hold the power of a target periodic in its window; None if it is not.
-
-    ``whole`` says that the window is known to hold whole periods.
-    """
+    """Bins that hold the power of a target periodic in its window (or ``whole``); None if not."""
     power = np.abs(fft.rfft(target - target.mean())) ** 2
     if not power.any():
         return None
@@ -332,8 +321,7 @@ def runs_in_common(
 ) -> tuple[list[tuple[list[int], np.ndarray]], set[str]]:
     """Runs of one label, or of one target and disturbance, and the rows that they have in common.
 
-    Each run joins the first others that are like it. Also the disturbances in which runs of one
-    target differ. ``stretches`` are first and last row + 1 of runs by number, without a gap inside.
+    Also the disturbances in which runs of one target differ.
     """
     number = layout.sample_numbers()
     first = {run: int(number[start]) for run, (start, _) in stretches.items()}
@@ -358,8 +346,7 @@ def runs_in_common(
 class _Groups:
     """Groups of runs so far: sample numbers that they have in common, and signals of the first.
 
-    A sum of squared differences over some samples is none too large for all of them: most pairs
-    are told apart by a few.
+    Most pairs are told apart by a few samples.
     """
 
     def __init__(

@@ -21,8 +21,8 @@ from .tests_table import FALSE_ALARM, Test
 def linear_misfit(signals: Signals, ceiling: Ceiling) -> list[Test]:
     """Gain, lag and bias by which the prediction differs from the measured response.
 
-    The measured output is u = (1 + g) û(t - τ) + b: the residual is regressed on the part of û
-    that owes nothing to the remnant of its run, on its rate, and on a constant.
+    Of u = (1 + g) û(t - τ) + b: the residual is regressed on the coherent part of û, its rate and
+    1.
     """
     responses = _responses(signals)
     if not responses:
@@ -90,10 +90,9 @@ PARAMETERS = 5  # b0, b1, a1, a2 and the delay
 def delay_test(signals: Signals, ceiling: Ceiling, lag: float) -> list[Test]:
     """Fit a gain, lead and second-order lag with every delay, to measurement and to model.
 
-    H(jω) = (b0 + b1 jω) exp(-jωτ) / (1 + a1 jω + a2 (jω)²), the structure of Eq. 3 of the thesis,
-    by iterated least squares (Sanathanan and Koerner 1963) at the frequencies at which there is a
-    response, between the parts of signals that are caused from outside the loop. The search goes
-    downhill from the delay of the model, and from there by the ``lag`` of the response (s).
+    H(jω) = (b0 + b1 jω) exp(-jωτ) / (1 + a1 jω + a2 (jω)²), as Eq. 3 of the thesis, by iterated
+    least squares (Sanathanan and Koerner 1963); downhill from the model's delay, and from there by
+    the ``lag``.
     """
     spectra = _spectra(signals, ceiling)
     if spectra is None:

@@ -46,10 +46,8 @@ OUTPUTS = ("y", "predicted", "residual")
 class Signals:
     """What a model predicts and what was measured, row by row.
 
-    ``predicted`` is the free run where it has settled, and the measurement before. ``scored`` are
-    rows that were measured, outside a run-in and settled; ``channels`` the channels
-    of X that have a role; ``decided`` how it was found which runs are repeats; ``judged`` are rows
-    outside a run-in.
+    ``predicted`` is the free run where it has settled, and the measurement before; ``scored`` are
+    rows measured, outside a run-in (``judged``) and settled.
     """
 
     model: Any
@@ -73,10 +71,7 @@ class Signals:
         return self.y - self.predicted
 
     def tapered(self, rows: np.ndarray, *signals: np.ndarray) -> np.ndarray:
-        """Signals as columns that begin and end at zero, and are zero where not scored.
-
-        A Fourier transform joins the two ends of a run; tapered, they make no step.
-        """
+        """Signals as columns that begin and end at zero, and are zero where not scored."""
         known = np.flatnonzero(self.scored[rows])
         weight = np.zeros(rows.size)
         if known.size:
@@ -127,11 +122,7 @@ class Signals:
 
 @dataclass(frozen=True)
 class RunsRead:
-    """Runs and a model's free run of them as they come, row by row.
-
-    ``trimmed`` are rows that the model leaves out; ``columns`` those of X by name, ``roles`` what
-    was said of them.
-    """
+    """Runs and a model's free run of them as they come, row by row."""
 
     model: Any
     layout: RunLayout
@@ -204,11 +195,7 @@ def sorted_signals(
     repeats: Any = None,
     run: Any = None,
 ) -> Signals:
-    """Find the rows to score, the channels by role, and the repeats; no one-step predictions.
-
-    ``settling`` finds the rows in which the free run settles, and whether it does; it counts where
-    ``run_in`` is None.
-    """
+    """Find the rows to score, the channels by role, and the repeats."""
     layout, measured, predicted = read.layout, read.measured, read.free_run
     used = scored_rows(layout, run_in, None) & ~read.trimmed
     scored_signals(measured, predicted, used, layout, False)  # for its checks
@@ -321,12 +308,9 @@ def _units_by_role(read: RunsRead) -> dict[str, str]:
 def _settling_rows(
     model: Any, X: Any, layout: RunLayout, trimmed: np.ndarray, predicted: np.ndarray
 ) -> tuple[np.ndarray, bool]:
-    """Rows in which the prediction still depends on where in the recording it started.
+    """Rows in which the prediction still depends on where it started, and whether it settles.
 
-    And whether it does no more after them.
-
-    A free run begins at rest, and the person does not. How long that lasts is measured: the same
-    rows are predicted again from a later start, until both predictions agree.
+    The same rows are predicted again from a later start, until both predictions agree.
     """
     settling = np.zeros(layout.n_rows, dtype=bool)
     starts = np.union1d(
@@ -414,10 +398,7 @@ RANK = 1e-8  # of the strongest direction of the target's past; weaker ones are 
 
 @dataclass(frozen=True)
 class TargetResponse:
-    """Finite impulse responses to the target of one run: those of several signals, by name.
-
-    The last coefficient is that of a constant.
-    """
+    """Finite impulse responses of signals to the target of one run; a constant comes last."""
 
     taps: np.ndarray
     coefficients: dict[str, np.ndarray]
@@ -444,11 +425,10 @@ class TargetResponse:
 
 
 def coherent_part(signals: Signals, group: Group, name: str) -> np.ndarray | None:
-    """Part of a signal, run by run, that is caused from outside the loop.
+    """Part of a signal, run by run, that is caused from outside the loop; None if there is no way.
 
-    With repeats the mean of the other runs; with a periodic target and one run the excited lines;
-    otherwise the response to the target by a finite impulse response. None where there is no way:
-    what remains would be correlated with the noise of its own run.
+    Of repeats the mean of the other runs; of one run the excited lines, or the response to the
+    target.
     """
     if group.n_runs > 1:
         values = signals.named(name)[group.rows]

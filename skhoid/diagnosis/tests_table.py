@@ -11,11 +11,7 @@ import pandas as pd
 
 @dataclass(frozen=True)
 class Test:
-    """Outcome of one test; ``p`` accounts for the search inside it.
-
-    ``cost`` are the VAF points that the effect takes, where that is known. A rule of thumb has no
-    p-value: ``rule`` says whether it is met.
-    """
+    """Outcome of one test; ``cost`` in VAF points; a ``rule`` of thumb has no p."""
 
     test: str
     signal: str

@@ -173,10 +173,7 @@ def roles_with_error(model: Any, first: Any, roles: Any) -> Any:
 def control_of(
     estimator: Any, X: Any, lost_control: str, domain: str | None = None
 ) -> ControlCheck:
-    """Where control was lost in what a model is to be fitted on.
-
-    Nowhere if rows are to be kept, or if the user says that it is a machine, which loses none.
-    """
+    """Where control was lost in data; nowhere if rows are kept or it is said to be a machine's."""
     if lost_control == KEEP or domain == "machine":
         return ControlCheck()
     roles, run = (getattr(estimator, name, None) for name in ("roles", "run"))

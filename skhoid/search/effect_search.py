@@ -86,16 +86,14 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     """Find the physical effects that a model is missing, judged on held-out runs.
 
     Every effect of a catalogue is added to the model in turn, and all parameters are refitted
-    together in simulation. An effect counts when both criteria are met: by likelihood, ΔBIC = n
-    log(SSE before / after) - k log n > 25; by free run, a gain of at least 0.2 points of VAF (about
-    the mean) on held-out rows. Where the controlled element is known, the best effect must also
-    help in the **closed loop**, where target and disturbance are the inputs and the model's output
-    moves x and e: there, remnant that returns in the error cannot pass for a response. For
-    nonlinear effects, or where the loop cannot be solved, a jointly estimated noise model decides.
-    The effect must also simulate held-out rows better when refitted without them, its numbers must
-    not end at a bound, and it must not rebuild the output from x. Then it is added, and the search
-    continues until no effect meets all criteria; effects that no longer meet them once others are
-    added are removed.
+    together in simulation. An effect counts by likelihood, ΔBIC = n log(SSE before / after) - k log
+    n > 25, and by free run, at least 0.2 points of VAF (about the mean) on held-out rows. Where the
+    controlled element is known, the best one must also help in the **closed loop**, where remnant
+    that returns in the error cannot pass for a response; for nonlinear effects, or where the loop
+    cannot be solved, a jointly estimated noise model decides. It must simulate rows better that it
+    was not fitted to, its numbers must not end at a bound, and it must not rebuild the output from
+    x. The search goes on until no effect meets all criteria; those that no longer do once others
+    are added are removed.
 
     Parameters
     ----------
@@ -119,56 +117,39 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         Number of processes that try effects; None means 1, -1 all processors. The result does not
         depend on it.
     domain : {"human", "machine"} or None, default=None
-        What was recorded. It decides the wording and which effects are tried: dry friction or a
-        sensor that shows the magnitude are for machines. None means "human" for an
-        OperatorRegressor, and for an ARX model that responds to the error, the target or x of a
-        loop.
+        What was recorded: it decides the wording and which effects are tried. None means "human"
+        for an OperatorRegressor, and for an ARX model that responds to the error, the target or x.
     lost_control : {"leave_out", "keep"}, default="leave_out"
-        What to do with stretches in which control was lost, found in the error by the rule of
-        :func:`skhoid.lost_control`: leave them out of fits and of held-out rows, or keep them like
-        all other rows. Not used with ``domain="machine"``.
+        What to do with stretches in which a person lost control (:func:`skhoid.lost_control`).
     max_rows : int or None, default=200_000
         Maximum number of rows in which to look for effects, in whole runs spread evenly over the
-        data; None uses all. Parameters, standard errors, likelihood and VAF of the models found are
-        those of all rows.
+        data; None uses all. The models found are those of all rows.
 
     Attributes
     ----------
     ranking_ : DataFrame
         One row per step and effect, best first: step, rank, effect (its id), title, form, status
-        ("added", "not better", "does not apply"), vaf_gain (points, held out), delta_bic (larger is
-        better; one noise model for all candidates), p_value (of the likelihood ratio, times the
-        number of effects tried), gain_loop and delta_bic_loop (the same in the closed loop; NaN
-        where not evaluated), delta_bic_joint (with a jointly estimated noise model; NaN for an ARX
-        model, for effects without a gain, and far behind the best), parameters (with standard
-        errors and units), reason_code and reason (why it was not added: a
-        :class:`skhoid.search.Reason`, and words), words, confused_with, vaf_before (held
-        out, refitted for each fold, of the first step as in ``error_path_``), vaf_after (its sum
-        with vaf_gain), delta_loglik, n_parameters. :meth:`ranking_table` is the short form.
+        (a :class:`skhoid.search.Status`), vaf_gain (points, held out), delta_bic, p_value (of the
+        likelihood ratio, times the number of effects tried), gain_loop and delta_bic_loop (in the
+        closed loop), delta_bic_joint (with a jointly estimated noise model), parameters,
+        reason_code and reason (why it was not added: a :class:`skhoid.search.Reason`, and words),
+        words, confused_with, vaf_before, vaf_after, delta_loglik, n_parameters. NaN is what was not
+        evaluated. :meth:`ranking_table` is the short form.
     best_effects_ : list of str
-        Ids in the order added; empty when nothing is missing. ``"unknown"`` at the end means
-        structure that none of the effects tried explains; on its own, it means that the effects
-        which explain part of it, ``stand_ins_``, explain too little to be named.
+        Ids in the order added. ``"unknown"`` at the end means structure that none of the effects
+        tried explains.
     stand_ins_ : list of str
-        Ids of effects in ``best_estimator_`` that explain part of what is missing, but too little
-        to name it; otherwise empty.
+        Ids of effects in ``best_estimator_`` that explain too little of it to be named.
     shape_ : Shape or None
-        What the data show of an effect without a name: place, curve with a band, what it explains,
-        and the named effects that are nearest. None where nothing is missing, all has a name, or no
-        free form explains it.
+        What the data show of an effect without a name.
     result_ : SearchResult
-        All of it in one structure, without underscores; ``as_dict()`` is for JSON.
+        All of it in one structure; ``as_dict()`` is for JSON.
     verdict_ : Verdict
-        ``NOTHING`` (is missing), effects ``FOUND``, or what ``"unknown"`` at the end of
-        ``best_effects_`` means: ``NOT_IN_CATALOGUE`` if all of it was tried; ``NOT_TRIED`` if
-        ``effects`` is only part of it; ``CUT_SHORT`` (by max_effects) if the search ended while
-        effects still helped. See :class:`skhoid.search.Verdict`; ``str()`` of it is a sentence.
+        How it ended, see :class:`skhoid.search.Verdict`.
     error_path_ : DataFrame
         One row per step, starting with the baseline: effect (the id that was added), model (all its
-        effects so far, in words), vaf and rmse (held out, each fold refitted), vaf_loop (in the
-        closed loop; NaN where it is not known), vaf_train, ceiling (one number for all steps, from
-        the part of the best model's residual that does not repeat; NaN where it is not known),
-        explainable_gap (points left to explain).
+        effects so far), vaf and rmse (held out, each fold refitted), vaf_loop (in the closed loop),
+        vaf_train, ceiling (of the best model), explainable_gap (points left to explain).
     predictions_ : DataFrame
         Held-out free runs: measured, baseline, and one column per effect added; NaN in rows that
         are left out.
@@ -179,9 +160,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     best_score_ : float
         VAF on held-out rows of that model, each fold refitted, in percent.
     cv_results_ : dict of ndarray
-        As of GridSearchCV: params (``effects``), mean_test_score (VAF on held-out rows),
-        rank_test_score, and step. First the models of ``error_path_``, then candidates that were
-        not added, each beside those added before. More than the score decides between them.
+        As of GridSearchCV: params (``effects``), mean_test_score, rank_test_score, and step. First
+        the models of ``error_path_``, then candidates that were not added.
     best_index_ : int
         Of the best model there.
     n_splits_ : int
@@ -191,9 +171,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     control_ : ControlCheck
         Where control was lost.
     explainable_gap_ : float
-        Points of VAF that a better model can gain over the baseline: what the effects found gain on
-        held-out rows, plus the largest structure in ``unexplained_``. Like ``ceiling`` it depends
-        on the best model, and so on the effects tried; VAF and RMSE of the baseline do not.
+        Points of VAF that a better model can gain over the baseline: what the effects found gain,
+        plus the largest structure in ``unexplained_``.
     unexplained_ : DataFrame
         Structure left at the end: where (time, frequency, amplitude, channel, or "repeats" for what
         is the same in all runs), at, description, points, delta_bic.
@@ -202,15 +181,11 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     experiments_ : list of str
         What to record to tell apart effects that these data cannot.
     left_out_ : DataFrame
-        Stretches left out because control was lost: run, from and to (s in the run), times (the
-        error, as a multiple of its usual size), reason.
+        Stretches left out because control was lost: run, from, to (s in the run), times, reason.
     searched_runs_ : list
-        Labels of the runs in which effects were looked for: all, or up to ``max_rows`` rows.
-        ``ranking_``, ``unexplained_`` and the VAF in the closed loop refer to these.
+        Labels of the runs in which effects were looked for.
     notes_ : list of Note
-        Further remarks; ``str()`` of one is its text: in which runs effects were looked for; which
-        other parameters change together with the gains; a delay at its lower bound; both estimates
-        of parameters on which likelihood and simulation error disagree; what is left out.
+        Further remarks; ``str()`` of one is its text.
     n_features_in_ : int
         Number of columns seen in ``fit``.
     feature_names_in_ : ndarray of str
@@ -222,14 +197,9 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
 
     Notes
     -----
-    Candidates are compared on held-out rows with parameters for each fold, one Gauss-Newton step
-    from those of all rows; effects that are named are refitted for each fold. A ``delay`` given to
-    the estimator is a claim: effects are named by a search with a free delay, and ``wrong_delay``
-    says whether the data also refute the given one. Since e = f_t - x, responses to f_t, x and e
-    without delays are the same; delays, and the controlled element's inverse in the feedforward
-    path, tell them apart.
-
-    For progress, call ``search.set_callbacks(sklearn.callback.ProgressBar())`` before ``fit``.
+    A ``delay`` given to the estimator is a claim: effects are named by a search with a free delay,
+    and ``wrong_delay`` says whether the data also refute the given one. For progress, call
+    ``search.set_callbacks(sklearn.callback.ProgressBar())`` before ``fit``.
 
     Examples
     --------

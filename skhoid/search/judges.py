@@ -45,11 +45,7 @@ class HeldOutRows:
 
 
 def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -> np.ndarray:
-    """Free runs of each fold's rows with parameters fitted without them.
-
-    The parameters of a fold are one Gauss-Newton step from those of all rows, with the normal
-    equations of its training rows; rows in no fold keep the prediction of all rows.
-    """
+    """Free runs of each fold's rows, with parameters one Gauss-Newton step from those of all."""
     simulator, record = model.simulator, model.simulator.record
     output = model.output
     prediction = output.copy()
@@ -84,13 +80,7 @@ def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -
 def refitted_prediction(
     model: Model, criterion: Criterion, folds: Sequence[HeldOutRows], **ends: Any
 ) -> np.ndarray:
-    """Free runs of each fold's rows with parameters fitted anew without them, to the end.
-
-    Fits end as those of :func:`~skhoid.model.extend.refitted` do, which ``ends`` may set. A fit
-    in a loop may end at the brink of what settles, where the loop is not solved again: it is taken
-    back towards where it began. NaN where that has no solution either. Curves over a channel hold
-    their last value beyond what the rows that were fitted have of it.
-    """
+    """Free runs of each fold's rows with parameters fitted without them; NaN where none settles."""
     prediction = model.output.copy()
     for fold, fitted in without_folds(model, criterion, folds, **ends):
         prediction[fold.test] = within_seen(fitted, fold).output[fold.test]
@@ -98,10 +88,7 @@ def refitted_prediction(
 
 
 def within_seen(fitted: Model, fold: HeldOutRows) -> Model:
-    """A model on the record with channels that curves are over within what the fold was fitted on.
-
-    Beyond, the data say nothing of the curve, and a straight line may lead anywhere.
-    """
+    """A model on the record whose curves end where the channel did that its fold was fitted on."""
     simulator = fitted.simulator
     record, changed = simulator.record, {}
     for _, effect in fitted.effects:
@@ -134,12 +121,11 @@ def without_folds(
 
 
 class JointParent:
-    """A model against which others are judged by likelihood.
+    """A model against which others are judged, each with the noise model that is likeliest with it.
 
-    The remnant comes back in the error, and the noise model of a simulation-error fit holds the
-    bias which that makes. Here each model has the noise model with which it is likeliest. What is
-    likely at one rate only is an error of the simulation or of a sensor, or structure that the
-    noise model cannot hold: ΔBIC is the least of all rates.
+    The noise model of a simulation-error fit holds the bias of the remnant that comes back in the
+    error. What is likely at one rate only is an error of simulation or sensor: ΔBIC is the least of
+    all rates.
     """
 
     def __init__(self, parent: Model):
@@ -153,10 +139,7 @@ class JointParent:
             self.found.append(likeliest(simulator, starts, rate))
 
     def delta_bic(self, model: Model, least: float = -np.inf) -> float:
-        """Of what a model has beside the parent; NaN where a likelihood has no maximum.
-
-        Rates after one at which it is not above ``least`` are left out.
-        """
+        """Of a model over the parent; NaN without a maximum. Ends at a rate not above ``least``."""
         found = np.inf
         for at_parent, rate in zip(self.found, RATES, strict=True):
             found = float(np.minimum(found, self._at_rate(model, at_parent, rate)))
@@ -203,11 +186,7 @@ class InLoop:
 
 
 def only_levels(added: Sequence[Effect], parent: Model, model: Model) -> bool:
-    """Whether effects move the level of the output alone, or mostly.
-
-    With an integrator in the element the level of u is that of the disturbance, whatever the
-    person's own is, which shows in e.
-    """
+    """Whether effects mostly move the level of u, which an integrator leaves open."""
     if all(e.place == "sum" and getattr(e, "channel", None) is None for e in added):
         return True
     change = np.where(parent.simulator.record.known, model.output - parent.output, 0.0)
@@ -236,11 +215,7 @@ class LoopJudge:
         return cls(core, record, loop, rows)
 
     def around(self, parent: Model, plain: Model | None = None) -> LoopParent:
-        """The loop around a model; a remnant of the kind that it leaves is drawn along.
-
-        ``plain`` is the same model at the least error of simulation, by which it is known again;
-        None: it is that itself.
-        """
+        """The loop around a model, with a remnant of the kind it leaves; ``plain`` is its key."""
         key = (parent if plain is None else plain).key
         if key not in self._around:
             self._around[key] = self._first_around(parent)
@@ -253,10 +228,7 @@ class LoopJudge:
         return LoopParent(self, replace(self.loop, remnant=remnant), parent)
 
     def fitted(self, loop: Loop, effects: Effects, starts: Sequence[np.ndarray]) -> Model:
-        """Effects beside the core, at the smallest error of the loop that some starts lead to.
-
-        Of several starts the one is followed that some iterations from each lead furthest down.
-        """
+        """Effects beside the core, at the least error of the loop from the best of some starts."""
         simulator: Any = LoopSimulator(self.core, effects, self.record, loop)
         start = starts[0]
         if len(starts) > 1:
@@ -307,10 +279,7 @@ class LoopParent:
         return known
 
     def compared(self, model: Model) -> tuple[InLoop, Model | None]:
-        """The same without the rows held out, which take most of the time, and the fit to judge.
-
-        None where nothing is left to judge.
-        """
+        """The same without held-out rows, which take long, and the fit to judge, or None."""
         if id(model) not in self._compared:
             self._compared[id(model)] = (model, *self._compare(model))
         return self._compared[id(model)][1:]
@@ -335,10 +304,7 @@ class LoopParent:
         return InLoop(delta_bic=delta_bic, bends=bends, parent_has=self._parent_has), fitted
 
     def _unsolved(self, model: Model) -> InLoop:
-        """Of a model without a solution in the loop.
-
-        A linear path without one is a loop that does not settle, or has no delay.
-        """
+        """Of a model without a solution: a linear path does not settle, or lacks a delay."""
         added = self._added(model)
         paths = all(effect.place in ("path", "sum") for _, effect in added)
         linear = paths and not self._bends(model, model.effects.steps)
@@ -452,10 +418,7 @@ def traces_of(record: Record) -> dict[str, str]:
 def noises_in(
     residual: np.ndarray, record: Record, tried: Sequence[Effect]
 ) -> tuple[list[tuple[Effect, Signature]], list[Signature]]:
-    """Effects that are noise to the free run, and show in a residual.
-
-    Those of ``tried`` with their signatures, then signatures of others of the catalogue.
-    """
+    """Effects of ``tried`` that are noise and show in a residual, and signatures of others."""
     by_name = {effect.name: effect for effect in tried if effect.noise}
     named, others = [], []
     for effect in by_name.values():
@@ -471,11 +434,9 @@ def noises_in(
 
 
 def without_noise(record: Record, output: np.ndarray, tried: Sequence[Effect]) -> Record | None:
-    """A record whose output lacks what effects of ``tried`` that are noise show in a residual.
+    """A record without the noise of effects of ``tried`` that show beside a model's ``output``.
 
-    The residual is that of a model's ``output``. None where nothing shows. A tremor bends the fit
-    of simulations, which has no noise model, and a resonance or a map that follows the error round
-    the loop could take up some of it.
+    A tremor would bend the fit of simulations, which has no noise model. None where nothing shows.
     """
     assert record.y is not None
     parts = [effect.noise_part(record.y - output, record) for effect in tried]

@@ -48,11 +48,9 @@ LIKELY, LIKELY_IF_FIRST, LIKELY_BESIDE_BENT = 25.0, 12.0, 50.0
 class LeftBeside(NamedTuple):
     """How much structure may be left beside effects that are named.
 
-    What is left counts as unknown if it exceeds ``points`` (of VAF about the mean) and the share
-    ``counts`` of what could be explained. Above the share ``unnames`` the effects found are not
-    named: several effects that leave something may together imitate what is missing. That share
-    grows with what they gain, up to ``unnames_much``, since hardly anything else imitates much. The
-    first of several may stay named.
+    Beyond ``points`` (of VAF about the mean) and the share ``counts`` of what could be explained it
+    is unknown; above the share ``unnames`` the effects are not named, up to ``unnames_much`` as
+    they gain more, since hardly anything else imitates much.
     """
 
     points: float
@@ -88,12 +86,7 @@ def refutes(judged: InLoop) -> bool:
 
 
 def likely_asked(judged: InLoop) -> float:
-    """ΔBIC asked of a model by a noise model that is estimated along.
-
-    Less is asked of the first effect if it is not linear: where nothing is hidden, such effects
-    reach hardly any ΔBIC. More is asked where the loop cannot judge and the model has a nonlinear
-    effect already: a further one may only take up what the form of that one does not fit.
-    """
+    """ΔBIC asked with a noise model: less of a first effect that bends, more beside such."""
     if judged.parent_has == "nothing" and judged.bends:
         return LIKELY_IF_FIRST
     unsolved = bool(np.isnan(judged.delta_bic))
@@ -146,11 +139,8 @@ class Candidate:
     def refuted(self) -> bool:
         """Whether the unbiased likelihood and the closed loop, if evaluated, speak against it.
 
-        For linear effects the loop decides, and asks more of a response to the target. Where the
-        loop cannot be solved, a jointly estimated noise model decides; for nonlinear effects a loop
-        that speaks against them counts as well. The loop is blind to what only the remnant excites,
-        such as feedback that the target cannot tell from another gain: what is no worse there
-        may be far more likely than any linear effect of nothing. To the limb it is not blind.
+        The loop decides on linear effects, and on others only against them; else the noise model
+        does. It is blind to what only the remnant excites, unless that acts on the limb.
         """
         judged = self.in_loop
         if judged is None:
@@ -179,11 +169,7 @@ class Candidate:
 
     @property
     def weight(self) -> float:
-        """ΔBIC by which candidates are ranked, of rows at about the same rate.
-
-        The unbiased one where it is known, and that of the free run, which is less so but includes
-        what a jointly estimated noise model would take for remnant.
-        """
+        """ΔBIC by which candidates are ranked, with the unbiased one where it is known."""
         unbiased = self.joint if np.isfinite(self.joint) else self.delta_bic / 2
         return self.delta_bic / 2 + unbiased - loop_against(self.in_loop)
 
@@ -206,11 +192,7 @@ class Candidate:
 
 
 def may_lead(candidates: list[Candidate], share: float) -> list[Candidate]:
-    """Candidates without an unbiased ΔBIC that may have a ``share`` of the weight of the best.
-
-    Also those that may be likelier than another alternative of the same effect whose unbiased ΔBIC
-    is known.
-    """
+    """Candidates without an unbiased ΔBIC that may have a ``share`` of the weight of the best."""
     most = [c.at_most for c in candidates if c.passes and not c.unweighed]
     left = [c for c in candidates if c.unweighed]
     known: dict[str, float] = {}
@@ -267,11 +249,7 @@ def without_name(candidate: Candidate) -> Against | None:
 
 
 def hardly_there(candidate: Candidate) -> Against | None:
-    """Why a fitted effect is not named: its numbers may well be those at which it does nothing.
-
-    Not asked of what jumps, nor where a standard error is not known, nor of a curve: each of its
-    coefficients may be zero where all together are not, and that ΔBIC says.
-    """
+    """Why a smooth effect is not named: its numbers may well be those at which it does nothing."""
     model, neutral = candidate.model, candidate.effect.neutral
     assert model is not None
     if not neutral or candidate.effect.free_form or not model.simulator.smooth:
@@ -298,10 +276,7 @@ def natural(value: float) -> bool:
 
 
 def plainest_first(candidates: list[Candidate]) -> None:
-    """Put a plainer effect before the best where hardly anything is left to tell them apart.
-
-    With little remnant the likelihood responds to the last digits of simulations.
-    """
+    """Put a plainer effect before the best where too little noise is left to tell them apart."""
     first = candidates[0] if candidates else None
     if first is None or not first.passes or first.trace or first.vaf < LITTLE_NOISE:
         return
@@ -335,11 +310,9 @@ def special_cases_of(general: Candidate, candidates: list[Candidate]) -> list[Ca
 def as_good(special: Candidate, general: Candidate) -> bool:
     """Whether what a general form has beyond a special case would not count as an effect.
 
-    That is asked as of any other effect: in the closed loop where that has judged both as linear,
-    else by ΔBIC and by points of held-out rows. A general form also takes up errors of the
-    simulation and of the noise model, so that ΔBIC prefers it in long records, whatever is true.
-    Where it has no more parameters, so that the special case is one in the limit only, the unbiased
-    likelihood decides, if it is known.
+    A general form also takes up errors of the simulation and of the noise model, so that ΔBIC
+    prefers it in long records, whatever is true: the closed loop decides if it can, then points
+    too.
     """
     one, other = special.in_loop, general.in_loop
     if one is not None and other is not None and special.linear_in_loop and general.linear_in_loop:
@@ -450,10 +423,7 @@ def first_stands(rival: Candidate, found: SearchNumbers) -> bool:
 
 
 def excess_asked(one: Candidate, found: SearchNumbers) -> float:
-    """Points by which a form must exceed all effects that were found to speak against them.
-
-    One with fewer numbers, such as those at which stretches begin and end, need not exceed them.
-    """
+    """Points by which a form must exceed all effects found to speak against them."""
     if len(found.added) > 1:
         return -AS_GOOD_FORM
     if not elsewhere(one.effect, found):
@@ -476,11 +446,7 @@ def group_of(effect: Effect) -> frozenset[str]:
 
 
 def evidence_for(c: Candidate) -> float:
-    """The least ΔBIC that a judge grants whom the remnant that returns in the error cannot mislead.
-
-    The closed loop judges linear effects, and a noise model estimated along those that are not.
-    What loses on held-out rows has no evidence for it.
-    """
+    """The least ΔBIC granted by a judge that the remnant in the error cannot mislead."""
     if c.inapplicable or c.model is None:
         return np.nan
     judged, found = c.in_loop, [c.delta_bic]

@@ -47,11 +47,9 @@ class SearchNumbers:
     """Numbers of a search.
 
     ``steps`` are judged models with none, the first, the first two ... of the effects ``added``
-    (names); ``left`` is structure that remains, ``noises`` effects that are noise and show in it.
-    ``ceiling`` is the VAF that a model can reach, NaN where it is not known, for the reason
-    ``no_ceiling``. ``share`` is the part of the output's power that is not its mean. ``changes``
-    are those of further parameters where gains change. With ``one_cause`` one free form explains
-    as much as all of the effects together, and is likelier.
+    (names). ``ceiling`` is NaN for the reason ``no_ceiling``; ``share`` is the part of the output's
+    power that is not its mean. With ``one_cause`` one free form explains as much as all effects,
+    and is likelier.
     """
 
     path: Path
@@ -89,10 +87,7 @@ class SearchNumbers:
 
 @dataclass(frozen=True)
 class AllRuns:
-    """A record of all runs, and what each fold of the search holds out of it.
-
-    No fit of the search has seen rows that no fold holds out.
-    """
+    """A record of all runs, and what each fold of the search holds out of it."""
 
     record: Record
     held: Sequence[Held]
@@ -124,12 +119,7 @@ def numbers_of(
     recorded: np.ndarray,
     all_runs: AllRuns | None = None,
 ) -> SearchNumbers:
-    """Walk the path again, and look for what is left; ``measured`` has every row of y.
-
-    ``recorded`` is the output of the search's runs as it was recorded; the search itself may have
-    looked at it without a recognised noise (a tremor), and at some of the runs only. Steps are then
-    judged on ``all_runs`` of ``prepared``.
-    """
+    """Walk the path again, and look for what is left in ``recorded``; ``measured`` is all of y."""
     record = replace(search.record, y=recorded)
     steps = walked(search, path, all_runs)
     left = leftovers(path.model, search.folds, search.loop)
@@ -171,10 +161,7 @@ def walked(search: Search, path: Path, all_runs: AllRuns | None = None) -> list[
 def gap_of(
     model: GreyBox, prepared: Prepared, measured: np.ndarray
 ) -> tuple[float, float, float, str]:
-    """Explainable gap of a model in points, its standard error, and the VAF it refers to.
-
-    NaN where the data give no noise ceiling, for the reason that comes last.
-    """
+    """Explainable gap of a model (points), its standard error, its VAF, and why it is not known."""
     layout = prepared.grid.layout
     read = RunsRead(
         model=model,
@@ -241,11 +228,10 @@ IN_LOOP = ("channel", "frequency")  # where the remnant may be followed round th
 def leftovers(
     model: Model, folds: Sequence[HeldOutRows], judge: LoopJudge | None = None
 ) -> list[Leftover]:
-    """Families that explain part of the residual of a model on held-out rows, best first.
+    """Families that explain part of a model's residual on held-out rows, best first.
 
-    With a ``judge`` linear responses count for no more than they explain in the closed loop, where
-    they cannot follow the remnant, at full rate (where they follow the sensor's error) and at one
-    at which effects are judged there.
+    With a ``judge`` linear responses count for no more than in the closed loop, where they cannot
+    follow the remnant, at full rate and at one at which they cannot follow the sensor's error.
     """
     found = _found(model, folds)
     if judge is not None and any(item.where in IN_LOOP for item in found):
@@ -299,10 +285,7 @@ def _judged(
     criterion: Criterion,
     folds: Sequence[HeldOutRows],
 ) -> tuple[float, float] | None:
-    """Points that columns gain on held-out rows beside a model's derivatives, and their ΔBIC.
-
-    The last of ``own`` is the residual. None where either is too small.
-    """
+    """Points that columns gain on held-out rows beside a model's derivatives, and ΔBIC; or None."""
     n_own = len(own) - 1
     plain = np.concatenate([own[:-1], columns])
     residual = own[-1]
@@ -329,12 +312,7 @@ def points_gained(
     solved: Callable[[np.ndarray, np.ndarray], np.ndarray],
     known: np.ndarray | float = 0.0,
 ) -> float:
-    """Points of VAF on held-out rows that responses gain over the first ``n_own`` of them.
-
-    ``plain`` are the responses; ``white`` has them, and the ``residual`` last, whitened. Their
-    coefficients are ``solved`` from the normal equations of each fold's training rows, to which
-    what is ``known`` beforehand adds.
-    """
+    """Points of held-out VAF that responses (``plain``, and ``white`` with the residual) gain."""
     by_row = white.reshape(len(white), *residual.shape)
     gained = total = 0.0
     for fold in folds:

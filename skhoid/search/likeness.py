@@ -322,10 +322,7 @@ class Likeness:
         low: np.ndarray,
         high: np.ndarray,
     ) -> Fit | None:
-        """The nearest curve of a family; None for a family that has none here.
-
-        ``departure(values)`` is its departure ``at`` all places.
-        """
+        """The nearest curve of a family of departures ``at`` all places, or None."""
         basis = np.linalg.qr(self.refitted_columns(self.points))[0]
         target = self.there - basis @ (basis.T @ self.there)
         size = float(np.sqrt(np.mean(target**2))) or 1.0
@@ -355,10 +352,7 @@ class Likeness:
 
 
 def moved_off_zero(starts: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Starts with half as much as is possible, up to one half, where they are zero.
-
-    An effect of size zero has no curve that could lead elsewhere.
-    """
+    """Starts off zero, where no curve could lead elsewhere: half of what is possible."""
     up, down = np.minimum(high / 2, 0.5), np.maximum(low / 2, -0.5)
     return np.concatenate([np.where(starts == 0.0, size, starts) for size in (up, down)])
 

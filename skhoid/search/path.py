@@ -100,10 +100,7 @@ def fitted_again(search: Search, path: Path) -> Path:
 
 
 def in_gaining_order(search: Search, path: Path, first: SearchStep) -> Path:
-    """Effects by rank, as they were added, or the other way round; without a loser, if all lose.
-
-    Each step must lower the error of held-out rows, refitted without them.
-    """
+    """Effects in an order in which each lowers the held-out error; without a loser, if none is."""
     start = len(path.steps[0].parent.effects)
     rank = {c.name: i for i, c in enumerate(first.candidates) if c.passes}
     given, added = path.model.effects.names[:start], path.model.effects.names[start:]
@@ -176,11 +173,7 @@ def path_of_length(path: Path, n: int) -> Model:
 
 
 def further_changes(search: Search, path: Path) -> dict[str, tuple[float, float, float]]:
-    """Whether neuromuscular frequency and damping change with gains that do.
-
-    Relative change, its standard error and the p-value of the likelihood ratio, by parameter; empty
-    where no gain changes by a sigmoid.
-    """
+    """Changes of neuromuscular frequency and damping with a gain that changes: value, sd and p."""
     found: dict[str, tuple[float, float, float]] = {}
     names = [n for n, e in path.model.effects if e.name == "tv_gain"]
     if not names or not search.core.kind.is_operator:
@@ -217,11 +210,7 @@ def better(search: Search, parent: Model, one: Model, other: Model) -> bool:
 
 
 def lead(search: Search, parent: Model, one: Model, other: Model) -> float:
-    """ΔBIC by which one model leads another, as candidates are ranked.
-
-    Under the noise model of the better one, and with noise models estimated along, beside what both
-    have in common. Infinite where little noise is left and the plainer one is as good.
-    """
+    """ΔBIC by which one model leads another; infinite for a plainer one that is as good."""
     criterion = Criterion(search.record)
     both = [output_error_fit(m) for m in (one, other)]
     best = min(both, key=lambda m: m.sse)
@@ -240,10 +229,7 @@ def lead(search: Search, parent: Model, one: Model, other: Model) -> float:
 
 
 def without_superfluous(search: Search, path: Path) -> Path:
-    """Remove effects that no longer pay in the presence of the others.
-
-    First the one that raises the error of held-out rows most, when refitted without them.
-    """
+    """Remove effects that no longer pay beside the others, the worst on held-out rows first."""
     model = path.model
     names = model.effects.names[len(path.steps[0].parent.effects) :]  # others were given
     if len(names) < 2:
@@ -263,10 +249,7 @@ def without_superfluous(search: Search, path: Path) -> Path:
 
 
 def likeliest_few(first: SearchStep, path: Path) -> list[Candidate]:
-    """Candidates of the first step that gain on held-out rows, the likeliest first.
-
-    What the search began with has been tried beside all others.
-    """
+    """Candidates of the first step that gain and were not begun with, the likeliest first."""
     begun = path.added[:1]
     if first.weigh is not None:
         first.weigh([c for c in first.candidates if c.unweighed])
@@ -283,10 +266,7 @@ def likeliest_few(first: SearchStep, path: Path) -> list[Candidate]:
 
 
 def pair_of(search: Search, path: Path, most: int) -> Path | None:
-    """A path that begins with two effects which are named together, and not alone; or None.
-
-    Each must pass all criteria beside the other, as an effect added to a model that has the other.
-    """
+    """A path that begins with two effects that pass all criteria beside each other; or None."""
     first = path.steps[0]
     if most < len(first.parent.effects) + 2:
         return None
@@ -312,8 +292,8 @@ def pair_of(search: Search, path: Path, most: int) -> Path | None:
 class GivenDelay:
     """A search whose model has a given delay, and the effect that frees it, with its name.
 
-    ``first`` is the first step of the search. For an operator it is made only when it is asked for,
-    since the search with a free delay tries the same candidates.
+    The ``first`` step of an operator is made when it is asked for: the search with a free delay
+    tries the same candidates.
     """
 
     search: Search
@@ -372,10 +352,7 @@ class GivenDelay:
         return in_gaining_order(search, path, first)
 
     def stands(self, path: Path) -> bool:
-        """Whether one effect beside the given delay explains clearly more than another delay alone.
-
-        A free delay takes up much of what is fed back late, and leaves too little of it to find.
-        """
+        """Whether one effect beside the given delay explains clearly more than another delay."""
         first = path.steps[0]
         best, claim = first.best, next(c for c in first.candidates if c.name == self.name)
         if path.added != [self.name] or best is None or best is claim or not best.linear_in_loop:

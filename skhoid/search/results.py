@@ -155,10 +155,7 @@ def records_of(frame: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def compare_models(result: SearchResult, best_effects: Any) -> dict[str, Any]:
-    """``cv_results_`` of a search: the models along its path, then candidates not added.
-
-    ``best_effects`` are those of the best model, which is the last of the path.
-    """
+    """``cv_results_`` of a search: the models along its path, then candidates not added."""
     path, added = result.error_path, result.added
     models = [added[:n] for n in range(len(path))]
     scores, steps = path["vaf"].tolist(), list(range(len(path)))

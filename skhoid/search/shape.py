@@ -370,10 +370,7 @@ def shape_of(
 
 
 def detailed(search: Search, found: Candidate) -> Candidate:
-    """The best form with knots enough for its details, unless held-out rows speak against them.
-
-    Where the data use most of them, as for a gain that vanishes for seconds, more are tried.
-    """
+    """The best form with knots enough for its details, unless held-out rows speak against them."""
     assert found.model is not None
     before = output_error_fit(found.model)
 
@@ -408,9 +405,8 @@ def fitted_shape(
 ) -> Shape | None:
     """The shape of a search on all rows; None where there is none.
 
-    The loop is blind to answers that the target cannot tell from another gain. A form that it alone
-    speaks against is the shape where it explains most of what repeats from run to run, since no
-    remnant does that.
+    A form that the loop alone speaks against is the shape where it explains most of what repeats
+    from run to run: to that the loop may be blind, and no remnant repeats.
     """
     if shaped.shape is not None:
         return _fitted(shaped, shaped.shape, model, prepared, measured)
@@ -423,10 +419,7 @@ def fitted_shape(
 
 
 def _unbiased(fitted: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
-    """A model and its noise model, estimated in turn; as it was where its free run gets much worse.
-
-    A noise model that is nearly an integrator leaves slow curves undetermined.
-    """
+    """A model and its noise model, estimated in turn, unless its free run gets much worse."""
     plain = Criterion(fitted.simulator.record)
     found, noise = settled(fitted, criterion)
     if plain.sse(found.output) <= TOLERATED * plain.sse(fitted.output):
@@ -468,11 +461,7 @@ class Hint:
 
 
 def forms_judged(search: Search, parent: Model, forms: list[Candidate]) -> SearchStep:
-    """Free forms for a parent, at the least error of simulation, judged as effects with names are.
-
-    From what is far from linear one Gauss-Newton step does not lead to the fit of a fold: those are
-    refitted.
-    """
+    """Free forms judged as effects with names are; those far from linear are refitted by fold."""
     step = search.judged(parent, forms)
     far = [one for one in forms if one.model is not None and is_far(one.effect, search.record)]
     for one in far:
@@ -511,10 +500,7 @@ def best_of(search: Search, step: SearchStep) -> Candidate | None:
 
 
 def hints_of(search: Search, parent: Model) -> list[Hint]:
-    """Forms at every place where they apply, those first that explain most of held-out rows.
-
-    Of those that explain about as much, the likeliest: a level is less than a map that has one.
-    """
+    """Forms at every place where they apply, those first that explain most, and the likeliest."""
     record = replace(search.record, prediction=parent.output)
     criterion = Criterion(search.record)
     criterion.set_noise(criterion.remnant_model(parent.output))
@@ -557,11 +543,7 @@ def hinted(
     criterion: Criterion,
     folds: Sequence[HeldOutRows],
 ) -> tuple[float, float] | None:
-    """Points that curves gain on held-out rows beside a model's derivatives, and their ΔBIC.
-
-    At the size of the prior, of some, with which the ΔBIC is largest; what counts as parameters are
-    the effective degrees of freedom. The last of ``own`` is the residual.
-    """
+    """Points that curves gain on held-out rows beside a model's derivatives, and ΔBIC; or None."""
     n_own = len(own) - 1
     plain = np.concatenate([own[:-1], columns])
     residual = own[-1]
@@ -593,10 +575,7 @@ def _solve(gram: np.ndarray, product: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Shaped:
-    """Numbers and verdict of a search, and the free form that explains what has no name.
-
-    Without one, ``doubtful`` are forms that the closed loop alone speaks against.
-    """
+    """Numbers and verdict of a search, and the form of what has no name, or forms in doubt."""
 
     search: Search
     found: SearchNumbers
@@ -606,11 +585,7 @@ class Shaped:
 
 
 def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
-    """The verdict, with the shape of what has no name.
-
-    One free form in place of all the effects that were found, which explains more, is structure
-    that these leave: they may stand in for something else together.
-    """
+    """The verdict, with the shape of what has no name."""
     ending, baseline = decided(found, tries_all=tries_all), found.steps[0].plain
     rival, hints = None, None
     if found.added:
@@ -642,13 +617,11 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
 def beside_one_form(
     search: Search, found: SearchNumbers, hints: Sequence[Hint]
 ) -> tuple[SearchNumbers, Candidate | None]:
-    """The numbers, beside what one free form in place of all effects found explains; and that form.
+    """The numbers, beside what one free form explains in place of all effects found; and that form.
 
-    If the form explains as much as several effects and is likelier, those effects together imitate
-    it: none of them is taken to explain its part, unless the first acts at the form's place and
-    leaves little of what the form explains. If the form acts elsewhere than the single effect that
-    was found, and would count as an effect beside it, that effect has the wrong place. At the
-    effect's own place any curve explains a little more than a named form: that is structure only
+    If it is likelier than several effects, they imitate it together, unless the first acts at its
+    place and leaves little of it. If it acts elsewhere than the single effect found, that has the
+    wrong place. At the effect's own place any curve explains a little more: that is structure only
     if the baseline's residual shows it (``hints``), or if it is most of what is left.
     """
     several = len(found.added) > 1
