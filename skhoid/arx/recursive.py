@@ -586,15 +586,15 @@ class RecursiveARX(RecursiveLeastSquares):
         Times in the run, in seconds, at which P is reset to P0; θ is kept.
     combine : {"pooled", "average_estimates"}, default="pooled"
         How to combine several runs, aligned by time in the run: one recursion that minimises the
-        errors of all runs, with one forgetting step per instant; or one recursion per run, whose
+        errors of all, with one forgetting step per instant; or one recursion per run, whose
         estimates are averaged (Figs. 16-17).
     parameters : {"path", "last"}, default="path"
         What predictions use: θ at the same time in the run (outside the fitted times, that of the
         nearest end), or the last θ throughout.
     smooth : bool, default=False
-        Smooth the path by also using later data (fixed-interval smoothing), with the random walk of
-        the parameters that the forgetting implies: their covariance grows from P to P / λ. It needs
-        one λ for all parameters, and is not for streaming.
+        Smooth the path by also using later data, with the random walk of the parameters that the
+        forgetting implies: their covariance grows from P to P / λ. It needs one λ for all
+        parameters, and is not for streaming.
     {store_covariance, roles, dt, run}
 
     Attributes
@@ -607,7 +607,7 @@ class RecursiveARX(RecursiveLeastSquares):
     a_, b_, intercept_ : ndarray, ndarray or list of them, float
         The parts of ``coef_``.
     covariance_ : ndarray of shape (n_params, n_params)
-        Covariance of ``coef_``: σ² P (1 + λ^n) / (1 + λ) after n instants.
+        Covariance of ``coef_``: σ² P (1 + λ^n) / (1 + λ) after n instants, with the latest λ.
     {standard_errors_, last_parameters_, covariance_path_}
     coef_paths_ : ndarray of shape (n_runs, n_instants, n_params)
         θ(t) of each run, NaN outside it; with ``combine="average_estimates"``.
@@ -617,19 +617,15 @@ class RecursiveARX(RecursiveLeastSquares):
         where there was none. Pooled runs are taken in turn at each instant.
     noise_variance_ : float
         σ², the mean of ε² / (1 + φ'P̄φ), in the squared unit of ``y``.
-    forgetting_ : float or ndarray
-        λ used: a number, one per parameter, or over instants.
-    memory_horizon_ : float or ndarray
-        1 / (1 - λ) in samples.
+    forgetting_, memory_horizon_ : float or ndarray
+        λ used: a number, one per parameter, or over instants; and 1 / (1 - λ) in samples.
     log_likelihood_ : dict
         Log-likelihood of one-step predictions by memory horizon; with ``forgetting="auto"``.
     initial_coef_, initial_covariance_ : ndarray
         θ0 and P0; with ``combine="average_estimates"`` their means.
-    n_updates_ : int
-        Updates of θ.
-    n_held_ : int
-        Instants at which some information was not forgotten, because no new information replaced
-        it.
+    n_updates_, n_held_ : int
+        Updates of θ; and instants at which some information was not forgotten, because no new
+        information replaced it.
     {parameter_names_, dt_, inputs_, jitter_, n_rows_missing_}
     {n_features_in_, feature_names_in_}
 
@@ -645,24 +641,22 @@ class RecursiveARX(RecursiveLeastSquares):
     -----
     The first update is at k_c = max(na + 1, nb + nk) of each run, even if θ0 comes from OLS on the
     same data, as in the thesis. Where y or a lag is NaN, nothing is updated and nothing is
-    forgotten.
+    forgotten. :meth:`predict_ahead` uses the θ of ``horizon`` instants before.
 
     P is stored as factors, P = UDU' (Bierman 1977), and stays symmetric and positive definite.
     Information that is not replaced is not forgotten: neither while all regressors are less than
     3e-6 of what they were, nor, for factor i, while D_i max(φ_i²) exceeds 1e11, the bound on P of
     Salgado, Goodwin and Middleton (1988). Neither happens in data that excite the model.
 
-    :meth:`predict_ahead` uses the θ of ``horizon`` instants before. Standard deviations assume a
-    white equation error, which coloured remnant violates, and do not include the lag behind
-    changing parameters.
+    Standard deviations assume a white equation error, which coloured remnant violates, and do not
+    include the lag behind changing parameters.
 
     References
     ----------
-    Van Grootheest, thesis, Sections III-B and IV-D. Ljung and Söderström, Theory and Practice of
-    Recursive Identification (1983). Bierman, Factorization Methods for Discrete Sequential
-    Estimation (1977). Salgado, Goodwin and Middleton, Int. J. Control 47 (1988) 477-491.
-    Fortescue, Kershenbaum and Ydstie, Automatica 17 (1981) 831-835. Rauch, Tung and Striebel,
-    AIAA J. 3 (1965) 1445-1450. West and Harrison, Bayesian Forecasting and Dynamic Models (1997).
+    Van Grootheest, thesis, Sections III-B and IV-D. Bierman, Factorization Methods for Discrete
+    Sequential Estimation (1977). Salgado, Goodwin and Middleton, Int. J. Control 47 (1988) 477-491.
+    Fortescue, Kershenbaum and Ydstie, Automatica 17 (1981) 831-835. Rauch, Tung and Striebel, AIAA
+    J. 3 (1965) 1445-1450.
 
     Examples
     --------

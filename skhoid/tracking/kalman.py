@@ -292,7 +292,7 @@ METHODS = {
 BOUNDS = np.log([[3.0, 30.0], [0.05, 1.0], [0.05, 0.6]])  # omega_nm (rad/s), zeta_nm, tau_e (s)
 GATE = 4.0  # standard deviations of an innovation from which on its influence no longer grows
 NOISE_MEMORY = 10.0  # s over which the scale of the noise follows the innovations
-RATIOS = {"omega_nm": 0.1, "zeta_nm": 0.1, "tau_e": 0.1, "K_e": 1.0, "K_edot": 1.0}
+RATIOS = np.array([0.1, 0.1, 0.1, 1.0, 1.0])  # of the walks of logarithms to that of gains
 REACH = 3.0**0.5  # of sigma points: alpha = 1, kappa = 3 - n
 BEND = 1.0  # beta - alpha^2 with beta = 2
 MOST_VARIANCE = 1.0
@@ -370,20 +370,6 @@ def lanes_of(data: DataToFit, instants: Instants) -> Lanes:
     y[place] = np.where(measured, data.output, np.nan)
     fresh[place] = begins
     return Lanes(instants.number, e, y, fresh)
-
-
-def walk_of(process_noise: Any) -> np.ndarray:
-    """Standard deviation of the change of each logarithm in a second."""
-    if not isinstance(process_noise, Mapping):
-        return float(process_noise) * np.array([RATIOS[name] for name in NAMES])
-    wrong = set(process_noise) ^ set(NAMES)
-    values = np.array([float(process_noise.get(name, np.nan)) for name in NAMES])
-    if wrong or not np.isfinite(values).all() or (values < 0).any():
-        raise ValueError(
-            f"process_noise must be a number or a dict with a number, at least 0, for each of "
-            f"{', '.join(NAMES)}; got {process_noise!r}."
-        )
-    return values
 
 
 class KalmanPlan:
@@ -493,10 +479,10 @@ class KalmanRows(Recursion):
         fixed: bool = False,
     ) -> None:
         self.start = start
-        self.walk = np.zeros(5) if fixed else walk_of(plan.model.process_noise)
+        walk = np.zeros(5) if fixed else float(plan.model.process_noise) * RATIOS
         options = plan.options(fixed=fixed)
         options["usual_square"] = start.usual_square
-        self.settings = settings_of(start, plan.dt, self.walk, BOUNDS, options)[None]
+        self.settings = settings_of(start, plan.dt, walk, BOUNDS, options)[None]
         deviations = np.zeros(5) if fixed else start.errors
         self.state = state_of(start, plan.dt, deviations, BOUNDS)[None]
         order = start.noise.order

@@ -21,6 +21,7 @@ from ..regression import DataToFit
 DYNAMICS = ("omega_nm", "zeta_nm", "tau_e")
 LIMITS = {"omega_nm": (2.0, 40.0), "zeta_nm": (0.02, 2.0), "tau_e": (0.05, 0.8)}
 RATE = 25.0  # Hz, of the rows whose prediction errors count
+NOISE_ORDER = 6  # of the AR model of the remnant at 25 Hz
 FORGOTTEN = 0.25  # of a piece, at most, that is left out because the error before is not known
 ROWS_PER_COEFFICIENT = 4  # of the noise model, that a piece must have beyond those for the operator
 STARTS = {

@@ -44,12 +44,10 @@ class OperatorKalman(Streaming, OperatorPath):
         Unscented Kalman filter (Rojer and others 2019); extended Kalman filter; or two extended
         filters (Popovici, Zaal and Pool 2017), of the state with the gains, and of omega_nm,
         zeta_nm and tau_e, by the sensitivities of the state to them.
-    process_noise : float or dict, default=0.05
+    process_noise : float, default=0.05
         Standard deviation of the change of ln K_e and ln K_edot in one second, in s^-1/2: the ratio
         of process to measurement noise, since that of the latter is estimated. More follows faster
-        and is noisier. The logarithms of the other parameters change a tenth of it. A dict,
-        ``{"omega_nm": ..., "zeta_nm": ..., "tau_e": ..., "K_e": ..., "K_edot": ...}``, gives each
-        its own.
+        and is noisier. The logarithms of the other parameters change a tenth of it.
     remnant_order : {0, 1, 2, 3, 4}, default=1
         Order of the remnant's filter, 1 / (T_n s + 1)^m; 0 takes it as white. T_n is estimated in
         the first window.
@@ -64,8 +62,7 @@ class OperatorKalman(Streaming, OperatorPath):
         estimated in the first window, and kept. A warning tells of one that is left out.
     smooth : bool, default=False
         Smooth the path by also using later data (Rauch, Tung and Striebel 1965); not for streaming.
-    {error}
-    {roles, dt, run}
+    {error, roles, dt, run}
 
     Attributes
     ----------
@@ -138,7 +135,7 @@ class OperatorKalman(Streaming, OperatorPath):
 
     _parameter_constraints: dict = {
         "method": [StrOptions(set(METHODS))],
-        "process_noise": [Interval(Real, 0, 1e3, closed="left"), dict],
+        "process_noise": [Interval(Real, 0, 1e3, closed="left")],
         "remnant_order": [Interval(Integral, 0, 4, closed="both")],
         "init": [StrOptions({"batch"}), dict],
         "init_window": [Interval(Real, 0, 1e6, closed="neither")],
@@ -154,7 +151,7 @@ class OperatorKalman(Streaming, OperatorPath):
         self,
         method: str = "ukf",
         *,
-        process_noise: Any = 0.05,
+        process_noise: float = 0.05,
         remnant_order: int = 1,
         init: Any = "batch",
         init_window: float = 25.0,

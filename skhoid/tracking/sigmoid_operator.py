@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
-from numbers import Integral
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.special import expit
 
-from .._sklearn import DT, ROLES, Interval, fit_context
+from .._sklearn import DT, ROLES, fit_context
 from .operator_fitting import (
+    NOISE_ORDER,
     ROUGHLY,
     OperatorFit,
     OperatorRecord,
@@ -47,8 +47,6 @@ class SigmoidOperator(OperatorPath):
     ----------
     varying : sequence of {"K_e", "K_edot", "omega_nm", "zeta_nm"}, default=("K_e", "K_edot")
         Which parameters vary; all share G (0.03 to 100 per second) and M.
-    noise_order : int, default=6
-        Order of the AR model of the remnant, at 25 Hz (or the sampling rate, if that is lower).
     {error, roles, dt, run}
 
     Attributes
@@ -67,7 +65,7 @@ class SigmoidOperator(OperatorPath):
     likelihood_ratio_ : float
         n log of the ratio of the squares of prediction errors without and with the change. Without
         a change it seldom exceeds 12 for two gains with common G and M.
-    noise_ar_ : ndarray of shape (noise_order,)
+    noise_ar_ : ndarray of shape (6,)
         Coefficients a_1 ... of the remnant, A(q) n = white noise, at the rate of the criterion.
     noise_variance_ : float
         Variance of that white noise.
@@ -115,7 +113,6 @@ class SigmoidOperator(OperatorPath):
 
     _parameter_constraints: dict = {
         "varying": ["array-like", tuple, str],
-        "noise_order": [Interval(Integral, 0, 20, closed="both")],
         "inputs": "no_validation",
         "roles": ROLES,
         "dt": DT,
@@ -126,14 +123,12 @@ class SigmoidOperator(OperatorPath):
         self,
         *,
         varying: Sequence[str] = ("K_e", "K_edot"),
-        noise_order: int = 6,
         inputs: Any = None,
         roles: dict | None = None,
         dt: float | None = None,
         run: Any = None,
     ):
         self.varying = varying
-        self.noise_order = noise_order
         self.inputs = inputs
         self.roles = roles
         self.dt = dt
@@ -161,10 +156,10 @@ class SigmoidOperator(OperatorPath):
         log_rates = np.log(RATES[0]), np.log(RATES[1])
         span = float(record.time.min()), float(record.time.max())
         search = OperatorSearch.of(record, share_of, [(log_rates, span)])
-        pieces = record.enough(first, last, int(self.noise_order), search.n_parameters)
+        pieces = record.enough(first, last, NOISE_ORDER, search.n_parameters)
         if pieces is None:
             raise too_short(type(self).__name__, record, search.n_parameters, len(e))
-        plain = OperatorSearch.of(record).started(pieces, int(self.noise_order))
+        plain = OperatorSearch.of(record).started(pieces, NOISE_ORDER)
         fit = self._from_grid(search, pieces, plain)
         fit = widened(search, pieces, fit)
         self.constant_ = plain.values()

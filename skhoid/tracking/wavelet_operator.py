@@ -14,7 +14,6 @@ from scipy.signal.windows import blackmanharris
 from .._sklearn import DT, ROLES, Interval, fit_context
 from ..arx.rls import grid_numbers
 from ..exceptions import RankDeficiencyError, ShortRunError, UsageError
-from ..human.variation import as_floats
 from ..interpret.response_fit import ResponseFit
 from ..preprocessing.base import as_fitted
 from ..regression import DataToFit
@@ -153,15 +152,13 @@ class WaveletOperator(OperatorPath):
         leaves no standard errors.
     step : float, default=0.5
         Time from one instant to the next, in s.
-    frequencies : array-like of shape (n_frequencies,) or None, default=None
-        Frequencies in rad/s. None takes the lines of the target from 0.2 to 20 rad/s if it is a
-        multisine, else 12 on a log scale.
     {error, roles, dt, run}
 
     Attributes
     ----------
     frequencies_ : ndarray of shape (n_frequencies,)
-        In rad/s.
+        In rad/s: the lines of the target from 0.2 to 20 rad/s if it is a multisine, else 12 on a
+        log scale.
     frequency_response_ : ndarray of complex, shape (n_instants, n_frequencies)
         H; NaN outside the cone of influence.
     frequency_response_sd_ : ndarray of shape (n_instants, n_frequencies)
@@ -222,7 +219,6 @@ class WaveletOperator(OperatorPath):
         "omega0": [Interval(Real, 2, 60, closed="both")],
         "time_smoothing": [Interval(Real, 0, 100, closed="both")],
         "step": [Interval(Real, 0, None, closed="neither")],
-        "frequencies": ["array-like", None],
         "inputs": "no_validation",
         "roles": ROLES,
         "dt": DT,
@@ -235,7 +231,6 @@ class WaveletOperator(OperatorPath):
         omega0: float = 8.0,
         time_smoothing: float = 1.5,
         step: float = 0.5,
-        frequencies: Any = None,
         inputs: Any = None,
         roles: dict | None = None,
         dt: float | None = None,
@@ -244,7 +239,6 @@ class WaveletOperator(OperatorPath):
         self.omega0 = omega0
         self.time_smoothing = time_smoothing
         self.step = step
-        self.frequencies = frequencies
         self.inputs = inputs
         self.roles = roles
         self.dt = dt
@@ -268,7 +262,7 @@ class WaveletOperator(OperatorPath):
         data = self._read_operator_data(X, y)
         signals = self._signals(data)
         blocks = Blocks.of(data, signals)
-        self.frequencies_ = self._read_frequencies(blocks)
+        self.frequencies_ = self._find_frequencies(blocks)
         spectra = self._spectra(pywt, blocks)
         step = max(1, round(self.step / blocks.dt))
         self._keep_response(spectra, slice(step // 2, None, step), blocks.n_runs)
@@ -308,26 +302,15 @@ class WaveletOperator(OperatorPath):
             other = other + error
         return np.stack([data.output, error, other], axis=1)
 
-    def _read_frequencies(self, blocks: Blocks) -> np.ndarray:
-        highest = np.pi / blocks.dt
-        if self.frequencies is not None:
-            found = np.unique(as_floats(self.frequencies, "frequencies").ravel())
-            if found.size < AT_LEAST or not (found[0] > 0 and found[-1] < highest):
-                raise ValueError(
-                    f"frequencies must be at least {AT_LEAST} different numbers in rad/s above 0 "
-                    f"and below {highest:.4g}; got {self.frequencies!r}."
-                )
-            return found
-        low, high = BAND[0], min(BAND[1], 0.9 * highest)
-        found = blocks.lines(low, high)
-        if found.size < AT_LEAST and low < high:
-            found = np.geomspace(low, high, N_LOGARITHMIC)
-        if found.size < AT_LEAST:
+    def _find_frequencies(self, blocks: Blocks) -> np.ndarray:
+        low, high = BAND[0], min(BAND[1], 0.9 * np.pi / blocks.dt)
+        if high <= low:
             raise ValueError(
-                f"A sampling time of {self.dt_:g} s allows {high:.4g} rad/s, and responses are "
-                f"fitted from {low:g} rad/s on. Give frequencies=, in rad/s."
+                f"A sampling time of {self.dt_:g} s allows responses up to {high:.3g} rad/s, and "
+                f"operators are fitted to those from {low:g} rad/s on."
             )
-        return found
+        lines = blocks.lines(low, high)
+        return lines if lines.size >= AT_LEAST else np.geomspace(low, high, N_LOGARITHMIC)
 
     def _spectra(self, pywt: Any, blocks: Blocks) -> np.ndarray:
         """Smoothed sums over runs of what H and its variance need, NaN outside the cone.

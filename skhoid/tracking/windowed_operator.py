@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from .._sklearn import DT, ROLES, Interval, fit_context
 from ..exceptions import ShortRunError
 from ..preprocessing.base import as_fitted
 from .operator_fitting import (
+    NOISE_ORDER,
     OperatorFit,
     OperatorRecord,
     OperatorSearch,
@@ -35,9 +36,6 @@ class WindowedOperator(OperatorPath):
         Length of the windows in s.
     step : float, default=1.0
         Time from one window to the next, in s.
-    noise_order : int, default=6
-        Order of the AR model of the remnant, at 25 Hz (or the sampling rate, if that is lower). In
-        windows with few rows it is lower: it needs four rows for each coefficient.
     {error, roles, dt, run}
 
     Attributes
@@ -50,7 +48,7 @@ class WindowedOperator(OperatorPath):
         Middles of the windows in s.
     at_bound_ : ndarray of bool, shape (n_windows, 3)
         Whether omega_nm, zeta_nm and tau_e ended at a bound; such have no standard error.
-    noise_ar_ : ndarray of shape (n_windows, noise_order)
+    noise_ar_ : ndarray of shape (n_windows, 6)
         Coefficients a_1 ... of the remnant, A(q) n = white noise, at the rate of the criterion.
     noise_variance_ : ndarray of shape (n_windows,)
         Variance of that white noise.
@@ -102,7 +100,6 @@ class WindowedOperator(OperatorPath):
     _parameter_constraints: dict = {
         "window": [Interval(Real, 0, None, closed="neither")],
         "step": [Interval(Real, 0, None, closed="neither")],
-        "noise_order": [Interval(Integral, 0, 20, closed="both")],
         "inputs": "no_validation",
         "roles": ROLES,
         "dt": DT,
@@ -114,7 +111,6 @@ class WindowedOperator(OperatorPath):
         window: float = 10.0,
         step: float = 1.0,
         *,
-        noise_order: int = 6,
         inputs: Any = None,
         roles: dict | None = None,
         dt: float | None = None,
@@ -122,7 +118,6 @@ class WindowedOperator(OperatorPath):
     ):
         self.window = window
         self.step = step
-        self.noise_order = noise_order
         self.inputs = inputs
         self.roles = roles
         self.dt = dt
@@ -155,7 +150,7 @@ class WindowedOperator(OperatorPath):
         )
         self._set_path(middles, values, deviations)
         self.at_bound_ = np.stack([fit.stuck for fit in fits])
-        self.noise_ar_ = np.zeros((len(fits), int(self.noise_order)))
+        self.noise_ar_ = np.zeros((len(fits), NOISE_ORDER))
         for row, fit in zip(self.noise_ar_, fits, strict=True):
             row[: fit.ar.size] = fit.ar
         self.noise_variance_ = np.array([fit.squares / fit.n_rows for fit in fits])
@@ -182,15 +177,15 @@ class WindowedOperator(OperatorPath):
         """Fits of the windows that have enough rows, and their first sample numbers."""
         record, needed = search.record, search.n_parameters
         begin, end = int(firsts[0]), int(record.number.max()) + 1
-        whole = record.enough(begin, end, int(self.noise_order), needed)
+        whole = record.enough(begin, end, NOISE_ORDER, needed)
         if whole is None:
             raise too_short(type(self).__name__, record, needed, n_samples)
-        general = search.started(whole, int(self.noise_order))
+        general = search.started(whole, NOISE_ORDER)
         self.whole_ = general.values()
         fits: list[OperatorFit] = []
         used: list[int] = []
         for first in firsts.tolist():
-            pieces = record.enough(first, first + length, int(self.noise_order), needed)
+            pieces = record.enough(first, first + length, NOISE_ORDER, needed)
             if pieces is None:
                 continue
             fits.append(self._likeliest(search, pieces, fits[-1] if fits else general, general))

@@ -184,7 +184,7 @@ def test_the_remnant_is_found():
 @pytest.mark.parametrize(
     ("options", "match"),
     [
-        ({"process_noise": {"K_e": 1.0}}, "process_noise must be a number or a dict"),
+        ({"process_noise": -1.0}, "process_noise"),
         ({"init": {"K_e": 1.0}}, "init must be 'batch' or a dict"),
         ({"init": {**TRUE, "K_e": 0.0}}, "not zero"),
         ({"method": "kf"}, "method"),

@@ -183,7 +183,6 @@ def test_runs_are_pooled(noisy):
         ({"window": 100.0}, ShortRunError, "window = 100 s, but the longest stretch"),
         ({"window": 0.1}, ShortRunError, "no piece of the record has rows"),
         ({"window": -1}, ValueError, "The 'window' parameter"),
-        ({"noise_order": 99}, ValueError, "The 'noise_order' parameter"),
     ],
 )
 def test_bad_options_are_refused(noisy, options, error, match):

@@ -169,8 +169,7 @@ def test_the_oracle_is_told_the_change_and_nothing_without_one():
     varies = pd.DataFrame({"K_edot": [1.0, 1.0, 3.0, 3.0]}, index=t)
     method = TOURNAMENT_METHODS["lpv"]
     model = method.estimator(0.01, 29, None, varies)
-    (schedule,) = model.basis
-    np.testing.assert_allclose(schedule(t), [0, 0, 1, 1])
+    np.testing.assert_allclose(model.basis(t), [0, 0, 1, 1])
     still = method.estimator(0.01, 29, None, varies * 0 + 2.0)
     assert type(still).__name__ == "ARXRegressor"
 
