@@ -40,8 +40,8 @@ def speed(repeats: int = 5) -> None:
             best = np.inf
             for _ in range(repeats):
                 begin = time.perf_counter()
-                kalman.filters(order, number)(
-                    states.copy(), settings, e, u, fresh, 0, e.shape[1],
+                kalman.advance(
+                    number, states.copy(), settings, e, u, fresh, 0, e.shape[1],
                     path, nothing, nothing, nothing, np.empty((0, 0, 0, 0)),
                 )  # fmt: skip
                 best = min(best, time.perf_counter() - begin)

@@ -299,8 +299,7 @@ class Lanes:
         """X and y of shape (n_rows, 1 or n_lanes), forgetting of shape (1 or 4, n_lanes)."""
         X, y = aligned(X), aligned(y)
         n, lanes = len(y), forgetting.shape[1]
-        advance = _kernels.rls.recursion(4, lanes, X.shape[1] < lanes, len(forgetting) > 1)
-        follow = _kernels.rls.free_runs(2, 4, lanes)
+        advance = _kernels.rls.recursion(lanes, X.shape[1] < lanes, 4 if lanes == 1 else 0)
         state = RecursionState(np.zeros(4), P0 * np.eye(4), lanes).buffer
         rest = state.copy()
         signals = aligned(np.stack([-y, X]))[:, :, None]
@@ -320,7 +319,9 @@ class Lanes:
             )  # fmt: skip
 
         def run() -> object:
-            return follow(recording, columns, lags, *stretch, path, rows, 1e100, out)
+            return _kernels.rls.free_runs(
+                recording, columns, lags, 2, *stretch, path, rows, 1e100, out
+            )
 
         self.learn, self.run, self.path = learn, run, path
         self.samples = (n - FIRST) * lanes

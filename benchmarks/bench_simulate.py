@@ -68,10 +68,10 @@ def kernel_calls(task: CompensatoryTask) -> dict[str, tuple[Callable[[], object]
     zero = np.zeros((n, 1))
 
     def alone() -> object:
-        return _kernels.loop.tracker(1, False)(f_t, zero, blocks[1], *rest)
+        return _kernels.loop.tracker(False)(f_t, zero, blocks[1], *rest)
 
     def many(*widths: int) -> Callable[[], object]:
-        track = _kernels.loop.tracker(_kernels.loop.MANY, False)
+        track = _kernels.loop.tracker(False)
         return lambda: [track(f_t, zero, blocks[w], *rest) for w in widths]
 
     return {

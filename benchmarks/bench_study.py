@@ -68,8 +68,7 @@ def stages() -> dict[str, float]:
     begin = perf_counter()
     losses, _ = search_delays(e, u, before, nks)
     begin = timed("delay search", begin)
-    lanes = _kernels.rls.MANY
-    follow = _kernels.trade_off.free_runs_of_many(lanes)
+    lanes = _kernels.trade_off.WIDTH
     factors = 1 - 1 / np.array(HORIZONS)
     for run in range(ESTIMATION):
         nk = int(nks[losses[run].argmin()])
@@ -90,7 +89,7 @@ def stages() -> dict[str, float]:
             begin = timed(f"recursion, {form}", begin)
             x, y = np.ascontiguousarray(x), np.ascontiguousarray(y)
             begin = perf_counter()
-            follow(x, y, path, first, end, BOUND)
+            _kernels.trade_off.free_runs_of_many(x, y, path, first, end, BOUND)
             timed("free runs", begin)
     del taken["compiling"]
     return taken

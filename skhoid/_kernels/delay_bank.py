@@ -6,19 +6,8 @@ axis more before, over blocks. The signals of each lane are those that its own d
 
 from __future__ import annotations
 
-import zlib
-from functools import cache
-from pathlib import Path
-
 import numpy as np
 from numba import njit
-from numba.extending import register_jitable
-
-from . import rls
-from .lanes import VERSION
-
-# Compiled kernels are stored for as long as their own file does not change; see lanes.VERSION.
-RECURSION = VERSION ^ zlib.crc32(Path(rls.__file__).read_bytes())
 
 SETTLED = 30  # errors, before the variance of the errors counts as known
 EXACT = 1e-12  # of the power of the output: errors below it are rounding
@@ -137,38 +126,6 @@ def follow(
                 for j in range(n_delays):
                     weights[j] = weights[j] / total if total > 0.0 else ahead[j]
         probabilities[t] = weights
-
-
-@cache
-def stream(n_params, wide=False):
-    """Compile ``take`` for a number of parameters; see :func:`~skhoid._kernels.rls.stream`."""
-    compiled = rls.recursion(n_params, rls.MANY, wide=wide)
-    advance = register_jitable(getattr(compiled, "py_func", compiled))
-
-    def take(
-        X, y, shifts, Z, target, theta, since, columns, lags, na, first, begin, inflate, tilt,
-        diagonal, states, horizon, n_delays, leave, power, memory, weights, moments, probabilities,
-    ):  # fmt: skip
-        """Take rows of X and y, which have room from row ``begin`` on: recursions, probabilities.
-
-        ``states``, of shape (n_blocks, size), are those of the recursions; see :func:`fill` and
-        :func:`follow`.
-        """
-        empty, unused = np.empty((0, 0, 0)), np.empty((0, 0))
-        end = begin + y.size
-        fill(X, y, shifts, Z, target, since, first, begin, columns, lags, na)
-        for b in range(Z.shape[0]):
-            advance(
-                Z[b], target[b], columns, lags, begin, end, inflate, tilt, begin, diagonal, 0.0,
-                states[b], theta[b], empty, empty, empty, empty, unused,
-            )  # fmt: skip
-        follow(
-            Z, target, theta, since, columns, lags, na, max(first, 1), begin, end, horizon,
-            n_delays, leave, power, memory, weights, moments, probabilities, unused,
-        )  # fmt: skip
-
-    take.__name__ = take.__qualname__ = f"take_{n_params}{'w' * wide}_{RECURSION}"
-    return njit(cache=True, nogil=True, error_model="numpy")(take)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -12,8 +12,6 @@ with a ring of the last errors; a filter goes on from it bit for bit.
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 from numba import njit
 from numba.extending import register_jitable
@@ -47,21 +45,33 @@ N_SETTINGS = len(SETTINGS)
 ) = range(N_SETTINGS)  # fmt: skip
 
 
+WALK, LOW, HIGH, JITTER, START, MATRICES = np.cumsum([N_SETTINGS, 5, 5, 5, 2, 2]).tolist()
+(SCALE, SINCE, BLOCKED, ERROR, UPDATES, GATED, CLAMPED) = range(7)  # numbers of a state
+SQUARES, LOGS, NEXT, N_NUMBERS = range(11, 15)
+
+
 def settings_layout(m):
     """Offsets of the settings that are arrays, for m remnant states."""
-    sizes = {"walk": 5, "low": 5, "high": 5, "jitter": 2, "start": 2}
-    sizes |= {"transition": m * m, "drive": m * m, "stationary": m * m}
-    offsets = np.concatenate(([N_SETTINGS], N_SETTINGS + np.cumsum(list(sizes.values())))).tolist()
-    return dict(zip([*sizes, "size"], offsets, strict=True))
+    at = {"walk": WALK, "low": LOW, "high": HIGH, "jitter": JITTER, "start": START}
+    matrices = ("transition", "drive", "stationary", "size")
+    return at | {name: MATRICES + i * m * m for i, name in enumerate(matrices)}
 
 
 def layout(m):
     """Offsets in the state of a lane; the ring of errors begins at ``ring``."""
     n = 7 + m
-    sizes = {"x": n, "P": n * n, "W": 3 * n, "scale": 1, "since": 1, "blocked": 1, "error": 1}
-    sizes |= {"updates": 1, "gated": 1, "clamped": 5, "squares": 1, "logs": 1, "at": 1}
-    offsets = np.concatenate(([0], np.cumsum(list(sizes.values())))).tolist()
-    return dict(zip([*sizes, "ring"], offsets, strict=True))
+    numbers = 4 * n + n * n
+    names = {"scale": SCALE, "since": SINCE, "blocked": BLOCKED, "error": ERROR}
+    names |= {"updates": UPDATES, "gated": GATED, "clamped": CLAMPED, "squares": SQUARES}
+    names |= {"logs": LOGS, "at": NEXT, "ring": N_NUMBERS}
+    return {"x": 0, "P": n, "W": n + n * n} | {name: numbers + at for name, at in names.items()}
+
+
+@register_jitable
+def copied(source, out):
+    """Copy flat arrays; written out as elsewhere here, which is compiled in a third of the time."""
+    for i in range(out.size):
+        out[i] = source[i]
 
 
 @register_jitable
@@ -147,408 +157,411 @@ def factored(P, L):
                 L[i, j] = 0.0
 
 
-@cache
-def filters(m, method):
-    """Compile ``advance`` for m remnant states and a method."""
-    N, M, METHOD = 7 + m, m, method
-    at, to = layout(m), settings_layout(m)
-    AT_P, AT_W, SCALE, SINCE = at["P"], at["W"], at["scale"], at["since"]
-    BLOCKED, ERROR, UPDATES, GATED = at["blocked"], at["error"], at["updates"], at["gated"]
-    CLAMPED, SQUARES, LOGS, NEXT, RING = (
-        at["clamped"], at["squares"], at["logs"], at["at"], at["ring"],
-    )  # fmt: skip
-    WALK, LOW, HIGH, JITTER, START = (
-        to["walk"], to["low"], to["high"], to["jitter"], to["start"],
-    )  # fmt: skip
-    TRANSITION, DRIVE, STATIONARY = to["transition"], to["drive"], to["stationary"]
+@register_jitable
+def rest(numbers, x, P, W, settings, stationary):
+    """Begin a run, or go on after a gap: the signals before are not known."""
+    for i in range(Z, x.size):
+        x[i] = 0.0
+    if settings[FROZEN] == 0:
+        for i in range(Z, x.size):
+            for j in range(x.size):
+                P[i, j] = P[j, i] = 0.0
+        P[Z, Z], P[DZ, DZ] = settings[START], settings[START + 1]
+        for i in range(len(stationary)):
+            for j in range(len(stationary)):
+                P[7 + i, 7 + j] = numbers[SCALE] * stationary[i, j]
+    for k in range(3):
+        for i in range(x.size):
+            W[k, i] = 0.0
+    numbers[SINCE], numbers[BLOCKED], numbers[NEXT], numbers[ERROR] = 0.0, 0.0, 0.0, np.nan
 
-    # Functions of one name from different processes would be mistaken for each other in the cache.
-    def named(function):
-        function.__name__ = function.__qualname__ = f"{function.__name__}_{m}_{method}"
-        return register_jitable(function)
 
-    @named
-    def rest(state, settings, P):
-        """Begin a run, or go on after a gap: the signals before are not known."""
-        state[Z:N] = 0.0
-        if settings[FROZEN] == 0:
-            P[Z:] = 0.0
-            P[:, Z:] = 0.0
-            P[Z, Z], P[DZ, DZ] = settings[START], settings[START + 1]
-            for i in range(M):
-                for j in range(M):
-                    P[7 + i, 7 + j] = state[SCALE] * settings[STATIONARY + i * M + j]
-        state[AT_W : AT_W + 3 * N] = 0.0
-        state[SINCE], state[BLOCKED], state[NEXT], state[ERROR] = 0.0, 0.0, 0.0, np.nan
+@register_jitable
+def delayed(numbers, ring, lag):
+    """The error ``lag`` samples before the last, and its slope by the lag."""
+    size = ring.size
+    lag = min(max(lag, 0.0), min(numbers[SINCE], size) - 2.0)
+    whole = int(lag)
+    place = int(numbers[NEXT]) - 1 - whole
+    if place < 0:
+        place += size
+    before = place - 1 if place > 0 else size - 1
+    e, older = ring[place], ring[before]
+    return e + (lag - whole) * (older - e), older - e
 
-    @named
-    def delayed(state, lag):
-        """The error ``lag`` samples before the last, and its slope by the lag."""
-        size = state.size - RING
-        lag = min(max(lag, 0.0), min(state[SINCE], size) - 2.0)
-        whole = int(lag)
-        place = int(state[NEXT]) - 1 - whole
-        if place < 0:
-            place += size
-        before = place - 1 if place > 0 else size - 1
-        e, older = state[RING + place], state[RING + before]
-        return e + (lag - whole) * (older - e), older - e
 
-    @named
-    def crossed(settings, P, out):
-        """Covariance of x with its prediction, when P has that in its columns of z alone."""
-        for i in range(N):
-            out[i, Z], out[i, DZ] = P[i, Z], P[i, DZ]
-            for j in range(M):
-                out[i, 7 + j] = 0.0
-                for k in range(j + 1):
-                    out[i, 7 + j] += settings[TRANSITION + j * M + k] * P[i, 7 + k]
+@register_jitable
+def crossed(transition, P, out):
+    """Covariance of x with its prediction, when P has that in its columns of z alone."""
+    for i in range(len(P)):
+        out[i, Z], out[i, DZ] = P[i, Z], P[i, DZ]
+        for j in range(len(transition)):
+            out[i, 7 + j] = 0.0
+            for k in range(j + 1):
+                out[i, 7 + j] += transition[j, k] * P[i, 7 + k]
 
-    @named
-    def remnant_moved(state, settings, x, P):
-        """Move the remnant and its covariances, in which P already has the moved z."""
-        new, mean = np.empty((M, N)), np.empty(M)
-        if METHOD == DUAL:
-            for k in range(3):
-                w = AT_W + k * N + 7
-                for i in range(M - 1, -1, -1):
-                    total = 0.0
-                    for j in range(i + 1):
-                        total += settings[TRANSITION + i * M + j] * state[w + j]
-                    state[w + i] = total
-        for i in range(M):
+
+@register_jitable
+def remnant_moved(is_dual, scale, transition, drive, x, P, W):
+    """Move the remnant and its covariances, in which P already has the moved z."""
+    M, N = len(transition), x.size
+    new, mean = np.empty((M, N)), np.empty(M)
+    if is_dual:
+        for k in range(3):
+            for i in range(M - 1, -1, -1):
+                total = 0.0
+                for j in range(i + 1):
+                    total += transition[i, j] * W[k, 7 + j]
+                W[k, 7 + i] = total
+    for i in range(M):
+        total = 0.0
+        for k in range(i + 1):
+            total += transition[i, k] * x[7 + k]
+        mean[i] = total
+        for j in range(N):
             total = 0.0
             for k in range(i + 1):
-                total += settings[TRANSITION + i * M + k] * x[7 + k]
-            mean[i] = total
-            for j in range(N):
-                total = 0.0
-                for k in range(i + 1):
-                    total += settings[TRANSITION + i * M + k] * P[7 + k, j]
-                new[i, j] = total
-        for i in range(M):
-            x[7 + i] = mean[i]
-            for j in range(7):
-                P[7 + i, j] = new[i, j]
-                P[j, 7 + i] = new[i, j]
-            for j in range(i + 1):
-                total = state[SCALE] * settings[DRIVE + i * M + j]
-                for k in range(j + 1):
-                    total += new[i, 7 + k] * settings[TRANSITION + j * M + k]
-                P[7 + i, 7 + j] = total
-                P[7 + j, 7 + i] = total
-
-    @named
-    def predicted_unscented(state, settings, x, P, L, moves):
-        """Move z and its covariances through sigma points."""
-        dt, reach = settings[DT], settings[REACH]
-        weight = 1 / (2 * reach * reach)
-        factored(P, L)
-        omega, zeta = np.exp(x[OMEGA]), np.exp(x[ZETA])
-        lag = np.exp(x[TAU]) / dt
-        a11, a12, a21, a22, b1, b2 = held(omega, zeta, dt)
-        e, _ = delayed(state, lag)
-        z1, z2 = x[Z], x[DZ]
-        m1, m2 = a11 * z1 + a12 * z2 + b1 * e, a21 * z1 + a22 * z2 + b2 * e
-        shift1, shift2 = 0.0, 0.0
-        v11, v12, v22 = settings[JITTER], 0.0, settings[JITTER + 1]
-        # moves[j] is the difference of z of the two points of column j, over that of the points.
+                total += transition[i, k] * P[7 + k, j]
+            new[i, j] = total
+    for i in range(M):
+        x[7 + i] = mean[i]
         for j in range(7):
-            l1, l2 = L[Z, j], L[DZ, j]
-            if j > TAU:
-                d1, d2 = a11 * l1 + a12 * l2, a21 * l1 + a22 * l2
-                moves[j, 0], moves[j, 1] = d1, d2
-                v11 += d1 * d1
-                v12 += d1 * d2
-                v22 += d2 * d2
-                continue
-            first1, first2 = 0.0, 0.0
+            P[7 + i, j] = new[i, j]
+            P[j, 7 + i] = new[i, j]
+        for j in range(i + 1):
+            total = scale * drive[i, j]
+            for k in range(j + 1):
+                total += new[i, 7 + k] * transition[j, k]
+            P[7 + i, 7 + j] = total
+            P[7 + j, 7 + i] = total
+
+
+@register_jitable
+def predicted_unscented(numbers, ring, settings, x, P, L, moves):
+    """Move z and its covariances through sigma points."""
+    dt, reach = settings[DT], settings[REACH]
+    weight = 1 / (2 * reach * reach)
+    factored(P, L)
+    omega, zeta = np.exp(x[OMEGA]), np.exp(x[ZETA])
+    lag = np.exp(x[TAU]) / dt
+    a11, a12, a21, a22, b1, b2 = held(omega, zeta, dt)
+    e, _ = delayed(numbers, ring, lag)
+    z1, z2 = x[Z], x[DZ]
+    m1, m2 = a11 * z1 + a12 * z2 + b1 * e, a21 * z1 + a22 * z2 + b2 * e
+    shift1, shift2 = 0.0, 0.0
+    v11, v12, v22 = settings[JITTER], 0.0, settings[JITTER + 1]
+    # moves[j] is the difference of z of the two points of column j, over that of the points.
+    for j in range(7):
+        l1, l2 = L[Z, j], L[DZ, j]
+        if j > TAU:
+            d1, d2 = a11 * l1 + a12 * l2, a21 * l1 + a22 * l2
+            moves[j, 0], moves[j, 1] = d1, d2
+            v11 += d1 * d1
+            v12 += d1 * d2
+            v22 += d2 * d2
+            continue
+        first1, first2 = 0.0, 0.0
+        for side in range(2):
+            step = reach if side == 0 else -reach
+            p11, p12, p21, p22, q1, q2 = a11, a12, a21, a22, b1, b2
+            if j < TAU:
+                w = omega
+                if j == OMEGA:
+                    value = x[OMEGA] + step * L[OMEGA, j]
+                    w = np.exp(min(max(value, settings[LOW]), settings[HIGH]))
+                value = x[ZETA] + step * L[ZETA, j]
+                d = np.exp(min(max(value, settings[LOW + 1]), settings[HIGH + 1]))
+                p11, p12, p21, p22, q1, q2 = held(w, d, dt)
+            value = x[TAU] + step * L[TAU, j]
+            value = np.exp(min(max(value, settings[LOW + 2]), settings[HIGH + 2]))
+            moved, _ = delayed(numbers, ring, value / dt)
+            s1, s2 = z1 + step * l1, z2 + step * l2
+            d1 = p11 * s1 + p12 * s2 + q1 * moved - m1
+            d2 = p21 * s1 + p22 * s2 + q2 * moved - m2
+            shift1, shift2 = shift1 + weight * d1, shift2 + weight * d2
+            v11 += weight * d1 * d1
+            v12 += weight * d1 * d2
+            v22 += weight * d2 * d2
+            if side == 0:
+                first1, first2 = d1, d2
+            else:
+                moves[j, 0] = (first1 - d1) / (2 * reach)
+                moves[j, 1] = (first2 - d2) / (2 * reach)
+    x[Z], x[DZ] = m1 + shift1, m2 + shift2
+    bend = settings[BEND]
+    for i in range(x.size):
+        c1, c2 = 0.0, 0.0
+        for j in range(min(i + 1, 7)):
+            c1 += L[i, j] * moves[j, 0]
+            c2 += L[i, j] * moves[j, 1]
+        P[i, Z], P[i, DZ] = c1, c2
+    return v11 + bend * shift1**2, v12 + bend * shift1 * shift2, v22 + bend * shift2**2
+
+
+@register_jitable
+def predicted_extended(method, numbers, ring, settings, x, P, W, slopes, moves):
+    """Move z and its covariances along its slopes."""
+    dt = settings[DT]
+    omega, zeta, lag = np.exp(x[OMEGA]), np.exp(x[ZETA]), np.exp(x[TAU]) / dt
+    a11, a12, a21, a22, b1, b2 = held(omega, zeta, dt)
+    held_slopes(omega, zeta, dt, slopes)
+    e, rise = delayed(numbers, ring, lag)
+    z1, z2 = x[Z], x[DZ]
+    for k in range(2):
+        moves[k, 0] = slopes[k, 0] * z1 + slopes[k, 1] * z2 + slopes[k, 4] * e
+        moves[k, 1] = slopes[k, 2] * z1 + slopes[k, 3] * z2 + slopes[k, 5] * e
+    moves[TAU, 0], moves[TAU, 1] = b1 * rise * lag, b2 * rise * lag
+    x[Z], x[DZ] = a11 * z1 + a12 * z2 + b1 * e, a21 * z1 + a22 * z2 + b2 * e
+    if method == DUAL:  # sensitivities W = dx / dtheta; P has none between the two filters
+        for k in range(3):
+            s1, s2 = W[k, Z], W[k, DZ]
+            W[k, Z] = a11 * s1 + a12 * s2 + moves[k, 0]
+            W[k, DZ] = a21 * s1 + a22 * s2 + moves[k, 1]
+    for i in range(x.size):
+        c1 = a11 * P[i, Z] + a12 * P[i, DZ]
+        c2 = a21 * P[i, Z] + a22 * P[i, DZ]
+        if method == EKF:
+            for k in range(3):
+                c1 += P[i, k] * moves[k, 0]
+                c2 += P[i, k] * moves[k, 1]
+        P[i, Z], P[i, DZ] = c1, c2
+    v11 = settings[JITTER] + a11 * P[Z, Z] + a12 * P[DZ, Z]
+    v12 = a21 * P[Z, Z] + a22 * P[DZ, Z]
+    v22 = settings[JITTER + 1] + a21 * P[Z, DZ] + a22 * P[DZ, DZ]
+    if method == EKF:
+        for k in range(3):
+            v11 += moves[k, 0] * P[k, Z]
+            v12 += moves[k, 1] * P[k, Z]
+            v22 += moves[k, 1] * P[k, DZ]
+    return v11, v12, v22
+
+
+@register_jitable
+def measured_unscented(settings, x, P, L, cross):
+    """Prediction of the measurement and its variance; ``cross`` gets P_xy."""
+    N, has_remnant = x.size, x.size > REMNANT
+    reach = settings[REACH]
+    weight = 1 / (2 * reach * reach)
+    factored(P, L)
+    square = np.exp(2 * x[OMEGA])
+    gain = settings[SIGN_GAIN] * np.exp(x[GAIN])
+    rate = settings[SIGN_RATE] * np.exp(x[RATE])
+    centre = square * (gain * x[Z] + rate * x[DZ])
+    shift, variance = 0.0, 0.0
+    for i in range(N):
+        cross[i] = 0.0
+    for j in range(N):
+        noise = L[N - 1, j] if has_remnant else 0.0
+        if j >= Z:
+            half = noise
+            if j in (Z, DZ):
+                half += square * (gain * L[Z, j] + rate * L[DZ, j])
+            variance += half * half
+        else:
+            half = 0.0
             for side in range(2):
                 step = reach if side == 0 else -reach
-                p11, p12, p21, p22, q1, q2 = a11, a12, a21, a22, b1, b2
-                if j < TAU:
-                    w = omega
-                    if j == OMEGA:
-                        value = x[OMEGA] + step * L[OMEGA, j]
-                        w = np.exp(min(max(value, settings[LOW]), settings[HIGH]))
-                    value = x[ZETA] + step * L[ZETA, j]
-                    d = np.exp(min(max(value, settings[LOW + 1]), settings[HIGH + 1]))
-                    p11, p12, p21, p22, q1, q2 = held(w, d, dt)
-                value = x[TAU] + step * L[TAU, j]
-                value = np.exp(min(max(value, settings[LOW + 2]), settings[HIGH + 2]))
-                moved, _ = delayed(state, value / dt)
-                s1, s2 = z1 + step * l1, z2 + step * l2
-                d1 = p11 * s1 + p12 * s2 + q1 * moved - m1
-                d2 = p21 * s1 + p22 * s2 + q2 * moved - m2
-                shift1, shift2 = shift1 + weight * d1, shift2 + weight * d2
-                v11 += weight * d1 * d1
-                v12 += weight * d1 * d2
-                v22 += weight * d2 * d2
-                if side == 0:
-                    first1, first2 = d1, d2
-                else:
-                    moves[j, 0] = (first1 - d1) / (2 * reach)
-                    moves[j, 1] = (first2 - d2) / (2 * reach)
-        x[Z], x[DZ] = m1 + shift1, m2 + shift2
-        bend = settings[BEND]
-        for i in range(N):
-            c1, c2 = 0.0, 0.0
-            for j in range(min(i + 1, 7)):
-                c1 += L[i, j] * moves[j, 0]
-                c2 += L[i, j] * moves[j, 1]
-            P[i, Z], P[i, DZ] = c1, c2
-        return v11 + bend * shift1**2, v12 + bend * shift1 * shift2, v22 + bend * shift2**2
+                q = square
+                if j == OMEGA:
+                    value = x[OMEGA] + step * L[OMEGA, j]
+                    q = np.exp(2 * min(max(value, settings[LOW]), settings[HIGH]))
+                g = gain if j > GAIN else gain * np.exp(step * L[GAIN, j])
+                r = rate * np.exp(step * L[RATE, j])
+                d = q * (g * (x[Z] + step * L[Z, j]) + r * (x[DZ] + step * L[DZ, j]))
+                d += step * noise - centre
+                shift += weight * d
+                variance += weight * d * d
+                half += d if side == 0 else -d
+            half /= 2 * reach
+        for i in range(j, N):
+            cross[i] += L[i, j] * half
+    if has_remnant:
+        centre += x[N - 1]
+    return centre + shift, variance + settings[BEND] * shift * shift
 
-    @named
-    def predicted_extended(state, settings, x, P, slopes, moves):
-        """Move z and its covariances along its slopes."""
-        dt = settings[DT]
-        omega, zeta, lag = np.exp(x[OMEGA]), np.exp(x[ZETA]), np.exp(x[TAU]) / dt
-        a11, a12, a21, a22, b1, b2 = held(omega, zeta, dt)
-        held_slopes(omega, zeta, dt, slopes)
-        e, rise = delayed(state, lag)
-        z1, z2 = x[Z], x[DZ]
-        for k in range(2):
-            moves[k, 0] = slopes[k, 0] * z1 + slopes[k, 1] * z2 + slopes[k, 4] * e
-            moves[k, 1] = slopes[k, 2] * z1 + slopes[k, 3] * z2 + slopes[k, 5] * e
-        moves[TAU, 0], moves[TAU, 1] = b1 * rise * lag, b2 * rise * lag
-        x[Z], x[DZ] = a11 * z1 + a12 * z2 + b1 * e, a21 * z1 + a22 * z2 + b2 * e
-        if METHOD == DUAL:  # sensitivities W = dx / dtheta; P has none between the two filters
-            for k in range(3):
-                w = AT_W + k * N
-                s1, s2 = state[w + Z], state[w + DZ]
-                state[w + Z] = a11 * s1 + a12 * s2 + moves[k, 0]
-                state[w + DZ] = a21 * s1 + a22 * s2 + moves[k, 1]
-        for i in range(N):
-            c1 = a11 * P[i, Z] + a12 * P[i, DZ]
-            c2 = a21 * P[i, Z] + a22 * P[i, DZ]
-            if METHOD == EKF:
-                for k in range(3):
-                    c1 += P[i, k] * moves[k, 0]
-                    c2 += P[i, k] * moves[k, 1]
-            P[i, Z], P[i, DZ] = c1, c2
-        v11 = settings[JITTER] + a11 * P[Z, Z] + a12 * P[DZ, Z]
-        v12 = a21 * P[Z, Z] + a22 * P[DZ, Z]
-        v22 = settings[JITTER + 1] + a21 * P[Z, DZ] + a22 * P[DZ, DZ]
-        if METHOD == EKF:
-            for k in range(3):
-                v11 += moves[k, 0] * P[k, Z]
-                v12 += moves[k, 1] * P[k, Z]
-                v22 += moves[k, 1] * P[k, DZ]
-        return v11, v12, v22
 
-    @named
-    def measured_unscented(settings, x, P, L, cross):
-        """Prediction of the measurement and its variance; ``cross`` gets P_xy."""
-        reach = settings[REACH]
-        weight = 1 / (2 * reach * reach)
-        factored(P, L)
-        square = np.exp(2 * x[OMEGA])
-        gain = settings[SIGN_GAIN] * np.exp(x[GAIN])
-        rate = settings[SIGN_RATE] * np.exp(x[RATE])
-        centre = square * (gain * x[Z] + rate * x[DZ])
-        shift, variance = 0.0, 0.0
-        for i in range(N):
-            cross[i] = 0.0
+@register_jitable
+def measured_extended(method, settings, x, P, h, cross):
+    """The same by the slopes of the measurement."""
+    N, has_remnant = x.size, x.size > REMNANT
+    square = np.exp(2 * x[OMEGA])
+    gain = settings[SIGN_GAIN] * np.exp(x[GAIN])
+    rate = settings[SIGN_RATE] * np.exp(x[RATE])
+    for i in range(N):
+        h[i] = 0.0
+    h[GAIN], h[RATE] = square * gain * x[Z], square * rate * x[DZ]
+    h[Z], h[DZ] = square * gain, square * rate
+    output = h[GAIN] + h[RATE]
+    if method == EKF:
+        h[OMEGA] = 2 * output
+    if has_remnant:
+        h[N - 1] = 1.0
+    variance = 0.0
+    for i in range(N):
+        cross[i] = 0.0
         for j in range(N):
-            noise = L[N - 1, j] if M > 0 else 0.0
-            if j >= Z:
-                half = noise
-                if j in (Z, DZ):
-                    half += square * (gain * L[Z, j] + rate * L[DZ, j])
-                variance += half * half
-            else:
-                half = 0.0
-                for side in range(2):
-                    step = reach if side == 0 else -reach
-                    q = square
-                    if j == OMEGA:
-                        value = x[OMEGA] + step * L[OMEGA, j]
-                        q = np.exp(2 * min(max(value, settings[LOW]), settings[HIGH]))
-                    g = gain if j > GAIN else gain * np.exp(step * L[GAIN, j])
-                    r = rate * np.exp(step * L[RATE, j])
-                    d = q * (g * (x[Z] + step * L[Z, j]) + r * (x[DZ] + step * L[DZ, j]))
-                    d += step * noise - centre
-                    shift += weight * d
-                    variance += weight * d * d
-                    half += d if side == 0 else -d
-                half /= 2 * reach
-            for i in range(j, N):
-                cross[i] += L[i, j] * half
-        if M > 0:
-            centre += x[N - 1]
-        return centre + shift, variance + settings[BEND] * shift * shift
+            cross[i] += P[i, j] * h[j]
+        variance += h[i] * cross[i]
+    return output + (x[N - 1] if has_remnant else 0.0), variance
 
-    @named
-    def measured_extended(settings, x, P, h, cross):
-        """The same by the slopes of the measurement."""
-        square = np.exp(2 * x[OMEGA])
-        gain = settings[SIGN_GAIN] * np.exp(x[GAIN])
-        rate = settings[SIGN_RATE] * np.exp(x[RATE])
-        h[:] = 0.0
-        h[GAIN], h[RATE] = square * gain * x[Z], square * rate * x[DZ]
-        h[Z], h[DZ] = square * gain, square * rate
-        output = h[GAIN] + h[RATE]
-        if METHOD == EKF:
-            h[OMEGA] = 2 * output
-        if M > 0:
-            h[N - 1] = 1.0
-        variance = 0.0
-        for i in range(N):
-            cross[i] = 0.0
-            for j in range(N):
-                cross[i] += P[i, j] * h[j]
-            variance += h[i] * cross[i]
-        return output + (x[N - 1] if M > 0 else 0.0), variance
 
-    @named
-    def dual_corrected(state, x, P, h, cross, innovation, variance):
-        """Correct the parameter filter by the total slope, then the state filter."""
-        slope, moved = np.empty(3), np.empty(3)
-        for k in range(3):
-            total = 2 * (h[GAIN] + h[RATE]) if k == OMEGA else 0.0
-            for j in range(3, N):
-                total += h[j] * state[AT_W + k * N + j]
-            slope[k] = total
-        spread = variance
-        for k in range(3):
-            moved[k] = 0.0
-            for j in range(3):
-                moved[k] += P[k, j] * slope[j]
-            spread += slope[k] * moved[k]
-        for k in range(3):
-            for j in range(3, N):
-                state[AT_W + k * N + j] -= cross[j] / variance * slope[k]
-        corrected(x[3:], P[3:, 3:], cross[3:], innovation, variance)
-        corrected(x[:3], P[:3, :3], moved, innovation, spread)
+@register_jitable
+def dual_corrected(x, P, W, h, cross, innovation, variance):
+    """Correct the parameter filter by the total slope, then the state filter."""
+    slope, moved = np.empty(3), np.empty(3)
+    for k in range(3):
+        total = 2 * (h[GAIN] + h[RATE]) if k == OMEGA else 0.0
+        for j in range(3, x.size):
+            total += h[j] * W[k, j]
+        slope[k] = total
+    spread = variance
+    for k in range(3):
+        moved[k] = 0.0
+        for j in range(3):
+            moved[k] += P[k, j] * slope[j]
+        spread += slope[k] * moved[k]
+    for k in range(3):
+        for j in range(3, x.size):
+            W[k, j] -= cross[j] / variance * slope[k]
+    corrected(x[3:], P[3:, 3:], cross[3:], innovation, variance)
+    corrected(x[:3], P[:3, :3], moved, innovation, spread)
 
-    @named
-    def bounded(state, settings, x, P):
-        """Keep parameters and variances within their bounds."""
-        for i in range(5):
-            within = min(max(x[i], settings[LOW + i]), settings[HIGH + i])
-            if x[i] != within:
-                x[i] = within
-                state[CLAMPED + i] += 1
-        for i in range(N):
-            if P[i, i] <= 0:
-                P[i] = 0.0
-                P[:, i] = 0.0
-            elif i < 5 and P[i, i] > settings[MOST_VARIANCE]:
-                shrink = np.sqrt(settings[MOST_VARIANCE] / P[i, i])
-                P[i] *= shrink
-                P[:, i] *= shrink
 
-    def advance(
-        states, settings, e, y, fresh, begin, end, path, errors, filtered, priors, crosses
-    ):  # fmt: skip
-        """Advance the filters of all lanes over the rows from ``begin`` to ``end``.
+@register_jitable
+def bounded(numbers, settings, x, P):
+    """Keep parameters and variances within their bounds."""
+    for i in range(5):
+        within = min(max(x[i], settings[LOW + i]), settings[HIGH + i])
+        if x[i] != within:
+            x[i] = within
+            numbers[CLAMPED + i] += 1
+    for i in range(x.size):
+        shrink = 1.0
+        if P[i, i] <= 0:
+            shrink = 0.0
+        elif i < 5 and P[i, i] > settings[MOST_VARIANCE]:
+            shrink = np.sqrt(settings[MOST_VARIANCE] / P[i, i])
+        if shrink < 1.0:
+            for j in range(x.size):
+                P[i, j] *= shrink
+                P[j, i] *= shrink
 
-        ``states`` (n_lanes, size) and ``settings`` (n_lanes, size) are laid out by :func:`layout`
-        and :func:`settings_layout`; e, y and ``fresh``, which is 1 where a run begins or goes on
-        after a gap and 2 where there is no row, have the shape (1 or n_lanes, n_rows). NaN in y
-        is no measurement; NaN in e holds the last one, and nothing is measured until it has
-        passed.
 
-        Outputs of shape (n_lanes, n_rows, ...), left alone if of size 0: ``path``, N_PATH numbers;
-        ``errors``, the innovation and its variance, NaN without a measurement; and for smoothing x
-        and P after and before the measurement, and the covariance of x with its next prediction.
-        """
-        L, kept, slopes, moves = (
-            np.zeros((N, N)),
-            np.empty((N, N)),
-            np.zeros((2, 6)),
-            np.zeros((7, 2)),
-        )
-        cross, h = np.zeros(N), np.zeros(N)
-        for lane in range(states.shape[0]):
-            state, own = states[lane], settings[lane]
-            x, P = state[:N], state[AT_P : AT_P + N * N].reshape((N, N))
-            row = lane if y.shape[0] > 1 else 0
-            size, frozen = state.size - RING, own[FROZEN] > 0
-            for t in range(begin, end):
-                if fresh[row, t] == 2:
-                    continue
+@njit(cache=True, nogil=True, error_model="numpy")
+def advance(
+    method, states, settings, e, y, fresh, begin, end, path, errors, filtered, priors, crosses
+):
+    """Advance the filters of all lanes by a method over the rows from ``begin`` to ``end``.
+
+    ``states`` (n_lanes, size) and ``settings`` (n_lanes, size) are laid out by :func:`layout`
+    and :func:`settings_layout`; e, y and ``fresh``, which is 1 where a run begins or goes on
+    after a gap and 2 where there is no row, have the shape (1 or n_lanes, n_rows). NaN in y
+    is no measurement; NaN in e holds the last one, and nothing is measured until it has
+    passed.
+
+    Outputs of shape (n_lanes, n_rows, ...), left alone if of size 0: ``path``, N_PATH numbers;
+    ``errors``, the innovation and its variance, NaN without a measurement; and for smoothing x
+    and P after and before the measurement, and the covariance of x with its next prediction.
+    """
+    M = round(np.sqrt((settings.shape[1] - MATRICES) / 3))
+    N = 7 + M
+    L, kept, slopes = np.zeros((N, N)), np.empty(N * N), np.zeros((2, 6))
+    moves, cross, h = np.zeros((7, 2)), np.zeros(N), np.zeros(N)
+    for lane in range(states.shape[0]):
+        state, own = states[lane], settings[lane]
+        after = N + N * N
+        x, flat, both = state[:N], state[N:after], state[:after]
+        P = flat.reshape((N, N))
+        W = state[after : after + 3 * N].reshape((3, N))
+        after += 3 * N
+        numbers, ring = state[after : after + N_NUMBERS], state[after + N_NUMBERS :]
+        matrices = own[MATRICES:].reshape((3, M, M))
+        transition, drive, stationary = matrices[0], matrices[1], matrices[2]
+        row = lane if y.shape[0] > 1 else 0
+        frozen = own[FROZEN] > 0
+        for t in range(begin, end):
+            if fresh[row, t] == 2:
+                continue
+            if crosses.size > 0:
+                for i in range(N):
+                    copied(P[i], crosses[lane, t, i])
+            if fresh[row, t] == 1:
+                rest(numbers, x, P, W, own, stationary)
                 if crosses.size > 0:
-                    crosses[lane, t] = P
-                if fresh[row, t] == 1:
-                    rest(state, own, P)
-                    if crosses.size > 0:
-                        crosses[lane, t, :, Z:] = 0.0
-                known = y[row, t] == y[row, t] and state[BLOCKED] <= 0
-                ready = state[SINCE] >= np.exp(x[TAU]) / own[DT] + 2
-                if frozen:
-                    kept[:] = P
-                if ready:
-                    if METHOD == UKF:
-                        v11, v12, v22 = predicted_unscented(state, own, x, P, L, moves)
-                    else:
-                        v11, v12, v22 = predicted_extended(state, own, x, P, slopes, moves)
-                    if crosses.size > 0:
-                        crossed(own, P, crosses[lane, t])
                     for i in range(N):
-                        P[Z, i], P[DZ, i] = P[i, Z], P[i, DZ]
-                    P[Z, Z], P[Z, DZ], P[DZ, Z], P[DZ, DZ] = v11, v12, v12, v22
-                    if M > 0:
-                        remnant_moved(state, own, x, P)
-                    if known:
-                        for i in range(5):
-                            P[i, i] += own[WALK + i]
-                if frozen:
-                    P[:] = kept
-                if errors.size > 0:
-                    errors[lane, t] = np.nan
-                if priors.size > 0:
-                    priors[lane, t, :N] = x
-                    priors[lane, t, N:] = state[AT_P : AT_P + N * N]
-                if ready and known:
-                    if METHOD == UKF:
-                        output, variance = measured_unscented(own, x, P, L, cross)
-                    else:
-                        output, variance = measured_extended(own, x, P, h, cross)
-                    variance += state[SCALE] * own[NOISE]
-                    innovation = y[row, t] - output
-                    square = innovation * innovation / variance
-                    if errors.size > 0:
-                        errors[lane, t, 0], errors[lane, t, 1] = innovation, variance
-                    state[SQUARES] += square
-                    state[LOGS] += np.log(variance)
-                    state[UPDATES] += 1
-                    most = own[GATE] * own[GATE] * own[USUAL]
-                    if square > most:
-                        state[GATED] += 1
-                        variance *= np.sqrt(square / most)
-                    if METHOD == DUAL:
-                        dual_corrected(state, x, P, h, cross, innovation, variance)
-                    else:
-                        corrected(x, P, cross, innovation, variance)
-                    if frozen:
-                        P[:] = kept
-                    bounded(state, own, x, P)
-                    change = own[SCALE_GAIN] * (min(square, most) / own[USUAL] - 1)
-                    scale = state[SCALE] * (1 + change)
-                    state[SCALE] = min(max(scale, own[LEAST_SCALE]), own[MOST_SCALE])
-                now = e[row, t]
-                if now == now:
-                    state[ERROR] = now
-                    state[BLOCKED] = max(state[BLOCKED] - 1, 0.0)
+                        for j in range(Z, N):
+                            crosses[lane, t, i, j] = 0.0
+            known = y[row, t] == y[row, t] and numbers[BLOCKED] <= 0
+            ready = numbers[SINCE] >= np.exp(x[TAU]) / own[DT] + 2
+            if frozen:
+                copied(flat, kept)
+            if ready:
+                if method == UKF:
+                    v11, v12, v22 = predicted_unscented(numbers, ring, own, x, P, L, moves)
                 else:
-                    now = state[ERROR] if state[ERROR] == state[ERROR] else 0.0
-                    state[BLOCKED] = np.exp(x[TAU]) / own[DT] + 2
-                place = int(state[NEXT])
-                state[RING + place] = now
-                state[NEXT] = place + 1 if place + 1 < size else 0
-                state[SINCE] += 1
-                if filtered.size > 0:
-                    filtered[lane, t, :N] = x
-                    filtered[lane, t, N:] = state[AT_P : AT_P + N * N]
-                if path.size > 0:
+                    v11, v12, v22 = predicted_extended(
+                        method, numbers, ring, own, x, P, W, slopes, moves
+                    )
+                if crosses.size > 0:
+                    crossed(transition, P, crosses[lane, t])
+                for i in range(N):
+                    P[Z, i], P[DZ, i] = P[i, Z], P[i, DZ]
+                P[Z, Z], P[Z, DZ], P[DZ, Z], P[DZ, DZ] = v11, v12, v12, v22
+                if M > 0:
+                    remnant_moved(method == DUAL, numbers[SCALE], transition, drive, x, P, W)
+                if known:
                     for i in range(5):
-                        path[lane, t, i], path[lane, t, 5 + i] = x[i], P[i, i]
-                    path[lane, t, 10] = P[GAIN, RATE]
-
-    advance.__name__ = advance.__qualname__ = f"advance_{m}_{method}"
-    return njit(cache=True, nogil=True, error_model="numpy")(advance)
+                        P[i, i] += own[WALK + i]
+            if frozen:
+                copied(kept, flat)
+            if errors.size > 0:
+                errors[lane, t, 0] = errors[lane, t, 1] = np.nan
+            if priors.size > 0:
+                copied(both, priors[lane, t])
+            if ready and known:
+                if method == UKF:
+                    output, variance = measured_unscented(own, x, P, L, cross)
+                else:
+                    output, variance = measured_extended(method, own, x, P, h, cross)
+                variance += numbers[SCALE] * own[NOISE]
+                innovation = y[row, t] - output
+                square = innovation * innovation / variance
+                if errors.size > 0:
+                    errors[lane, t, 0], errors[lane, t, 1] = innovation, variance
+                numbers[SQUARES] += square
+                numbers[LOGS] += np.log(variance)
+                numbers[UPDATES] += 1
+                most = own[GATE] * own[GATE] * own[USUAL]
+                if square > most:
+                    numbers[GATED] += 1
+                    variance *= np.sqrt(square / most)
+                if method == DUAL:
+                    dual_corrected(x, P, W, h, cross, innovation, variance)
+                else:
+                    corrected(x, P, cross, innovation, variance)
+                if frozen:
+                    copied(kept, flat)
+                bounded(numbers, own, x, P)
+                change = own[SCALE_GAIN] * (min(square, most) / own[USUAL] - 1)
+                scale = numbers[SCALE] * (1 + change)
+                numbers[SCALE] = min(max(scale, own[LEAST_SCALE]), own[MOST_SCALE])
+            now = e[row, t]
+            if now == now:
+                numbers[ERROR] = now
+                numbers[BLOCKED] = max(numbers[BLOCKED] - 1, 0.0)
+            else:
+                now = numbers[ERROR] if numbers[ERROR] == numbers[ERROR] else 0.0
+                numbers[BLOCKED] = np.exp(x[TAU]) / own[DT] + 2
+            place = int(numbers[NEXT])
+            ring[place] = now
+            numbers[NEXT] = place + 1 if place + 1 < ring.size else 0
+            numbers[SINCE] += 1
+            if filtered.size > 0:
+                copied(both, filtered[lane, t])
+            if path.size > 0:
+                for i in range(5):
+                    path[lane, t, i], path[lane, t, 5 + i] = x[i], P[i, i]
+                path[lane, t, 10] = P[GAIN, RATE]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -1,8 +1,7 @@
 """The closed loop, sample by sample, for several runs at once.
 
-Runs lie side by side in one buffer, a fixed number of lanes to each quantity, so that the loops
-over them become vector instructions; :func:`tracker` compiles for a number of lanes. A lane gives
-the same bits alone and beside others.
+Runs lie side by side in one buffer, ``MANY`` lanes to each quantity, so that the loops over them
+become vector instructions. A lane gives the same bits alone and beside others.
 
 A row of ``physics`` holds 2 zeta omega_nm; omega_nm^2; the gains times omega_nm^2 on f_t, on its
 rate, on x and on its rate; K_c; omega_b; K_n. Rows are half a step apart, as Runge-Kutta needs
@@ -60,12 +59,12 @@ def _row(p, i):
 
 
 @cache
-def tracker(lanes, third):
-    """Compile ``track`` for a number of lanes, and a remnant filter with a ``third`` state or none.
+def tracker(third):
+    """Compile ``track`` for a remnant filter with a ``third`` state or none.
 
-    Without, the third and fourth state are not computed.
+    Without, the third and fourth state are not computed, in half the time.
     """
-    THIRD = third
+    THIRD, lanes = third, MANY
     Z0, Z1, X, V, R0, R1, R2, R3 = range(0, 8 * lanes, lanes)
     F_T, F_D, W, BEGIN, MIDDLE, END = range(8 * lanes, 14 * lanes, lanes)
 
@@ -194,5 +193,5 @@ def tracker(lanes, third):
         return out, lost
 
     # Cached functions of one name from different processes would be mistaken for each other.
-    track.__name__ = track.__qualname__ = f"track_{lanes}_{4 if third else 2}"
+    track.__name__ = track.__qualname__ = f"track_{4 if third else 2}"
     return njit(cache=True, nogil=True, error_model="numpy")(track)

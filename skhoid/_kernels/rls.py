@@ -2,10 +2,9 @@
 
 The covariance is kept as P = U D U', U unit upper triangular and D diagonal (Bierman 1977): it is
 symmetric and positive definite whatever the rounding. :func:`recursion` computes on vectors of
-lanes, :func:`free_runs` in loops over them; both compile for one number of parameters and lanes.
-Nothing is reordered or fused but by :func:`~skhoid._kernels.lanes.fma`: a lane gives the same bits
-alone and beside others. Some loops over pairs skip what a shorter range would leave out: only loops
-of constant length are unrolled, and only then does the state of few parameters stay in registers.
+lanes, :func:`free_runs` in loops over them. Nothing is reordered or fused but by
+:func:`~skhoid._kernels.lanes.fma`: a lane gives the same bits alone and beside others, and a kernel
+for one number of parameters the same as that for all.
 
 Factor k is not forgotten further where D_k max(phi_k^2) exceeds ``HELD`` (the bound on P of
 Salgado, Goodwin and Middleton 1988, taken in the factors), nor is anything where all regressors are
@@ -48,42 +47,44 @@ SHORTEST = 0.5  # variable forgetting factor
 TOO_LARGE = 1e40  # of data, as at the gate in preprocessing
 
 
+NAMES = (
+    "U", "D", "theta", "power", "cap", "inflation", "total", "updates", "held", "instants", "size",
+)  # fmt: skip
+
+
+@register_jitable
+def offsets(n):
+    """Where each of ``NAMES`` begins in a state buffer, in lanes, for n parameters."""
+    theta = n * (n + 1) // 2
+    total = theta + 4 * n
+    return (
+        0, theta - n, theta, theta + n, theta + 2 * n, theta + 3 * n,
+        total, total + 1, total + 2, total + 3, total + 4,
+    )  # fmt: skip
+
+
 def layout(n_params):
-    """Offsets of the quantities in a state buffer, in lanes."""
-    vectors = ["D", "theta", "power", "cap", "inflation"]
-    numbers = ["total", "updates", "held", "instants"]
-    sizes = [n_params * (n_params - 1) // 2] + [n_params] * len(vectors) + [1] * len(numbers)
-    offsets = np.concatenate(([0], np.cumsum(sizes))).tolist()
-    return dict(zip(["U", *vectors, *numbers, "size"], offsets, strict=True))
+    """The offsets by name."""
+    return dict(zip(NAMES, offsets(n_params), strict=True))
 
 
 @cache
-def recursion(n_params, lanes, shared=False, wide=False):
-    """Compile ``advance`` for a number of parameters and lanes.
+def recursion(lanes, shared=False, n_params=0):
+    """Compile ``advance`` for a number of lanes, which may share their signals.
 
-    Lanes may share their signals; ``wide`` forgetting has one factor for each parameter.
+    One for a number of parameters has its state in registers, and is up to twice as fast.
     """
-    N, L, WIDE = n_params, lanes, wide
-    W = 1 if shared else lanes
+    L, W, FIXED = lanes, 1 if shared else lanes, n_params
     at = layout(n_params)
-    U, D, THETA, INFLATION, SIZE = at["U"], at["D"], at["theta"], at["inflation"], at["size"]
-    TOTAL, UPDATES, HELDS, INSTANTS = at["total"], at["updates"], at["held"], at["instants"]
-    POWERS, CAPS = at["power"] * lanes, at["cap"] * lanes
-    PAIRS = N * (N - 1) // 2
-    TILT = SIZE
-    F, GAIN = TILT + PAIRS, TILT + PAIRS + N
-    ALPHA, PRODUCT, INVERSE, MOST = (THETA + k * N for k in range(1, 5))
-    F_NOW, GAIN_NOW = THETA + 5 * N, THETA + 6 * N
-    N_HOT, WAITING, N_COLD = THETA + 7 * N, GAIN + N, GAIN + N + 1
-    POWER, CAP, PHI, N_SHARED = 0, N, 2 * N, 3 * N
-    EXCITED, N_LIMITS = N, N + 1
-    FEW = N <= 16
-    N_HEAP = 0 if FEW else (N_HOT + N_COLD) * L
-    COLD = N_HOT * L
+    HOT, COLD = at["theta"] + 7 * n_params, at["size"] + at["theta"] + n_params + 1
+    SHARED, LIMITS = 3 * n_params, n_params + 1
 
     @register_jitable
-    def forget_with_care(c, limits, diagonal):
+    def forget_with_care(c, limits, N, diagonal, wide):
         """Forget in the lanes that wait and are excited, and hold what would grow too large."""
+        U, D, _, _, _, INFLATION, _, _, HELDS, INSTANTS, TILT = offsets(N)
+        F, GAIN = TILT + D, TILT + D + N
+        WAITING, EXCITED = GAIN + N, N
         forget = (c[WAITING] > 0.0) & spread(limits[EXCITED] > 0.0, L)
         held = ~everywhere(L)
         if diagonal:
@@ -117,7 +118,7 @@ def recursion(n_params, lanes, shared=False, wide=False):
                 grown, least = d * c[INFLATION + k], cap * GENTLE
                 hold = grown > maximum(d, cap)
                 first = k * (k - 1) // 2
-                if WIDE:
+                if wide:
                     for i in range(k):
                         u = c[U + first + i]
                         tilted = u * c[TILT + first + i]
@@ -152,25 +153,36 @@ def recursion(n_params, lanes, shared=False, wide=False):
         P; those after forgetting and before the first update (one lane only); of each run the
         one-step error and 1 + phi' P phi, NaN without an update; the variable forgetting factor.
         """
+        N = FIXED if FIXED > 0 else columns.size
+        wide = inflate.shape[1] > 1
+        U, D, THETA, POWERS, CAPS, INFLATION, TOTAL, UPDATES, HELDS, INSTANTS, SIZE = offsets(N)
+        PAIRS, TILT = D, SIZE
+        ALPHA, PRODUCT, INVERSE, MOST = THETA + N, THETA + 2 * N, THETA + 3 * N, THETA + 4 * N
+        F_NOW, GAIN_NOW = THETA + 5 * N, THETA + 6 * N
+        WAITING = TILT + PAIRS + 2 * N
+        POWER, CAP, PHI = 0, N, 2 * N
+        EXCITED = N
         n_instants, n_runs = Z.shape[1], Z.shape[2]
         starts = np.empty(N, dtype=np.int64)
         for k in range(N):
             starts[k] = (columns[k] * n_instants - lags[k]) * n_runs * W
         # s and q are what every instant needs, in registers if they can be: no other function gets
         # them. c has the rest of the state, and copies for the function that takes care.
-        heap = np.empty(N_HEAP)
-        if FEW:
-            s, c = rows(N_HOT, L), rows(N_COLD, L)
+        after_s, after_c = (THETA + 7 * N) * L, (THETA + 7 * N + WAITING + 1) * L
+        after_q = after_c + 3 * N * W
+        heap = np.empty(1 if FIXED > 0 else after_q + (N + 1) * W)
+        if FIXED > 0:
+            s, c, q, limits = rows(HOT, L), rows(COLD, L), rows(SHARED, W), rows(LIMITS, W)
         else:
-            s, c = rows_of(heap, 0, L), rows_of(heap, COLD, L)
-        q, limits = rows(N_SHARED, W), rows(N_LIMITS, W)
+            s, c = rows_of(heap, 0, L), rows_of(heap, after_s, L)
+            q, limits = rows_of(heap, after_c, W), rows_of(heap, after_q, W)
         for i in range(SIZE):
             c[i] = load(state, i * L, L)
         for i in range(THETA + N):
             s[i] = load(state, i * L, L)
         for k in range(N):
-            q[POWER + k] = load(state, POWERS + k * L, W)
-            q[CAP + k] = load(state, CAPS + k * L, W)
+            q[POWER + k] = load(state, (POWERS + k) * L, W)
+            q[CAP + k] = load(state, (CAPS + k) * L, W)
         one = spread(1.0, L)
         plain = 0.0  # instants at which all lanes forgot in full
         for t in range(begin, end):
@@ -178,9 +190,9 @@ def recursion(n_params, lanes, shared=False, wide=False):
                 now = 0 if inflate.shape[0] == 1 else t - offset
                 if nominal == 0.0:
                     for k in range(N):
-                        i = now * inflate.shape[1] + (k if WIDE else 0)
+                        i = now * inflate.shape[1] + (k if wide else 0)
                         c[INFLATION + k] = load(inflate, i * L, L)
-                if WIDE:
+                if wide:
                     for i in range(PAIRS):
                         c[TILT + i] = load(tilt, (now * PAIRS + i) * L, L)
             if used.size > 0:
@@ -201,10 +213,13 @@ def recursion(n_params, lanes, shared=False, wide=False):
                 # What is usual in all lanes needs no masks: the same bits, in less time.
                 excited = taken & (q[PHI] * q[PHI] * HELD > q[POWER])
                 easy = every(excited)
+                below = everywhere(W)
                 if easy:
                     for k in range(N):
-                        q[POWER + k] = q[POWER + k] * REMEMBERED
+                        power = q[POWER + k] * REMEMBERED
+                        q[POWER + k] = power
                         q[CAP + k] = minimum(q[CAP + k] * GROWTH, LARGEST)
+                        below = below & (q[PHI + k] * q[PHI + k] <= power)
                 else:
                     taken, excited = y == y, ~everywhere(W)
                     for k in range(N):
@@ -216,11 +231,10 @@ def recursion(n_params, lanes, shared=False, wide=False):
                         p = select(taken, q[PHI + k], 0.0)
                         moved = excited & (p != 0.0)
                         q[PHI + k] = p
-                        q[POWER + k] = q[POWER + k] * select(moved, REMEMBERED, 1.0)
+                        power = q[POWER + k] * select(moved, REMEMBERED, 1.0)
+                        q[POWER + k] = power
                         q[CAP + k] = minimum(q[CAP + k] * select(moved, GROWTH, 1.0), LARGEST)
-                below = everywhere(W)
-                for k in range(N):
-                    below = below & (q[PHI + k] * q[PHI + k] <= q[POWER + k])
+                        below = below & (p * p <= power)
                 if not every(below):
                     for k in range(N):
                         square, d = q[PHI + k] * q[PHI + k], s[D + k]
@@ -233,15 +247,13 @@ def recursion(n_params, lanes, shared=False, wide=False):
                 forgot = False
                 if pending:
                     fits = everywhere(L)
-                    if WIDE:
+                    if wide:
                         for k in range(N):
                             grown = s[D + k] * c[INFLATION + k]
                             s[MOST + k] = maximum(grown, spread(q[CAP + k], L) * GENTLE)
                         for i in range(N):
                             most = s[MOST + i]
-                            for k in range(N):
-                                if k <= i:
-                                    continue
+                            for k in range(i + 1, N):
                                 above = k * (k - 1) // 2 + i
                                 tilted = s[U + above] * c[TILT + above]
                                 most = fma(tilted * tilted, s[MOST + k], most)
@@ -254,7 +266,7 @@ def recursion(n_params, lanes, shared=False, wide=False):
                     if forgot:
                         for k in range(N):
                             s[D + k] = s[D + k] * c[INFLATION + k]
-                        if WIDE:
+                        if wide:
                             for i in range(PAIRS):
                                 s[U + i] = s[U + i] * c[TILT + i]
                         plain += 1.0
@@ -266,7 +278,7 @@ def recursion(n_params, lanes, shared=False, wide=False):
                         limits[EXCITED] = select(excited, 1.0, 0.0)
                         if r == 0:
                             c[WAITING] = one
-                        forget_with_care(c, limits, diagonal)
+                        forget_with_care(c, limits, N, diagonal, wide)
                         for i in range(THETA):
                             s[i] = c[i]
                         forgot = every(c[WAITING] == 0.0)
@@ -276,42 +288,36 @@ def recursion(n_params, lanes, shared=False, wide=False):
                         for i in range(THETA):
                             store(priors, (t * THETA + i) * L, s[i])
                 e = spread(y, L)
-                alpha = one
+                alpha, product = one, one
                 for k in range(N):
                     f = spread(q[PHI + k], L)
                     e = fma(-f, s[THETA + k], e)
-                    for i in range(N):
-                        if i >= k:
-                            continue
-                        f = fma(s[U + k * (k - 1) // 2 + i], spread(q[PHI + i], L), f)
+                    first = k * (k - 1) // 2
+                    for i in range(k):
+                        f = fma(s[U + first + i], spread(q[PHI + i], L), f)
                     g = s[D + k] * f
                     alpha = fma(f, g, alpha)
                     s[F_NOW + k], s[GAIN_NOW + k], s[ALPHA + k] = f, g, alpha
-                for first in range(0, N, 4):  # one division for four
-                    last = min(first + 4, N)
-                    product = one
-                    for k in range(first, last):
-                        s[PRODUCT + k] = product
-                        product = product * s[ALPHA + k]
-                    inverse = one / product
-                    for k in range(last - 1, first - 1, -1):
-                        s[INVERSE + k] = inverse * s[PRODUCT + k]
-                        inverse = inverse * s[ALPHA + k]
-                    if not every(product < LARGEST):
-                        for k in range(first, last):
-                            inverse = one / s[ALPHA + k]
-                            s[INVERSE + k] = select(product < LARGEST, s[INVERSE + k], inverse)
+                    s[PRODUCT + k] = product
+                    product = product * alpha
+                inverse = one / product  # one division for all
+                for k in range(N - 1, -1, -1):
+                    s[INVERSE + k] = inverse * s[PRODUCT + k]
+                    inverse = inverse * s[ALPHA + k]
+                if not every(product < LARGEST):
+                    for k in range(N):
+                        inverse = one / s[ALPHA + k]
+                        s[INVERSE + k] = select(product < LARGEST, s[INVERSE + k], inverse)
                 before, inverse = one, one
                 for k in range(N):
                     w, g = -s[F_NOW + k] * inverse, s[GAIN_NOW + k]
                     inverse = s[INVERSE + k]
                     s[D + k] = s[D + k] * (before * inverse)
                     before = s[ALPHA + k]
-                    for i in range(N):
-                        if i >= k:
-                            continue
-                        u, b = s[U + k * (k - 1) // 2 + i], s[GAIN_NOW + i]
-                        s[U + k * (k - 1) // 2 + i] = fma(b, w, u)
+                    first = k * (k - 1) // 2
+                    for i in range(k):
+                        u, b = s[U + first + i], s[GAIN_NOW + i]
+                        s[U + first + i] = fma(b, w, u)
                         s[GAIN_NOW + i] = fma(u, g, b)
                 gain = inverse * e
                 for k in range(N):
@@ -345,65 +351,61 @@ def recursion(n_params, lanes, shared=False, wide=False):
         for i in range(SIZE):
             store(state, i * L, c[i])
         for k in range(N):
-            store(state, POWERS + k * L, spread(q[POWER + k], L))
-            store(state, CAPS + k * L, spread(q[CAP + k], L))
+            store(state, (POWERS + k) * L, spread(q[POWER + k], L))
+            store(state, (CAPS + k) * L, spread(q[CAP + k], L))
+        heap[0] = 0.0  # so that it is not freed before
 
     # Cached functions of one name from different processes would be mistaken for each other, also
     # those that others call.
-    kind = f"{n_params}_{lanes}{'s' * shared}{'w' * wide}_{VERSION}"
+    kind = f"{lanes}{'s' * shared}_{n_params or 'any'}_{VERSION}"
     advance.__name__ = advance.__qualname__ = f"advance_{kind}"
     forget_with_care.__name__ = forget_with_care.__qualname__ = f"forget_with_care_{kind}"
     return njit(cache=True, nogil=True, error_model="numpy")(advance)
 
 
-@cache
-def stream(n_params, wide=False):
-    """Compile ``take`` for a number of parameters."""
-    # Not the compiled function: a closure that holds one is cached anew by every process.
-    compiled = recursion(n_params, 1, wide=wide)
-    advance = register_jitable(getattr(compiled, "py_func", compiled))
+_advance_one = recursion(1)
 
-    def take(
-        X, y, inputs, Z, target, columns, lags, depth, inflate, tilt, diagonal, nominal, s, since
-    ):
-        """Take rows of X and y into a recursion that began earlier; see ``recursion``.
 
-        ``Z`` and ``target`` have room for ``depth`` rows, those that came last, and ``CHUNK`` more;
-        ``since[0]`` counts the rows known without a break. Signals of Z are -y, the columns
-        ``inputs`` of X, and ones where there is an intercept. Returns False, with nothing done, if
-        a value is too large.
-        """
-        empty, unused = np.empty((0, 0, 0)), np.empty((0, 0))
-        n_rows, n_columns = X.shape
-        for i in range(n_rows):
-            if abs(y[i]) > TOO_LARGE:
+def take(X, y, inputs, Z, target, columns, lags, depth, inflate, tilt, diagonal, nominal, s, since):
+    """Take rows of X and y into a recursion that began earlier; see ``recursion``.
+
+    ``Z`` and ``target`` have room for ``depth`` rows, those that came last, and ``CHUNK`` more;
+    ``since[0]`` counts the rows known without a break. Signals of Z are -y, the columns ``inputs``
+    of X, and ones where there is an intercept. Returns False, with nothing done, if a value is too
+    large.
+    """
+    empty, unused = np.empty((0, 0, 0)), np.empty((0, 0))
+    n_rows, n_columns = X.shape
+    for i in range(n_rows):
+        if abs(y[i]) > TOO_LARGE:
+            return False
+        for c in range(n_columns):
+            if abs(X[i, c]) > TOO_LARGE:
                 return False
-            for c in range(n_columns):
-                if abs(X[i, c]) > TOO_LARGE:
-                    return False
-        chunk = target.shape[0] - depth
-        done = 0
-        while done < n_rows:
-            m = min(chunk, n_rows - done)
-            for i in range(m):
-                now = depth + i
-                Z[0, now, 0, 0] = -y[done + i]
-                for c in range(inputs.size):
-                    Z[c + 1, now, 0, 0] = X[done + i, inputs[c]]
-                target[now, 0, 0] = y[done + i] if since[0] >= depth else np.nan
-                since[0] += 1
-            advance(
-                Z, target, columns, lags, depth, depth + m, inflate, tilt, depth - done,
-                diagonal, nominal, s, empty, empty, empty, empty, empty, unused,
-            )  # fmt: skip
-            for c in range(inputs.size + 1):
-                for i in range(depth):
-                    Z[c, i, 0, 0] = Z[c, m + i, 0, 0]
-            done += m
-        return True
+    chunk = target.shape[0] - depth
+    done = 0
+    while done < n_rows:
+        m = min(chunk, n_rows - done)
+        for i in range(m):
+            now = depth + i
+            Z[0, now, 0, 0] = -y[done + i]
+            for c in range(inputs.size):
+                Z[c + 1, now, 0, 0] = X[done + i, inputs[c]]
+            target[now, 0, 0] = y[done + i] if since[0] >= depth else np.nan
+            since[0] += 1
+        _advance_one(
+            Z, target, columns, lags, depth, depth + m, inflate, tilt, depth - done,
+            diagonal, nominal, s, empty, empty, empty, empty, empty, unused,
+        )  # fmt: skip
+        for c in range(inputs.size + 1):
+            for i in range(depth):
+                Z[c, i, 0, 0] = Z[c, m + i, 0, 0]
+        done += m
+    return True
 
-    take.__name__ = take.__qualname__ = f"take_{n_params}{'w' * wide}_{VERSION}"
-    return njit(cache=True, nogil=True, error_model="numpy")(take)
+
+take.__name__ = take.__qualname__ = f"take_{VERSION}"
+take = njit(cache=True, nogil=True, error_model="numpy")(take)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -470,53 +472,42 @@ def smooth(theta, P, factors, priors, cut):
                 P[t, m, i] = new[i, m]
 
 
-@cache
-def free_runs(na, n_params, lanes):
-    """Compile ``follow`` for the orders of a model and a number of lanes."""
-    NA, N, L = na, n_params, lanes
+@njit(cache=True, nogil=True, error_model="numpy")
+def free_runs(signals, columns, lags, na, begin, end, past, path, at, bound, out):
+    """Simulate rows of one recording freely along several parameter paths.
 
-    def follow(signals, columns, lags, begin, end, past, path, at, bound, out):
-        """Simulate rows of one recording freely along several parameter paths.
+    Regressor ``k >= na`` is signal ``columns[k]``, of shape (n_signals, n_rows), at ``lags[k]``
+    rows before, zero before row ``past`` of its stretch; signal 0 is the output to compare with,
+    NaN where not. Row t is simulated with ``path[at[t]]``, of shape (n_params, lanes), from zero
+    outputs at the beginning of each stretch, and is held within ``+-bound``.
 
-        Regressor ``k >= na`` is signal ``columns[k]``, of shape (n_signals, n_rows), at
-        ``lags[k]`` rows before, zero before row ``past`` of its stretch; signal 0 is the output to
-        compare with, NaN where not. Row t is simulated with ``path[at[t]]``, of shape (n_params,
-        lanes), from zero outputs at the beginning of each stretch, and is held within ``+-bound``.
-
-        The output of the rows from ``begin[0]`` to ``end[-1]`` is left in ``out``, unless that has
-        size 0. Returns the sum of the squared errors by lane.
-        """
-        lost = np.zeros(L)
-        phi = np.zeros(N)
-        last = np.zeros(NA * L)  # outputs of the rows before, the latest first
-        new = np.zeros(L)
-        for stretch in range(begin.size):
-            last[:] = 0.0
-            for t in range(begin[stretch], end[stretch]):
-                for k in range(NA, N):
-                    row = t - lags[k]
-                    phi[k] = signals[columns[k], row] if row >= past[stretch] else 0.0
-                theta = path[at[t]]
-                for j in range(L):
-                    value = 0.0
-                    for k in range(NA, N):
-                        value += theta[k, j] * phi[k]
-                    for k in range(NA):
-                        value -= theta[k, j] * last[k * L + j]
-                    for k in range(NA - 1, 0, -1):
-                        last[k * L + j] = last[(k - 1) * L + j]
-                    value = min(max(value, -bound), bound)
-                    if NA > 0:
-                        last[j] = value
-                    new[j] = value
-                if out.size > 0:
-                    for j in range(L):
-                        out[t - begin[0], j] = new[j]
-                y = signals[0, t]
-                if y == y:
-                    for j in range(L):
-                        lost[j] += (y - new[j]) * (y - new[j])
-        return lost
-
-    follow.__name__ = follow.__qualname__ = f"follow_{na}_{n_params}_{lanes}"
-    return njit(cache=True, nogil=True, error_model="numpy")(follow)
+    The output of the rows from ``begin[0]`` to ``end[-1]`` is left in ``out``, unless that has
+    size 0. Returns the sum of the squared errors by lane.
+    """
+    n_params, lanes = path.shape[1:]
+    lost = np.zeros(lanes)
+    ring = np.zeros((na + 1, lanes))  # outputs
+    for stretch in range(begin.size):
+        for t in range(begin[stretch], end[stretch]):
+            theta, new = path[at[t]], ring[t % (na + 1)]
+            for j in range(lanes):
+                new[j] = 0.0
+            for k in range(na, n_params):
+                row = t - lags[k]
+                phi = signals[columns[k], row] if row >= past[stretch] else 0.0
+                for j in range(lanes):
+                    new[j] += theta[k, j] * phi
+            for k in range(min(na, t - begin[stretch])):
+                last = ring[(t - 1 - k) % (na + 1)]
+                for j in range(lanes):
+                    new[j] -= theta[k, j] * last[j]
+            for j in range(lanes):
+                new[j] = min(max(new[j], -bound), bound)
+            if out.size > 0:
+                for j in range(lanes):
+                    out[t - begin[0], j] = new[j]
+            y = signals[0, t]
+            if y == y:
+                for j in range(lanes):
+                    lost[j] += (y - new[j]) * (y - new[j])
+    return lost

@@ -81,8 +81,7 @@ def score_horizons(
     factors = forgetting_factor(np.atleast_1d(np.asarray(horizons, dtype=float)))
     power = np.sum(u[:, begin:] ** 2, axis=1)
     vaf = np.empty((len(forms), factors.size, len(u)))
-    lanes = _kernels.rls.MANY
-    follow = _kernels.trade_off.free_runs_of_many(lanes)
+    lanes = _kernels.trade_off.WIDTH
     signals = np.stack([-u[0], e[0, 1:]])[:, :, None, None]
     target = u[0, :, None, None].copy()
     theta0 = np.asarray(theta0, dtype=float)
@@ -94,7 +93,7 @@ def score_horizons(
                 _begun(theta0, lanes), signals, target, ORDERS, NO_FORGETTING,
                 inflation=inflation, keep=("theta",),
             ).theta  # fmt: skip
-            lost = follow(e, u, path, begin, end, BOUND)
+            lost = _kernels.trade_off.free_runs_of_many(e, u, path, begin, end, BOUND)
             found = 100 * (1 - lost / power[:, None])
             vaf[form, some] = np.maximum(0.0, found[:, : some.stop - first].T)
     return vaf

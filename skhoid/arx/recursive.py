@@ -267,8 +267,7 @@ class Stream(Recursion):
         self._last_time = -np.inf
 
     def step(self, X: np.ndarray, y: np.ndarray) -> bool:
-        advance = _kernels.rls.stream(self.state.n_params, self._arrays[0].shape[1] > 1)
-        return advance(
+        return _kernels.rls.take(
             X, y, self._inputs, self._signals, self._target, *self._regressors, self.depth,
             *self._arrays, self.forgetting.diagonal, self.forgetting.nominal, self.state.buffer,
             self._since,

@@ -401,7 +401,7 @@ class _HorizonScores:
         begin, end = grid.begin[chosen], grid.end[chosen]
         lanes = paths.shape[2]
         out = np.empty((0 if self.sums_suffice else end[-1] - begin[0], lanes))
-        follow = _kernels.rls.free_runs(orders.na, orders.n_params, lanes)
-        regressors = kernel_regressors(orders)
-        past = grid.past[chosen]
-        return out, follow(self.signals, *regressors, begin, end, past, paths, at, BOUND, out)
+        return out, _kernels.rls.free_runs(
+            self.signals, *kernel_regressors(orders), orders.na, begin, end, grid.past[chosen],
+            paths, at, BOUND, out,
+        )  # fmt: skip

@@ -21,6 +21,7 @@ from .least_squares import Triangle
 from .orders import Orders, regressors
 
 NOTHING = np.empty((0, 0, 0))
+OWN, LONG = (1, 4), 500_000  # lanes and parameters with their own kernel, updates that are worth it
 SPARSE = 10  # times the rows: with more instants they are sorted instead of counted
 
 
@@ -324,8 +325,9 @@ def recurse(
     paths = Paths.empty(n_instants, signals.shape[2], state, keep)
     columns, lags = kernel_regressors(orders)
     inflate, tilt = forgetting.arrays(state.lanes) if inflation is None else inflation
-    shared, wide = signals.shape[3] < state.lanes, inflate.shape[1] > 1
-    advance = _kernels.rls.recursion(state.n_params, state.lanes, shared, wide)
+    shared = signals.shape[3] < state.lanes
+    is_long = n_instants * signals.shape[2] >= LONG and (state.lanes, state.n_params) == OWN
+    advance = _kernels.rls.recursion(state.lanes, shared, state.n_params if is_long else 0)
     first = min(orders.first_row, n_instants)
     before = {
         "theta": state.rows("theta"),

@@ -486,7 +486,7 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
             else shared
             for name, shared in forcing.items()
         )
-        compiled = _make_tracker(len(runs), filter_)
+        compiled = _kernels.loop.tracker(bool(filter_[8:].any()))
 
         def track(
             f_t: np.ndarray, f_d: np.ndarray, white: np.ndarray, rows: np.ndarray, begin: int = 0
@@ -539,12 +539,6 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
         signals = np.repeat(signals, int(n_runs), axis=1)
     e, u, x, n = signals
     return TrackingRecord(time=time, e=e, u=u, x=x, n=n, f_t=f_t, f_d=f_d)
-
-
-def _make_tracker(n_runs: int, remnant: np.ndarray) -> Any:
-    """The kernel for a number of runs and a remnant filter."""
-    lanes = 1 if n_runs == 1 else _kernels.loop.MANY
-    return _kernels.loop.tracker(lanes, bool(remnant[8:].any()))
 
 
 def _count_run_in(task: CompensatoryTask, keep_run_in: Any) -> int:
@@ -633,7 +627,7 @@ def _remove_remnant(
 ) -> tuple[np.ndarray, int]:
     """Error of a run without remnant, and roughly where it exceeds ``bound``, or -1."""
     silent = np.zeros(10)
-    (e, *_), lost = _make_tracker(1, silent)(
+    (e, *_), lost = _kernels.loop.tracker(False)(
         f_t,
         f_d,
         np.zeros_like(f_t),

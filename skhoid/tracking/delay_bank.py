@@ -194,17 +194,27 @@ class BankRows(Recursion):
     def take(self, X: np.ndarray, y: np.ndarray, time: np.ndarray | None = None) -> None:
         """Take rows that follow those before."""
         bank, done = self.bank, 0
-        advance = _kernels.delay_bank.stream(bank.orders.n_params, self.arrays[0].shape[1] > 1)
+        advance = _kernels.rls.recursion(LANES)
+        empty, unused = np.empty((0, 0, 0)), np.empty((0, 0))
         while done < y.size:
             if self.at == len(self.since):
                 self._move_back()
             end = min(self.at + y.size - done, len(self.since))
             m = end - self.at
             rows = slice(done, done + m)
-            advance(
-                X[rows], y[rows], bank.shifts, self.Z, self.target, self.theta, self.since,
-                *bank.regressors, bank.orders.na, bank.first_row, self.at, *self.arrays,
-                bank.forgetting.diagonal, bank.buffers, *bank.mixing, self.probabilities,
+            _kernels.delay_bank.fill(
+                X[rows], y[rows], bank.shifts, self.Z, self.target, self.since, bank.first_row,
+                self.at, *bank.regressors, bank.orders.na,
+            )  # fmt: skip
+            for block in range(len(self.Z)):
+                advance(
+                    self.Z[block], self.target[block], *bank.regressors, self.at, end,
+                    *self.arrays, self.at, bank.forgetting.diagonal, 0.0, bank.buffers[block],
+                    self.theta[block], empty, empty, empty, empty, unused,
+                )  # fmt: skip
+            _kernels.delay_bank.follow(
+                self.Z, self.target, self.theta, self.since, *bank.regressors, bank.orders.na,
+                max(bank.first_row, 1), self.at, end, *bank.mixing, self.probabilities, unused,
             )  # fmt: skip
             self.at = end
             done += m

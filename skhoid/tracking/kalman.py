@@ -216,8 +216,8 @@ def simulated(
     state = state_of(start, dt, start.errors, bounds)
     kernel, nothing = _kernels.kalman, np.empty((0, 0, 0))
     errors, filtered = np.full((1, y.size, 2), np.nan), np.zeros((1, y.size, 56))
-    kernel.filters(0, kernel.EKF)(
-        state[None], settings[None], e[None], y[None], fresh[None], 0, y.size,
+    kernel.advance(
+        kernel.EKF, state[None], settings[None], e[None], y[None], fresh[None], 0, y.size,
         nothing, errors, filtered, nothing, np.empty((0, 0, 0, 0)),
     )  # fmt: skip
     return errors[0, :, 0], filtered[0, :, 5:7]
@@ -486,7 +486,7 @@ class KalmanRows(Recursion):
         deviations = np.zeros(5) if fixed else start.errors
         self.state = state_of(start, plan.dt, deviations, BOUNDS)[None]
         order = start.noise.order
-        self._kind = order, plan.method if method is None else method
+        self.method = plan.method if method is None else method
         self.at, self.n = _kernels.kalman.layout(order), 7 + order
         self._signs = np.sign(start.parameters)
         self.fresh = True
@@ -496,11 +496,6 @@ class KalmanRows(Recursion):
         other.__dict__.update(self.__dict__)
         other.state = self.state.copy()
         return other
-
-    @property
-    def advance(self) -> Any:
-        """The compiled filter, which is not pickled."""
-        return _kernels.kalman.filters(*self._kind)
 
     @property
     def covariance(self) -> np.ndarray:
@@ -526,9 +521,9 @@ class KalmanRows(Recursion):
     ) -> None:
         """Take rows with flags of where signals begin anew."""
         y = y - self.start.intercept
-        self.advance(
-            self.state, self.settings, e.reshape(1, -1), y.reshape(1, -1), fresh.reshape(1, -1),
-            0, y.size, NOTHING, NOTHING, filtered, NOTHING, NOTHING_WIDE,
+        _kernels.kalman.advance(
+            self.method, self.state, self.settings, e.reshape(1, -1), y.reshape(1, -1),
+            fresh.reshape(1, -1), 0, y.size, NOTHING, NOTHING, filtered, NOTHING, NOTHING_WIDE,
         )  # fmt: skip
 
     def latest(self) -> np.ndarray:
@@ -561,8 +556,8 @@ def run_lanes(filters: list[KalmanRows], lanes: Lanes, *, smooth: bool) -> Found
     if not smooth:
         states = np.concatenate([f.state for f in filters])
         settings = np.concatenate([f.settings for f in filters])
-        filters[0].advance(
-            states, settings, lanes.e, y, lanes.fresh, 0, shape[1],
+        kernel.advance(
+            filters[0].method, states, settings, lanes.e, y, lanes.fresh, 0, shape[1],
             path, errors, NOTHING, NOTHING, NOTHING_WIDE,
         )  # fmt: skip
         for lane, one in enumerate(filters):
@@ -573,9 +568,9 @@ def run_lanes(filters: list[KalmanRows], lanes: Lanes, *, smooth: bool) -> Found
         own = slice(lane, lane + 1)
         filtered, priors = np.zeros((2, 1, shape[1], n + n * n))
         crosses = np.zeros((1, shape[1], n, n))
-        one.advance(
-            one.state, one.settings, lanes.e[own], y[own], lanes.fresh[own], 0, shape[1],
-            path[own], errors[own], filtered, priors, crosses,
+        kernel.advance(
+            one.method, one.state, one.settings, lanes.e[own], y[own], lanes.fresh[own],
+            0, shape[1], path[own], errors[own], filtered, priors, crosses,
         )  # fmt: skip
         one.fresh = False
         kernel.smooth_kalman(filtered, priors, crosses, lanes.fresh[own])

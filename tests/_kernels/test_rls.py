@@ -10,7 +10,7 @@ from skhoid import _kernels
 from skhoid.arx.forgetting import kernel_arrays
 from skhoid.arx.rls import RecursionState
 
-N_ROWS, MOST = 300, 17
+N_ROWS, MOST = 300, _kernels.rls.MANY
 ORDERS = np.array([0, 0, 1, 1]), np.array([1, 2, 3, 4])  # signal and lag of each regressor
 KINDS = ["one", "by parameter", "diagonal", "variable", "over time"]
 
@@ -53,13 +53,13 @@ def forgetting_of(kind, lanes):
     return factors
 
 
-def recursions(signals, target, kind, factors):
+def recursions(signals, target, kind, factors, n_params=0):
     """All that a kernel leaves, each with its lanes last."""
     lanes, n_runs = factors.shape[2], signals.shape[2]
     state = RecursionState(np.full(4, 0.1), 1e3 * np.eye(4), lanes)
     state.rows("inflation")[:] = 1 / factors[0, :1]
     inflate, tilt = (np.ascontiguousarray(array) for array in kernel_arrays(factors))
-    advance = _kernels.rls.recursion(4, lanes, signals.shape[3] < lanes, factors.shape[1] > 1)
+    advance = _kernels.rls.recursion(lanes, signals.shape[3] < lanes, n_params)
     path, U_and_D = np.zeros((N_ROWS, 4, lanes)), np.zeros((N_ROWS, 10, lanes))
     errors, alphas = np.zeros((2, N_ROWS, n_runs, lanes))
     used, none = np.zeros((N_ROWS, lanes)), np.empty((0, 0, 0))
@@ -111,15 +111,24 @@ def test_settings_side_by_side(lanes, kind):
                 np.testing.assert_array_equal(many[..., lane], one[..., 0])
 
 
-def test_one_division_for_four_does_not_overflow():
-    """Where 1 + phi' P phi is so large that a product of four of them is not a number."""
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_kernel_of_four_parameters_gives_the_bits_of_that_for_all(kind):
+    signals, y = odd_runs(6)
+    for run in range(6):
+        data = in_lanes(signals, [run]), in_lanes(y, [run]), kind, forgetting_of(kind, 1)
+        for own, one in zip(recursions(*data, n_params=4), recursions(*data), strict=True):
+            np.testing.assert_array_equal(own, one)
+
+
+def test_one_division_for_all_does_not_overflow():
+    """Where 1 + phi' P phi is so large that a product of them is not a number."""
     state = RecursionState(np.zeros(4), np.eye(4))
     state.rows("U")[:, 0] = [1e80, 0, 0, 1e80, 0, 0]
     before = state.buffer.copy()
     ones, none = np.ones((2, N_ROWS, 1, 1)), np.empty((0, 0, 0))
     inflate, tilt = kernel_arrays(np.ones((1, 1, 1)))
     path = np.zeros((N_ROWS, 4, 1))
-    _kernels.rls.recursion(4, 1)(
+    _kernels.rls.recursion(1)(
         ones, np.ones((N_ROWS, 1, 1)), *ORDERS, 4, 5, inflate, tilt, 0, False, 0.0, state.buffer,
         path, none, none, none, none, np.empty((0, 0)),
     )  # fmt: skip

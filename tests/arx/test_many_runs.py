@@ -135,16 +135,14 @@ def test_free_runs_of_many_are_those_of_one(begin, end):
     e, u = rng.standard_normal((n_runs, end + nb - 1)), rng.standard_normal((n_runs, end + 3))
     u[rng.random(u.shape) < 0.1] = np.nan
     path = rng.standard_normal((end, na + nb, MANY)) * np.linspace(0.1, 2, MANY)
-    lost = free_runs_of_many(MANY)(e, u, path, begin, end, bound)
+    lost = free_runs_of_many(e, u, path, begin, end, bound)
     columns, lags = np.repeat([0, 1], [na, nb]), np.r_[1 : na + 1, 0:nb]
     edges = [np.array([at]) for at in (nb - 1, end + nb - 1, 0)]
     at = np.maximum(np.arange(1 - nb, end), 0)
     for r in range(n_runs):
         signals = np.full((2, end + nb - 1), np.nan)
         signals[0, begin + nb - 1 :], signals[1] = u[r, begin:end], e[r]
-        alone = free_runs(na, na + nb, MANY)(
-            signals, columns, lags, *edges, path, at, bound, np.empty((0, MANY))
-        )
+        alone = free_runs(signals, columns, lags, na, *edges, path, at, bound, np.empty((0, MANY)))
         np.testing.assert_array_equal(lost[r], alone)
         for lane in (0, MANY - 1):
             twin = naive.free_run_along(

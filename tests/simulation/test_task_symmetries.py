@@ -112,11 +112,11 @@ def test_one_lane_and_eight_give_the_same_bits(kind, order):
         0.01, 1.0, 20, 1e9,
     )  # fmt: skip
     has_third = order == 3
-    many, lost = _kernels.loop.tracker(8, has_third)(f_t, f_d, white, *rest)
+    many, lost = _kernels.loop.tracker(has_third)(f_t, f_d, white, *rest)
     assert many.shape == (4, n - 20, 8)
     np.testing.assert_array_equal(lost, np.full(8, -1))
     for j in range(8):
         columns = (np.ascontiguousarray(signal[:, [j]]) for signal in (f_t, f_d, white))
-        one, _ = _kernels.loop.tracker(1, True)(*columns, *rest)
+        one, _ = _kernels.loop.tracker(True)(*columns, *rest)
         np.testing.assert_array_equal(one[..., 0], many[..., j])
     assert np.abs(many).max() > 0.1

@@ -86,7 +86,7 @@ def advance(m, method, states, rows, e, y, fresh=None):
         "priors": np.zeros((lanes, length, n + n * n)),
         "crosses": np.zeros((lanes, length, n, n)),
     }
-    kalman.filters(m, method)(states, rows, e, y, fresh, 0, length, *found.values())
+    kalman.advance(method, states, rows, e, y, fresh, 0, length, *found.values())
     return found | {"fresh": fresh}
 
 

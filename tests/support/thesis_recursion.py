@@ -64,11 +64,11 @@ def vaf_along(path, e, u):
     signals = np.full((2, TRANSITION.stop + 1), np.nan)
     signals[1] = e
     signals[0, TRANSITION.start + 1 :] = u[TRANSITION]
-    follow = free_runs(2, 4, path.shape[2])
     instants = np.maximum(np.arange(-1, TRANSITION.stop), 0)
     begin, end, past = np.array([1]), np.array([TRANSITION.stop + 1]), np.array([0])
     none = np.empty((0, path.shape[2]))
-    lost = follow(
-        signals, *kernel_regressors(ORDERS), begin, end, past, path, instants, 1e100, none
-    )
+    lost = free_runs(
+        signals, *kernel_regressors(ORDERS), ORDERS.na, begin, end, past, path, instants, 1e100,
+        none,
+    )  # fmt: skip
     return np.maximum(0.0, 100 * (1 - lost / np.sum(u[TRANSITION] ** 2)))
