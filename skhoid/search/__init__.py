@@ -16,11 +16,13 @@ from .statuses import Reason, Status, Verdict
 from .telling import HOW_TO_GO_ON as HOW_TO_GO_ON
 from .telling import in_loop_text as in_loop_text
 from .telling import parameters_table as parameters_table
+from .telling import tell_baseline as tell_baseline
 from .telling import tell_candidates as tell_candidates
 from .telling import tell_headline as tell_headline
 from .telling import tell_no_name as tell_no_name
 from .telling import tell_search as tell_search
 from .telling import tell_stand_ins as tell_stand_ins
+from .telling import tell_step as tell_step
 from .telling import unexplained_by as unexplained_by
 
 __all__ = ["EffectSearchCV", "Reason", "SearchResult", "Shape", "Status", "Verdict"]

@@ -50,12 +50,12 @@ def completion(options: argparse.Namespace) -> int:
         "name": names_of_studies(),
     }
     parser, commands = make_parsers()
+    actions: list[Any] = [action for command in commands.values() for action in command.arguments]
     places = {"FILE": shtab.FILE, "FILES": shtab.FILE, "FOLDER": shtab.DIRECTORY}
-    for command in commands.values():
-        for action in command.arguments:
-            if action.metavar in places:
-                action.complete = places[action.metavar]
-            elif action.dest in names:
-                action.choices = names[action.dest]
+    for action in actions:
+        if action.metavar in places:
+            action.complete = places[action.metavar]
+        elif action.dest in names:
+            action.choices = names[action.dest]
     print(shtab.complete(parser, options.shell))
     return 0

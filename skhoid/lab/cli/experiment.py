@@ -272,7 +272,8 @@ def _write_for_others(
 
     if options.tables is None:
         return []
-    folder, files = Path(options.tables), []
+    folder = Path(options.tables)
+    files: list[str] = []
     own = [r for name, r in statistics.items() if name in set(people.table["parameter"])]
     if own:
         files += map(str, write_long(own, folder, overwrite=True))

@@ -569,7 +569,7 @@ class MixedModelResult(Told):
             )
         ]
         if self.verdict:
-            blocks += [Paragraph(self.verdict, "verdict"), self._tell_contrasts()]
+            blocks += [Paragraph(self.verdict), self._tell_contrasts()]
         sds = [[row["source"], f"{row['sd']:.4g}"] for row in self.variances.to_dict("records")]
         marks = {True: "ok", False: "doubtful", None: "not known"}
         checks = [f"{marks[row['ok']]}: {row['said']}" for row in self.checks.to_dict("records")]

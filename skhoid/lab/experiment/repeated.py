@@ -81,7 +81,7 @@ class RepeatedMeasuresResult(Told):
         header = ("", "difference", "from", "to", "test", "p")
         table = TextTable("Paired t tests (p adjusted: Holm)", header, rows)
         notes = Notes([Note("", note) for note in self.notes])
-        return Document(title, [Paragraph(text, "verdict"), table, notes])
+        return Document(title, [Paragraph(text), table, notes])
 
 
 def repeated_measures(

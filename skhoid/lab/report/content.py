@@ -12,7 +12,6 @@ import pandas as pd
 
 from ...diagnosis import Comparison
 from ...effects import catalogue, titles_of
-from ...model import parameter_text
 from ...pipelines import raw_layout, taken_apart
 from ...preprocessing import as_fitted, as_output
 from ...recordings import check_channels
@@ -26,10 +25,11 @@ from ...search import (
     EffectSearchCV,
     Shape,
     Status,
-    in_loop_text,
+    tell_baseline,
     tell_headline,
     tell_no_name,
     tell_stand_ins,
+    tell_step,
     unexplained_by,
     with_effects,
 )
@@ -45,12 +45,26 @@ from ...text import (
     number,
     p_number,
 )
-from .page import provenance
+from ..explore.payloads import pack_text
+from .page import advise, provenance
 from .plots import Gallery, Plot
 
 NEAREST = "Nearest names. Distance 0: the same curve; 1: nothing in common"
 MANY = 40  # runs in a table
 DRAWN = 8  # channels
+BEST = 5  # candidates of a step, before those that are folded
+SECTIONS = {
+    "steps": "The error, step by step",
+    "explore": "Look for yourself",
+    "shape": "The shape of what has no name",
+    "data": "Data",
+    "model": "Model",
+    "comparison": "Comparison with the measurement",
+    "ranking": "Ranking, with reasons",
+    "parameters": "Parameters",
+    "next": "What to do next",
+    "made": "How this was made",
+}
 # Findings of a comparison that are settled by a search of the whole catalogue.
 ANSWERED = (
     "asymmetry",
@@ -88,6 +102,7 @@ def content_of(
     X: Any,
     y: Any,
     results: Results,
+    payload: dict[str, Any] | None,
     *,
     source: str | None,
     made_with: dict[str, str] | None,
@@ -106,24 +121,24 @@ def content_of(
     compared = [
         {
             "title": title,
-            "key": key,
+            "folded": found is comparison and after is not None,
             "rows": rows,
             "figures": _figures(found),
-            "findings": list(_findings(found, None if key == "after" else after, added)),
-            "remark": _two_fits(search, found) if key == "before" else "",
+            "findings": list(_findings(found, None if found is after else after, added)),
+            "remark": _two_fits(search, found) if found is comparison else "",
             "notes": [as_sentence(note.with_hint) for note in found.notes],
             "false_alarm": f"{100 * found.false_alarm:g}",
             "pictures": gallery.comparison(found),
         }
-        for title, key, found in (
-            (as_sentence(added).rstrip("."), "after", after),
-            ("Before the search", "before", comparison),
+        for title, found in (
+            (as_sentence(added).rstrip("."), after),
+            ("Before the search", comparison),
         )
         if found is not None
     ]
-    return {
+    content = {
         "in_short": _in_short(search, comparison),
-        "vaf_rule": f"{VAF_RULE} ± is one standard error; intervals are 95 %.",
+        "vaf_rule": VAF_RULE,
         "verdict": _verdict(search, comparison),
         "facts": list(_facts(search, comparison, rows)),
         "source": source,
@@ -143,13 +158,28 @@ def content_of(
         "paths": _paths(baseline, gallery),
         "next_steps": list(_next_steps(results)),
         "made": provenance(search if search is not None else baseline, X, y, made_with),
+        **embed(payload),
     }
+    parts = {id: content.get(id, True) for id in SECTIONS} | {"explore": content["payload"]}
+    parts["ranking"] = content["rankings"]
+    content["sections"] = {id: title for id, title in SECTIONS.items() if parts[id]}
+    return content
 
 
-def _figures(found: Comparison) -> list[tuple[str, str]]:
+def embed(payload: dict[str, Any] | None) -> dict[str, Any]:
+    """What the template needs of what there is to touch: its text, and whether effects change."""
+    if payload is None:
+        return {"payload": "", "touched": False, "settling": ""}
+    view = payload["view"]
+    settling = f"{view['settling']:g}" if view["settling"] else ""
+    return {"payload": pack_text(payload), "touched": view["can"]["change"], "settling": settling}
+
+
+def _figures(found: Comparison) -> TextTable:
     """Figures of a comparison, by what they are called."""
     blocks = found.document().blocks
-    return [line for block in blocks if isinstance(block, Facts) for line in block.facts.items()]
+    rows = [[*line] for b in blocks if isinstance(b, Facts) for line in b.facts.items()]
+    return TextTable("", ["figure", "value"], rows, left=["figure", "value"])
 
 
 def _fixed(value: Any, form: str) -> str:
@@ -164,16 +194,16 @@ def _in_short(search: EffectSearchCV | None, comparison: Comparison | None) -> s
     return text + (f" -> {vaf.iloc[-1]:.1f} %" if len(vaf) > 1 else " %")
 
 
-def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> dict[str, str]:
+def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> dict[str, Any]:
     """Kind, headline and sentence at the top of the page."""
     if search is None:
         if comparison is None:
-            return {"kind": "none", "headline": "The data", "sentence": ""}
+            return {"kind": "none", "headline": "The data", "sentences": []}
         first = comparison.findings[0].title if comparison.findings else "No findings"
         top = comparison.noise_ceiling
         ceiling = f", noise ceiling {top:.1f} %" if np.isfinite(top) else ""
         headline = f"VAF {comparison.vaf:.1f} %{ceiling}. {first}."
-        return {"kind": "none", "headline": headline, "sentence": ""}
+        return {"kind": "none", "headline": headline, "sentences": []}
     path = search.error_path_
     kind = search.verdict_.kind
     headline = tell_headline(search.result_)
@@ -194,7 +224,7 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
         sentence += f" Left: {_unexplained(search)}."
     if kind == "unknown":
         sentence += f" {tell_no_name(search.result_)[0]}"
-    return {"kind": kind, "headline": headline, "sentence": sentence}
+    return {"kind": kind, "headline": headline, "sentences": [sentence]}
 
 
 def _findings(found: Comparison, after: Comparison | None, added: str) -> Iterator[dict[str, str]]:
@@ -363,16 +393,8 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
     floor = np.nan  # error that the noise ceiling leaves
     if np.isfinite(last["ceiling"]) and last["vaf"] < 100:
         floor = last["rmse"] * np.sqrt(max(100 - last["ceiling"], 0.0) / (100 - last["vaf"]))
-    added = search.ranking_[search.ranking_["status"] == Status.ADDED]
-    final = parameter_frame(search.best_estimator_)
-    steps = []
+    result, steps = search.result_, []
     for step, (_, row) in enumerate(path.iterrows()):
-        name = str(row["effect"])
-        # The second of a kind is called dead_zone-2.
-        kind, _, which = name.partition("-")
-        entries = added[(added["effect"] == kind) & (added["delta_bic"].notna())]
-        entry = None if entries.empty else entries.iloc[min(int(which or 1), len(entries)) - 1]
-        before = path.iloc[max(step - 1, 0)]
         steps.append(
             {
                 "name": with_effects(path["effect"].iloc[1 : step + 1]),
@@ -380,13 +402,7 @@ def _steps(search: EffectSearchCV, gallery: Gallery) -> list[dict[str, Any]]:
                 "rmse": number(row["rmse"]),
                 "height": f"{100 * row['rmse'] / worst:.1f}" if worst > 0 else "0",
                 "floor": f"{100 * floor / worst:.1f}" if np.isfinite(floor) and worst > 0 else "",
-                "in_loop": in_loop_text(*[before, row][step == 0 :]).replace("->", "→"),
-                "from_vaf": f"{before['vaf']:.1f}",
-                "from_rmse": number(before["rmse"]),
-                "words": "" if entry is None else as_sentence(entry["words"]),
-                "id": name,
-                "parameters": parameter_text(final, name),
-                "confused": "" if entry is None else _titles(entry["confused_with"]),
+                "told": (tell_step(result, step) if step else tell_baseline(result)).text,
                 "picture": plots[step] if step < len(plots) else None,
             }
         )
@@ -408,36 +424,40 @@ def _shape(shape: Shape | None, gallery: Gallery) -> dict[str, Any] | None:
 
 
 def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
+    """The candidates of each step, with the reason why each was added or not."""
     for step, table in search.ranking_.groupby("step"):
+        asked_loop = bool(np.isfinite(table["gain_loop"]).any())
+        refused = table["status"] == Status.REFUSED
         rows = [
-            {
-                "rank": str(row["rank"]),
-                "effect": row["title"] + (f" ({row['form']})" if row["form"] else ""),
-                "status": str(row["status"]),
-                "vaf": _fixed(row["vaf_after"], ".2f"),
-                "gain": _fixed(row["vaf_gain"], "+.2f"),
-                "in_loop": _fixed(row["gain_loop"], "+.2f"),
-                "delta_bic": _fixed(row["delta_bic"], "+.0f"),
-                "p": DASH if row["status"] == Status.REFUSED else p_number(row["p_value"]),
-                "parameters": row["parameters"],
-                "words": as_sentence(row["words"]),
-                "why": _why(row),
-            }
-            for _, row in table.iterrows()
+            [
+                str(row["rank"]),
+                _in_form(row),
+                _why(row),
+                _fixed(row["vaf_after"], ".2f"),
+                _fixed(row["vaf_gain"], "+.2f"),
+                *([_fixed(row["gain_loop"], "+.2f")] if asked_loop else []),
+                _fixed(row["delta_bic"], "+.0f"),
+                p_number(row["p_value"]),
+                f"{as_sentence(row['words'])} {row['parameters']}".rstrip(),
+            ]
+            for _, row in table[~refused].iterrows()
         ]
-        tried = [row for row in rows if row["status"] != Status.REFUSED]
+        header = ["rank", "effect", "outcome", "VAF, %", "gain, points"]
+        header += ["gain in the closed loop, points"] if asked_loop else []
+        header += ["ΔBIC", "p", "what it is"]
+        left = ["rank", "effect", "outcome", "what it is"]
         yield {
             "step": str(step),
             "parent": _parent(search, int(step)),
-            "asked_loop": bool(np.isfinite(table["gain_loop"]).any()),
-            "first": tried[:5],
-            "others": tried[5:],
-            "refused": [row for row in rows if row["status"] == Status.REFUSED],
+            "first": TextTable("", header, rows[:BEST], left=left),
+            "others": TextTable("", header, rows[BEST:], left=left),
+            "marked": list(table[~refused]["status"].head(BEST) == Status.ADDED),
+            "refused": [f"{_in_form(r)}: {r['reason']}" for _, r in table[refused].iterrows()],
         }
 
 
-def _titles(names: list[str]) -> str:
-    return titles_of(names) if names else ""
+def _in_form(row: pd.Series) -> str:
+    return f"{row['title']} ({row['form']})" if row["form"] else str(row["title"])
 
 
 def _parent(search: EffectSearchCV, step: int) -> str:
@@ -448,14 +468,12 @@ def _parent(search: EffectSearchCV, step: int) -> str:
 
 def _why(row: pd.Series) -> str:
     """Why a candidate is ranked where it is."""
-    if row["status"] == Status.REFUSED:
-        return str(row["reason"])
     if row["status"] != Status.ADDED:
         return as_sentence(row["reason"])
     text = "Added: likelihood and held-out VAF agree"
     if np.isfinite(row["gain_loop"]):
         text += f", and it gains {row['gain_loop']:.2g} points in the closed loop"
-    others = _titles(row["confused_with"])
+    others = titles_of(row["confused_with"]) if row["confused_with"] else ""
     return f"{text}." + (f" As good on these runs: {others}." if others else "")
 
 
@@ -470,16 +488,12 @@ def _parameters(baseline: Any, final: Any) -> TextTable:
         interval = DASH if found.low == DASH else f"{found.low} to {found.high}"
         cells = [str(name), found.value, found.sd, interval, found.unit, str(row["meaning"])]
         if final is not None:
-            cells.insert(5, _before(before.loc[name]) if name in before.index else DASH)
+            was = Estimate.of(before.loc[name]) if name in before.index else None
+            cells.insert(5, DASH if was is None else was.value + was.remark)
         rows.append(cells)
     if final is not None:
         header.insert(5, "without new effects")
     return TextTable("", header, rows, left=["parameter", "unit", "meaning"])
-
-
-def _before(row: pd.Series) -> str:
-    found = Estimate.of(row)
-    return found.value + found.remark
 
 
 def parameter_frame(model: Any) -> pd.DataFrame:
@@ -494,51 +508,42 @@ def _paths(baseline: Any, gallery: Gallery) -> list[Plot]:
 
 
 def _next_steps(results: Results) -> Iterator[dict[str, str]]:
-    """What to do next, the most important first: what, why, and code where there is some."""
+    """What to do next, the most important first."""
     search = results.search
     if search is None:
-        what = "Which effects are missing has not been asked"
-        yield {"what": what, "why": results.no_search, "code": ""}
+        yield advise("Which effects are missing has not been asked", results.no_search)
     else:
         added = [str(name) for name in search.error_path_["effect"].iloc[1:]]
         if added and not search.stand_ins_:
             ids = [name.split("-")[0] for name in added]
             known = set(catalogue().index) >= set(ids)  # no effects of the user's own
             calls = "".join(f'\n    .with_effect("{name}")' for name in ids)
-            code = (
-                f"model = (\n    {type(results.baseline).__name__}(...){calls}\n    .fit(X, y)\n)"
+            name = type(results.baseline).__name__
+            code = f"model = (\n    {name}(...){calls}\n    .fit(X, y)\n)"
+            yield advise(
+                f"Go on with the model {with_effects(added)}",
+                f"It is search.best_estimator_{', or by hand:' if known else '.'}",
+                code if known else "",
             )
-            yield {
-                "what": f"Go on with the model {with_effects(added)}",
-                "why": f"It is search.best_estimator_{', or by hand:' if known else '.'}",
-                "code": code if known else "",
-            }
         shape = search.shape_
         recordings = [] if shape is None else shape.recordings
         for sentence in (*search.experiments_, *recordings):
-            yield {"what": "Record what tells effects apart", "why": sentence, "code": ""}
+            yield advise("Record what tells effects apart", sentence)
         if shape is not None and search.verdict_ not in HOW_TO_GO_ON:  # which may name it
-            yield {
-                "what": "Make the shape an effect of your own",
-                "why": "A file with its curve, and with a short formula where one fits:",
-                "code": BY_HAND,
-            }
+            why = "A file with its curve, and with a short formula where one fits:"
+            yield advise("Make the shape an effect of your own", why, BY_HAND)
         if search.verdict_.leaves_unknown:
             own = (
                 "Record the channel that carries it, or write an effect of your own and add it to "
                 "effects=[...]."
             )
-            yield {
-                "what": f"Look at what {unexplained_by(search.result_)}",
-                "why": f"{as_sentence(_unexplained(search))} "
-                f"{HOW_TO_GO_ON.get(search.verdict_, own)}",
-                "code": "",
-            }
+            how = HOW_TO_GO_ON.get(search.verdict_, own)
+            what = f"Look at what {unexplained_by(search.result_)}"
+            yield advise(what, f"{as_sentence(_unexplained(search))} {how}")
         for note in search.notes_:
-            yield {"what": "Note", "why": note.with_hint, "code": ""}
+            yield advise("Note", note.with_hint)
     found = results.comparison if results.after is None else results.after
     everything = search is not None and search.tries_all
     for finding in found.findings if found is not None else []:
-        if everything and finding.name in ANSWERED:
-            continue
-        yield {"what": finding.next_step, "why": f"{finding.title}. {finding.evidence}", "code": ""}
+        if not (everything and finding.name in ANSWERED):
+            yield advise(finding.next_step, f"{finding.title}. {finding.evidence}")

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, overload
+from typing import Any
 
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_is_fitted
 
-from ...diagnosis import Comparison, compare, repeat_labels
-from ...pipelines import raw_layout, taken_apart
+from ...diagnosis import Comparison, compare
+from ...pipelines import taken_apart
 from ...runs import output_name
 from ...search import EffectSearchCV, without_output
 from ..experiment.group import GroupEffectSearch
 from ..experiment.people import PeopleResult
-from ..explore.payloads import pack_text, payload_of
+from ..explore.payloads import payload_of
 from .content import Results, content_of
-from .experiment import ExperimentReport, report_experiment
+from .experiment import report_experiment
 from .page import Page
 
 
@@ -67,52 +67,6 @@ class Report(Page):
         self.comparison = comparison
         self.final_comparison = final_comparison
 
-    def embed(self, payload: dict[str, Any]) -> Report:
-        """Put another payload into the page: what is there to touch.
-
-        Parameters
-        ----------
-        payload : dict
-            What the page's own script draws.
-
-        Returns
-        -------
-        self : Report
-        """
-        self._content |= embedded(payload)
-        vars(self).pop("html", None)
-        return self
-
-
-@overload
-def report(
-    model: GroupEffectSearch | PeopleResult,
-    X: Any = ...,
-    y: Any = ...,
-    *,
-    effects: Any = ...,
-    repeats: Any = ...,
-    title: str | None = ...,
-    source: str | None = ...,
-    made_with: dict[str, str] | None = ...,
-    n_jobs: int | None = ...,
-) -> ExperimentReport: ...
-
-
-@overload
-def report(
-    model: Any,
-    X: Any,
-    y: Any,
-    *,
-    effects: Any = ...,
-    repeats: Any = ...,
-    title: str | None = ...,
-    source: str | None = ...,
-    made_with: dict[str, str] | None = ...,
-    n_jobs: int | None = ...,
-) -> Report: ...
-
 
 def report(
     model: Any,
@@ -120,12 +74,11 @@ def report(
     y: Any = None,
     *,
     effects: Any = "all",
-    repeats: Any = None,
     title: str | None = None,
     source: str | None = None,
     made_with: dict[str, str] | None = None,
-    n_jobs: int | None = None,
-) -> Report | ExperimentReport:
+    payload: dict[str, Any] | None = None,
+) -> Any:
     """Report on a model: one HTML page from the data to what is missing, and what to do next.
 
     The page holds the data and their checks, the model, where it fails in time, frequency,
@@ -149,16 +102,14 @@ def report(
     effects : "all", list of ids or effects, or None, default="all"
         Effects to try on a model that can take them, by an :class:`EffectSearchCV` with its
         other settings at their defaults; None does not search. A search as ``model`` has its own.
-    repeats : None, bool, dict or sequence, default=None
-        Which runs share the target, see :func:`compare`.
     title : str or None, default=None
         Title of the page; None names the model and the output.
     source : str or None, default=None
         Where the data are from, in a sentence.
     made_with : dict of str or None, default=None
         More lines for the section "How this was made": the command, a seed.
-    n_jobs : int or None, default=None
-        Processes of the search, where one is made.
+    payload : dict or None, default=None
+        What there is to touch, in place of the effects found: of a workbench.
 
     Returns
     -------
@@ -169,7 +120,7 @@ def report(
     ------
     ValueError
         If there are no data, a fitted search was fitted to other data than ``X`` and ``y``, or
-        ``effects`` or ``repeats`` name what does not exist.
+        ``effects`` name what does not exist.
 
     See Also
     --------
@@ -197,26 +148,21 @@ def report(
     >>> page.save("report.html")  # doctest: +SKIP
     """
     if isinstance(model, GroupEffectSearch | PeopleResult):
-        if effects != "all" or repeats is not None:
-            raise ValueError(
-                "effects and repeats are for a model of one person: an experiment has been "
-                "searched, or has not."
-            )
         return report_experiment(model, X, y, title=title, source=source, made_with=made_with)
     if X is None or y is None:
         raise ValueError(
             f"report needs the data: report(model, X, y). Only what was found in an experiment "
             f"with people goes without; got {type(model).__name__}."
         )
-    if repeats is not None:
-        inner = model.estimator if isinstance(model, EffectSearchCV) else model
-        repeat_labels(raw_layout(inner, X), repeats)  # for its checks, before the work begins
-    search, no_search = _search(model, X, y, effects, n_jobs)
-    baseline = _fitted(model, X, y) if search is None else search.baseline_
+    search, no_search = _search(model, X, y, effects)
+    if search is not None:
+        baseline = search.baseline_
+    else:
+        baseline = model if _is_fitted(model) else clone(model).fit(X, y)
     final = None if search is None or len(search.error_path_) == 1 else search.best_estimator_
     kept = y if search is None else without_output(y, search.control_)
-    comparison, no_comparison = _comparison(baseline, X, kept, repeats)
-    after, _ = (None, "") if final is None else _comparison(final, X, kept, repeats)
+    comparison, no_comparison = _comparison(baseline, X, kept)
+    after, _ = (None, "") if final is None else _comparison(final, X, kept)
     results = Results(
         baseline=baseline,
         final=final,
@@ -227,25 +173,14 @@ def report(
         no_comparison=no_comparison,
         after=after,
     )
-    content = content_of(X, y, results, source=source, made_with=made_with)
-    content |= embedded(payload_of(search, comparison, X, y))
+    payload = payload or payload_of(search, comparison, X, y)
+    content = content_of(X, y, results, payload, source=source, made_with=made_with)
     if title is None:
         title = f"{type(taken_apart(baseline)[1]).__name__} against measured {output_name(y)}"
     return Report(title, content, search, comparison, after)
 
 
-def embedded(payload: dict[str, Any] | None) -> dict[str, Any]:
-    """What the template needs of a payload: its text, and whether effects can be changed."""
-    if payload is None:
-        return {"payload": "", "touched": False, "settling": ""}
-    view = payload["view"]
-    settling = f"{view['settling']:g}" if view["settling"] else ""
-    return {"payload": pack_text(payload), "touched": view["can"]["change"], "settling": settling}
-
-
-def _search(
-    model: Any, X: Any, y: Any, effects: Any, n_jobs: int | None
-) -> tuple[EffectSearchCV | None, str]:
+def _search(model: Any, X: Any, y: Any, effects: Any) -> tuple[EffectSearchCV | None, str]:
     """The fitted search for missing effects, or why there is none."""
     if isinstance(model, EffectSearchCV):
         if not _is_fitted(model):
@@ -260,7 +195,7 @@ def _search(
         )
     if effects is None:
         return None, 'Not asked for (effects=None). effects="all" tries the whole catalogue.'
-    search = EffectSearchCV(clone(model), effects=effects, n_jobs=n_jobs)
+    search = EffectSearchCV(clone(model), effects=effects)
     search.candidates()  # a name that is none is no matter of this model
     try:
         return search.fit(X, y), ""
@@ -271,15 +206,11 @@ def _search(
         return None, f"Not possible: {error}"
 
 
-def _comparison(model: Any, X: Any, y: Any, repeats: Any) -> tuple[Comparison | None, str]:
+def _comparison(model: Any, X: Any, y: Any) -> tuple[Comparison | None, str]:
     try:
-        return compare(model, X, y, repeats=repeats), ""
+        return compare(model, X, y), ""
     except ValueError as error:
         return None, str(error)
-
-
-def _fitted(model: Any, X: Any, y: Any) -> Any:
-    return model if _is_fitted(model) else clone(model).fit(X, y)
 
 
 def _is_fitted(model: Any) -> bool:

@@ -13,7 +13,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ...effects import title_of, titles_of
 from ...recordings import ExperimentCheck
-from ...text import VAF_RULE, TextTable, as_sentence, counted, p_number
+from ...text import DASH, VAF_RULE, TextTable, as_sentence, counted, p_number
 from ..experiment.group import (
     GroupEffectSearch,
     contrast_lines,
@@ -26,11 +26,22 @@ from ..experiment.group import (
 from ..experiment.groups import ALL, Group, levels_of, read_groups
 from ..experiment.people import PeopleResult
 from .experiment_parts import parameters_section, people_section, people_text, sure_text
-from .page import Page, provenance
+from .page import Page, advise, provenance
 from .plots import ExperimentGallery
 
 KEY = ["subject", "condition"]
 MOST = 60  # lines in a list
+SINGLE = 3  # effects of single people
+SECTIONS = {
+    "data": "Recordings",
+    "effects": "Effects, and how many people have them",
+    "parameters": "Parameters",
+    "people": "People",
+    "differs": "Who differs",
+    "each": "Each person",
+    "next": "What to do next",
+    "made": "How this was made",
+}
 FEW = 6  # people, below which a group tells little
 
 
@@ -84,7 +95,8 @@ def experiment_content(
     parameters, statistics = parameters_section(given, reference, gallery)
     content = {
         "in_short": _in_short(given),
-        "vaf_rule": f"{VAF_RULE} ± is one standard error; intervals are 95 %.",
+        "sections": {k: title for k, title in SECTIONS.items() if k != "effects" or given.group},
+        "vaf_rule": VAF_RULE,
         "verdict": _verdict(given),
         "facts": list(_facts(given)),
         "source": source,
@@ -151,12 +163,10 @@ def _verdict(given: Experiment) -> dict[str, Any]:
             text += f": VAF {vaf.min():.0f} to {vaf.max():.0f} %, median {vaf.median():.0f} %"
         sentences = ["Which effects the models miss has not been asked."]
         return {"kind": "none", "headline": f"{text}.", "sentences": [*sentences, *_odd(given)]}
-    sentences = []
-    sentences += [_upper(line) for line in group_lines(group)]
     single = list(single_lines(group))
-    sentences += [_upper(line) for line in single[:3]]
-    if len(single) > 3:
-        sentences.append(f"And {len(single) - 3} more effects of single people.")
+    sentences = [_upper(line) for line in (*group_lines(group), *single[:SINGLE])]
+    if len(single) > SINGLE:
+        sentences.append(f"And {len(single) - SINGLE} more effects of single people.")
     unknown = sum(leaves_unknown(group.people_))
     if unknown:
         sentences.append(
@@ -239,16 +249,14 @@ def _data(
     for who in given.subjects:
         cells = []
         for condition in given.conditions:
-            if (who, condition) not in sizes.index:
-                cells.append("no runs")
-                continue
-            n, n_rows = (int(value) for value in sizes.loc[(who, condition)])
-            cells.append(f"{counted(n, 'run')}, {n_rows:,} rows")
-        odd = given.outlying[given.outlying["subject"] == who]
-        failed = given.failures[given.failures["subject"] == who]
-        wrong = [f"{_of(row)}{row['reason']}" for row in odd.to_dict("records")]
-        wrong += [f"{_of(row)}no fit: {row['failure']}" for row in failed.to_dict("records")]
-        rows.append({"name": str(who), "anchor": anchors[who], "cells": cells, "wrong": wrong})
+            n, n_rows = (
+                map(int, sizes.loc[(who, condition)]) if (who, condition) in sizes.index else (0, 0)
+            )
+            cells.append(f"{counted(n, 'run')}, {n_rows:,} rows" if n else "no runs")
+        rows.append([str(who), *cells, "; ".join(_wrong(given, who)) or DASH])
+    names = ["runs" if c == ALL else str(c) for c in given.conditions]
+    header = ["person", *names, "what looks wrong"]
+    people = TextTable("People and conditions", header, rows, left=[header[0], header[-1]])
     sentence = f"{_counts(given)}, {counted(len(runs), 'run')}, {int(runs['n_rows'].sum()):,} rows"
     first = next(iter(groups.values()), None)
     if first is not None:
@@ -259,8 +267,8 @@ def _data(
     findings = [] if check is None else check.findings.to_dict("records")
     return {
         "sentence": sentence,
-        "conditions": ["runs" if c == ALL else str(c) for c in given.conditions],
-        "rows": rows,
+        "people": people,
+        "links": [anchors[who] for who in given.subjects],
         "checked": check is not None,
         "findings": [
             {
@@ -274,6 +282,16 @@ def _data(
         ],
         "notes": [*given.people.notes][:MOST],
     }
+
+
+def _wrong(given: Experiment, who: Any) -> list[str]:
+    """What looks wrong about somebody, or could not be fitted."""
+    odd = given.outlying[given.outlying["subject"] == who].to_dict("records")
+    failed = given.failures[given.failures["subject"] == who].to_dict("records")
+    return [
+        *(f"{_of(row)}{row['reason']}" for row in odd),
+        *(f"{_of(row)}no fit: {row['failure']}" for row in failed),
+    ]
 
 
 def _who(row: dict[str, Any]) -> str:
@@ -354,11 +372,7 @@ def _ids(effects: Any) -> list[str]:
 
 def _differs(given: Experiment, anchors: dict[Any, str]) -> list[dict[str, Any]]:
     """Who differs from the others, with the reasons."""
-    found: dict[Any, list[str]] = {who: [] for who in given.subjects}
-    for row in given.outlying.to_dict("records"):
-        found[row["subject"]].append(f"{_of(row)}{row['reason']}".rstrip(".") + ".")
-    for row in given.failures.to_dict("records"):
-        found[row["subject"]].append(f"{_of(row)}no fit: {row['failure']}".rstrip(".") + ".")
+    found = {who: [as_sentence(text) for text in _wrong(given, who)] for who in given.subjects}
     if given.group is not None:
         for who, sentence in _unlike_the_group(given.group):
             found[who].append(sentence)
@@ -390,28 +404,28 @@ def _unlike_the_group(group: GroupEffectSearch) -> Iterator[tuple[Any, str]]:
         yield who, f"{verb} {title}{where}{rest} (probability of having it: {sure})."
 
 
-def _next_steps(given: Experiment, check: ExperimentCheck | None) -> Iterator[tuple[str, str]]:
+def _next_steps(given: Experiment, check: ExperimentCheck | None) -> Iterator[dict[str, str]]:
     """What to do next: what, and why."""
     if check is None:
-        yield (
+        yield advise(
             "Check the recordings",
             "skhoid.check_experiment(X, y) compares channels, units, clocks and runs of people.",
         )
     n = len(given.subjects)
     if n < FEW:
-        yield (
+        yield advise(
             f"Do not take {people_text(n)} for people in general",
             "Means, intervals and prevalences of so few are wide, and their assumptions cannot be "
             "checked. Single people can be told about; the group hardly.",
         )
     if len(given.outlying):
-        yield (
+        yield advise(
             "Look at who and what looks wrong, before believing the means",
             "Nothing was left out. Look at the person's part of this page and at the recording; "
             'outlying="leave_out" in skhoid.lab.experiment.mixed_model shows what depends on it.',
         )
     if given.group is None:
-        yield (
+        yield advise(
             "Ask what the models miss",
             "skhoid.GroupEffectSearch(EffectSearchCV(OperatorRegressor())).fit(X, y) searches in "
             "everybody, and says what the group shares.",
@@ -419,13 +433,13 @@ def _next_steps(given: Experiment, check: ExperimentCheck | None) -> Iterator[tu
     else:
         for note in notes(given.group):
             if note.kind != "outlying":  # which is said above
-                yield "Note", as_sentence(note.text)
-    yield (
+                yield advise("Note", as_sentence(note.text))
+    yield advise(
         "Go on in other programs",
         "skhoid.lab.experiment.write_long writes the rows, and an R script for lme4; write_wide a "
         "table for SPSS or JASP.",
     )
-    yield (
+    yield advise(
         "Look at one person in full",
         "skhoid.report(search, X_of_person, y_of_person) makes a page of one person's model, with "
         "comparison, ranking and error path.",

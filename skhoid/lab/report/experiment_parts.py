@@ -11,9 +11,9 @@ import pandas as pd
 
 from ...effects import title_of, titles_of
 from ...pipelines import prediction_from
-from ...text import DASH, TextTable, as_sentence, number, p_number, quantity
+from ...text import DASH, TextTable, number
 from ..experiment.groups import ALL, Group
-from ..experiment.mixed import ALPHA, MixedModelResult, mixed_model
+from ..experiment.mixed import MixedModelResult, mixed_model
 from .plots import ExperimentGallery, Plot, Stretch
 
 if TYPE_CHECKING:
@@ -28,34 +28,37 @@ def parameters_section(
     given: Experiment, reference: Any, gallery: ExperimentGallery
 ) -> tuple[dict[str, Any], dict[str, MixedModelResult]]:
     """What the page says of each parameter, and the mixed models."""
-    parts, statistics, reasons = [], {}, []
+    parts, statistics = [], {}
     tables = _tables(given)
     for name, table in list(tables.items())[:MOST]:
-        result, why = None, ""
+        part: dict[str, Any] = {"name": named(name), "unit": str(table["unit"].iloc[0])}
         known = table.dropna(subset=["estimate"])["subject"].nunique()
         try:
             if known < FEWEST:
                 raise ValueError(f"known of {people_text(known)} only.")
-            result = mixed_model(table, name, reference=_label(table, reference))
+            # The reference counts for parameters that are known there.
+            against = reference if reference in set(table["condition"]) else None
+            result = mixed_model(table, name, reference=against)
         except ValueError as error:
-            why = str(error)
-        if result is not None:
+            part |= {"why": str(error), "means": _plain_means(table)}
+        else:
             statistics[name] = result
-        parts.append(_part(name, table, result, why, gallery))
-        reasons.append(why)
-    section = {
-        "by": _by(given),
-        "parts": parts,
-        "left": list(map(named, list(tables)[MOST:])),
-        **_contrasts(statistics),
-        "n_tests": sum(len(result.contrasts) for result in statistics.values()),
-    }
+            part |= {
+                "told": result.document().html(),
+                "pictures": gallery.parameter(result, named(name)),
+                "influence": _influential(result),
+            }
+        parts.append(part)
+    section = {"by": _by(given), "parts": parts, "left": list(map(named, list(tables)[MOST:]))}
     return section, statistics
 
 
-def _label(table: pd.DataFrame, reference: Any) -> Any:
-    """The reference, for parameters that are known there."""
-    return reference if reference in set(table["condition"]) else None
+def _influential(result: MixedModelResult) -> list[str]:
+    """Without whom a conclusion would be another."""
+    if "changes" not in result.influence:
+        return []
+    changed = result.influence[result.influence["changes"].astype(bool)]
+    return list(dict.fromkeys(map(str, changed["without"])))
 
 
 def named(parameter: str) -> str:
@@ -117,61 +120,6 @@ def _lacks_effects(given: Experiment) -> bool:
     return not set(members.loc[members["has"], "effect"]) <= known
 
 
-def _part(
-    name: str,
-    table: pd.DataFrame,
-    result: MixedModelResult | None,
-    why: str,
-    gallery: ExperimentGallery,
-) -> dict[str, Any]:
-    unit = str(table["unit"].iloc[0])
-    part: dict[str, Any] = {
-        "name": named(name),
-        "unit": unit,
-        "why": why,
-        "pictures": [],
-        "means": _plain_means(table),
-        "omnibus": "",
-        "variances": "",
-        "checks": [],
-        "influence": [],
-        "notes": [],
-    }
-    if result is None:
-        return part
-    part["pictures"] = gallery.parameter(result, named(name))
-    means = [
-        [
-            "all" if row["condition"] == ALL else str(row["condition"]),
-            number(row["mean"], row["se"]),
-            _between(row["low"], row["high"], row["se"]),
-            str(row["n_rows"]),
-        ]
-        for row in result.effects.to_dict("records")
-    ]
-    header = ["condition", "mean", "95 % interval", "rows"]
-    part["means"] = TextTable(
-        "Means over people, by the mixed model", header, means, left=["condition"]
-    )
-    if result.verdict:
-        part["omnibus"] = result.verdict
-    spreads = [
-        f"{row['source']} {quantity(row['sd'], unit)}"
-        for row in result.variances.to_dict("records")
-        if np.isfinite(row["sd"])
-    ]
-    part["variances"] = f"Standard deviations: {', '.join(spreads)}."
-    part["checks"] = [
-        {"mark": {True: "ok", False: "look", None: "not made"}[row["ok"]], "said": row["said"]}
-        for row in result.checks.to_dict("records")
-    ]
-    if len(result.influence) and "changes" in result.influence:
-        changed = result.influence[result.influence["changes"].astype(bool)]
-        part["influence"] = list(dict.fromkeys(map(str, changed["without"])))
-    part["notes"] = [as_sentence(note) for note in result.notes]
-    return part
-
-
 def _plain_means(table: pd.DataFrame) -> TextTable:
     """Mean and spread of people in each condition, each person once, with its runs' mean."""
     rows = []
@@ -190,44 +138,10 @@ def _plain_means(table: pd.DataFrame) -> TextTable:
     return TextTable("Means over people, each counted once", header, rows, left=["condition"])
 
 
-def _between(low: float, high: float, se: float) -> str:
-    if not (np.isfinite(low) and np.isfinite(high)):
-        return DASH
-    return f"{number(low, se)} to {number(high, se)}"
-
-
-def _contrasts(statistics: dict[str, MixedModelResult]) -> dict[str, Any]:
-    """One table of all contrasts of all parameters, and which are beyond chance."""
-    rows, marked = [], []
-    for name, result in statistics.items():
-        for row in result.contrasts.to_dict("records"):
-            sized = np.isfinite(row["d"])
-            rows.append(
-                [
-                    named(name),
-                    f"{row['condition']} − {row['against']}",
-                    number(row["difference"], row["se"]),
-                    result.unit,
-                    _between(row["low"], row["high"], row["se"]),
-                    f"t({row['df']:.1f}) = {row['t']:.2f}",
-                    p_number(row["p_adjusted"]),
-                    f"{row['d']:.2f}" if sized else DASH,
-                    f"{row['d_low']:.2f} to {row['d_high']:.2f}" if sized else DASH,
-                ]
-            )
-            marked.append(bool(row["p_adjusted"] < ALPHA))
-    caption = (
-        "Differences between conditions, by linear mixed models; beyond chance ones are marked"
-    )
-    header = ["parameter", "conditions", "difference", "unit", "95 % interval", "t(df)", "p, Holm"]
-    header += ["d", "95 % interval of d"]
-    left = ["parameter", "conditions", "unit"]
-    return {"contrasts": TextTable(caption, header, rows, left=left), "marked": marked}
-
-
-def interval_of(estimate: float, se: float) -> str:
+def _interval_of(estimate: float, se: float) -> str:
     """95 % interval of a fit by its standard error."""
-    return _between(estimate - Z * se, estimate + Z * se, se)
+    low, high = estimate - Z * se, estimate + Z * se
+    return f"{number(low, se)} to {number(high, se)}" if np.isfinite(low) else DASH
 
 
 STRETCH = 12.0  # s of a run in a picture
@@ -265,10 +179,12 @@ def _person(
         "name": "Everybody" if who == ALL else str(who),
         "anchor": anchor,
         "sentences": list(_sentences(given, who)),
-        "fits": _fits(given, who, conditions),
-        "parameters": _parameters(given, who, conditions),
-        "effects": TextTable("Effects", OF_EFFECTS, list(_effects(given, who)), left=LEFT),
-        "path": _path(given, who, conditions),
+        "tables": [
+            _fits(given, who, conditions),
+            TextTable("Effects", OF_EFFECTS, list(_effects(given, who)), left=LEFT),
+            _parameters(given, who, conditions),
+            _path(given, who, conditions),
+        ],
         "pictures": list(_pictures(given, who, conditions, groups, gallery)),
     }
 
@@ -398,7 +314,7 @@ def _listed(rows: pd.DataFrame) -> str:
             continue
         name = str(row["parameter"]).partition("__")[2] or row["parameter"]
         text = f"{name} {number(row['estimate'], row['se'])} {row['unit']}".rstrip()
-        between = interval_of(row["estimate"], row["se"])
+        between = _interval_of(row["estimate"], row["se"])
         texts.append(text if between == DASH else f"{text} ({between})")
     return ", ".join(texts) or DASH
 

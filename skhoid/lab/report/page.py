@@ -39,6 +39,11 @@ def provenance(model: Any, X: Any, y: Any, made_with: dict[str, str] | None) -> 
     return stated | {name: text for name, text in made.items() if name not in stated}
 
 
+def advise(what: str, why: str, code: str = "") -> dict[str, str]:
+    """What to do next: what, why, and code where there is some."""
+    return {"what": what, "why": why, "code": code}
+
+
 def settings(model: Any, name: str = "") -> dict[str, str]:
     """All parameters of the estimator and of what is inside it, by class and name there."""
     title = type(model).__name__ + (f" ({name})" if name else "")

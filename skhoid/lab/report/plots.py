@@ -7,7 +7,7 @@ import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from html import escape
 from itertools import count
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
 TILE = (4.2, 3.1)  # inches; a phone shows it at nearly full size, so that its letters stay readable
 BAR = (4.2, 1.9)
-WIDE = (10.5, 4.2)
-TALL = (4.2, 5.0)
+WIDE = (10.5, 4.2)  # on a phone one scrolls
 LINE = 52  # letters across a tile
 NAMED = re.compile(r'\bid="|url\(#|xlink:href="#')
 SYMBOL = re.compile(r"\$(\w)_\{?(\w+)\}?\$")
@@ -45,11 +44,10 @@ STYLE: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Plot:
-    """An SVG element with what it shows; ``narrow`` is the same for a small screen."""
+    """An SVG element with what it shows."""
 
     svg: str
     caption: str
-    narrow: str = ""
     wide: bool = False
 
 
@@ -94,12 +92,6 @@ class Gallery:
             for panel in panels:
                 panel.axes[0].set_title("")
                 _legend_below(panel)
-            small = new(TALL)
-            ComparisonDisplay.from_comparison(
-                found, ax=[small.axes[0], *(new(TILE).axes[0] for _ in range(4))]
-            )
-            small.axes[0].set_title("")
-            _legend_below(small)
             traces, time, frequency, amplitude, bar = panels
             channel = _plain(amplitude.axes[0].get_xlabel()) or "the signals"
             runs = new(TILE)
@@ -114,9 +106,7 @@ class Gallery:
                 ),
                 self._plot(runs, "Run by run"),
                 self._plot(
-                    traces,
-                    f"Measured and simulated output in run {display.run_}, the worst",
-                    small,
+                    traces, f"Measured and simulated output in run {display.run_}, the worst"
                 ),
                 self._plot(time, "Where in time: points of VAF lost"),
                 self._plot(frequency, "Where in frequency: spectra"),
@@ -142,31 +132,24 @@ class Gallery:
             plots = []
             for step in range(len(added) + 1):
                 shown = [0] if step == 0 else [0, step]
-                drawn = []
-                for size in (WIDE, TALL):
-                    figure = new(size, 2, sharex=True, height_ratios=[1.6, 1.0])
-                    panels = figure.axes
-                    display = SearchDisplay.from_estimator(
-                        search,
-                        "steps",
-                        run=place.run_,
-                        window=place.window_,
-                        steps=shown,
-                        ax=panels,
-                    )
-                    for panel, limit in zip(panels, limits, strict=True):
-                        panel.set_ylim(limit)
-                    if step:
-                        _pale(display.lines_["baseline"], display.residuals_["baseline"])
-                    panels[0].set_title("")
-                    _legend_below(figure)
-                    drawn.append(figure)
+                figure = new(WIDE, 2, sharex=True, height_ratios=[1.6, 1.0])
+                panels = figure.axes
+                display = SearchDisplay.from_estimator(
+                    search, "steps", run=place.run_, window=place.window_, steps=shown, ax=panels
+                )
+                for panel, limit in zip(panels, limits, strict=True):
+                    panel.set_ylim(limit)
+                if step:
+                    for line in (display.lines_["baseline"], display.residuals_["baseline"]):
+                        line.set(color="0.6", lw=1.0, zorder=1)
+                panels[0].set_title("")
+                _legend_below(figure)
                 caption = (
                     f"Run {place.run_}, {place.window_[0]:.4g} to {place.window_[1]:.4g} s: "
                     f"measured and simulated ({with_effects(added[:step])}), by a model that was "
                     "not fitted to these rows"
                 )
-                plots.append(self._plot(drawn[0], caption, drawn[1]))
+                plots.append(self._plot(figure, caption))
         return plots
 
     def shape(self, shape: Any) -> Plot:
@@ -174,15 +157,12 @@ class Gallery:
         from ...plotting import EffectDisplay
 
         with self._drawing() as new:
-            drawn = []
-            for size in (WIDE, TILE):
-                figure = new(size)
-                EffectDisplay.from_shape(shape, ax=figure.axes[0])
-                figure.axes[0].set(title="", ylabel="")
-                _legend_below(figure)
-                drawn.append(figure)
+            figure = new(WIDE)
+            EffectDisplay.from_shape(shape, ax=figure.axes[0])
+            figure.axes[0].set(title="", ylabel="")
+            _legend_below(figure)
             what = shape.y_label[:1].upper() + shape.y_label[1:]
-            return self._plot(drawn[0], f"{what}, over {shape.x_label}", drawn[1])
+            return self._plot(figure, f"{what}, over {shape.x_label}")
 
     def effects(self, model: Any, X: Any, y: Any) -> list[Plot]:
         """Each identified effect itself."""
@@ -223,17 +203,18 @@ class Gallery:
     def _stacked(self, n: int, draw: Callable[[Any], Any], caption: str) -> list[Plot]:
         """Panels one below the other, over one time."""
         with self._drawing() as new:
-            drawn = []
-            for width in (WIDE[0], TILE[0]):
-                figure = new((width, 0.8 + 1.3 * n), n, sharex=True)
-                draw(figure.axes)
-                for panel in figure.axes[:-1]:
+            figure = new((WIDE[0], 0.8 + 1.3 * n), n, sharex=True)
+            draw(figure.axes)
+            for panel in figure.axes:
+                if panel is not figure.axes[-1]:
                     panel.set_xlabel("")
-                for panel in figure.axes:
-                    _name_above(panel, int(LINE * width / TILE[0]))
-                _legend_below(figure)
-                drawn.append(figure)
-            return [self._plot(drawn[0], caption, drawn[1])]
+                # Beside a low panel there is no room for long names.
+                name, letters = panel.get_ylabel(), int(LINE * WIDE[0] / TILE[0])
+                panel.set_ylabel("")
+                title = textwrap.fill(name, letters)
+                panel.set_title(title, loc="left", fontsize="medium", pad=3)
+            _legend_below(figure)
+            return [self._plot(figure, caption)]
 
     @contextmanager
     def _drawing(self) -> Iterator[Any]:
@@ -251,21 +232,13 @@ class Gallery:
         with mpl.rc_context(style):
             yield new
 
-    def _plot(self, figure: Figure, caption: str, narrow: Figure | None = None) -> Plot:
-        small = "" if narrow is None else self.svg(narrow, caption)
-        return Plot(self.svg(figure, caption), caption, small)
+    def _plot(self, figure: Figure, caption: str) -> Plot:
+        return Plot(self.svg(figure, caption), caption, figure.get_figwidth() > TILE[0])
 
 
 def _plain(label: str) -> str:
     """The same without mathematics."""
     return SYMBOL.sub(r"\1_\2", label)
-
-
-def _name_above(panel: Axes, letters: int) -> None:
-    """What it shows as a title: beside a low panel there is no room for long names."""
-    name = panel.get_ylabel()
-    panel.set_ylabel("")
-    panel.set_title(textwrap.fill(name, letters), loc="left", fontsize="medium", pad=3)
 
 
 def _legend_below(figure: Figure) -> None:
@@ -315,11 +288,6 @@ def _rasterised(figure: Figure) -> None:
         for drawn in panel.collections:
             if drawn.get_array() is not None:
                 drawn.set_rasterized(True)
-
-
-def _pale(*lines: Any) -> None:
-    for line in lines:
-        line.set(color="0.6", lw=1.0, zorder=1)
 
 
 SMALL = (4.2, 1.9)  # inches
@@ -405,15 +373,19 @@ class ExperimentGallery(Gallery):
 
     def parameter(self, result: Any, name: str) -> list[Plot]:
         """Everybody's estimates, and the means of conditions."""
+        from matplotlib.figure import Figure
+
         from ...plotting import GroupMeansDisplay
 
         n, people = len(result.effects), result.people["subject"].nunique()
         plots = []
         with self._drawing() as new:
-            figure = self._beside(n, 1.4 + 0.2 * people)
+            width = TILE[0] if n < 3 else min(1.2 + 2.4 * n, WIDE[0])
+            figure = Figure(figsize=(width, 1.4 + 0.2 * people), layout="constrained")
+            figure.subplots(1, n, sharex=True, sharey=True)
             GroupMeansDisplay.from_result(result, "forest", ax=figure.axes)
             caption = f"{name}: each person with the 95 % interval, and below the mean over people"
-            plots.append(replace(self._plot(figure, caption), wide=n > 2))
+            plots.append(self._plot(figure, caption))
             if n > 1:
                 panel = new(TILE)
                 GroupMeansDisplay.from_result(result, ax=panel.axes[0])
@@ -422,12 +394,3 @@ class ExperimentGallery(Gallery):
                 caption = f"{name}: people (thin) and their mean over conditions"
                 plots.append(self._plot(panel, caption))
         return plots
-
-    def _beside(self, n: int, height: float) -> Any:
-        """A figure with panels side by side that share both axes."""
-        from matplotlib.figure import Figure
-
-        width = TILE[0] if n < 3 else min(1.2 + 2.4 * n, WIDE[0])
-        figure = Figure(figsize=(width, height), layout="constrained")
-        figure.subplots(1, n, sharex=True, sharey=True)
-        return figure

@@ -607,7 +607,7 @@ def saved_report(
         assert searched is not None
         page = report(searched.search, searched.X, searched.y, **more)
     else:
-        page = report(model, *data, effects=None, **more).embed(payload)
+        page = report(model, *data, effects=None, payload=payload, **more)
     return page.save(folder.free("report.html"))
 
 

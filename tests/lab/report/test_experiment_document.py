@@ -68,9 +68,10 @@ def test_the_page_says_who_has_what(page: Node) -> None:
 
 
 def test_conditions_are_compared(page: Node) -> None:
-    contrasts = section(page, "parameters").all("table")[0].rows
-    assert [row[:2] for row in contrasts] == [["K_e", "C2 − C1"], ["tau_e", "C2 − C1"]]
-    assert float(contrasts[1][2]) == pytest.approx(0.05, abs=0.01)
+    tables = [table.rows for table in section(page, "parameters").all("table")]
+    contrasts = [rows[0] for rows in tables if rows[0][0] == "C2 - C1"]
+    assert len(contrasts) == 2
+    assert float(contrasts[1][1]) == pytest.approx(0.05, abs=0.01)
     named = [h.text for h in section(page, "parameters").all("h3")]
     assert named == ["K_e", "tau_e, s", "saturation: limit, deg"]
     text = section(page, "parameters").text
@@ -143,10 +144,10 @@ def test_other_results_are_refused() -> None:
 
 @pytest.mark.slow
 def test_pictures_are_drawn_in_small_files(real: None) -> None:
-    people = made_up_people(names=[f"S{n}" for n in range(15)], conditions=["C1", "C2", "C3", "C4"])
+    people = made_up_people(names=[f"S{n}" for n in range(5)], conditions=["C1", "C2"])
     html = report_experiment(made_up_group(people), people=people).html
-    assert len(parse(html).all("svg")) == 2 + 2 * 3 + 15 * 4
-    assert len(html) < 5e6
+    assert len(parse(html).all("svg")) == 2 + 2 * 3 + 5 * 2
+    assert len(html) < 1e6
 
 
 @pytest.mark.slow
