@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from .._sklearn import HasMethods, Interval, checked
 from ..runs import whole_samples
@@ -306,7 +306,9 @@ def check_dt(dt: Any) -> None:
 
 
 # The grid only brackets the crossing; gains of operators are smooth on this scale.
-GRID = np.linspace(np.log(1e-3), np.log(1e3), 400)
+GRID = np.geomspace(1e-3, 1e3, 400)  # rad/s
+BLOCK = 2048  # open loops at a time, for memory
+N_HALVINGS = 50  # of a grid interval: to rounding
 
 
 @checked(
@@ -346,43 +348,55 @@ def crossover(operator: Any, controlled_element: Any, t: Any = 0.0) -> tuple[Any
     (1.563, 76.67)
     """
     instants = np.atleast_1d(read_instants(t))
-    found = np.array(
-        [_find_crossing(operator, controlled_element, float(instant)) for instant in instants]
-    )
-    found = found.reshape(-1, 2)
-    n_lost = int(np.isnan(found[:, 0]).sum())
+    omega_c, margin = np.full((2, instants.size), np.nan)
+    for i, instant in enumerate(instants.tolist()):
+
+        def open_loop(w: np.ndarray, rows: Any, t: float = instant) -> np.ndarray:
+            loop = operator.frequency_response(w, t) * controlled_element.frequency_response(w, t)
+            return np.atleast_2d(loop)
+
+        omega_c[i : i + 1], margin[i : i + 1] = find_last_crossings(open_loop, GRID, 1)
+    warn_no_crossover(int(np.isnan(omega_c).sum()), instants.size, "instants")
+    if np.ndim(t) == 0:
+        return float(omega_c[0]), float(margin[0])
+    return omega_c, margin
+
+
+def find_last_crossings(
+    open_loop: Callable[[np.ndarray, Any], np.ndarray], grid: np.ndarray, n: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Highest frequencies at which the gains of ``n`` open loops fall through 1, and margins.
+
+    ``open_loop(omega, rows)`` gives some of them at frequencies of shape (n_frequencies,) or
+    (n_rows, 1). NaN where none is found on the grid.
+    """
+    omega_c, margin = np.full((2, n), np.nan)
+    for begin in range(0, n, BLOCK):
+        gain = np.abs(open_loop(grid, slice(begin, begin + BLOCK)))
+        down = (gain[:, :-1] >= 1) & (gain[:, 1:] < 1)
+        found = np.flatnonzero(down.any(axis=1))
+        if not found.size:
+            continue
+        last = down.shape[1] - 1 - np.argmax(down[found, ::-1], axis=1)
+        low, high = grid[last], grid[last + 1]
+        rows = begin + found
+        for _ in range(N_HALVINGS):
+            middle = np.sqrt(low * high)
+            above = np.abs(open_loop(middle[:, None], rows)[:, 0]) >= 1
+            low, high = np.where(above, middle, low), np.where(above, high, middle)
+        omega_c[rows] = low
+        margin[rows] = find_phase_margin(open_loop(low[:, None], rows)[:, 0])
+    return omega_c, margin
+
+
+def warn_no_crossover(n_lost: int, n_all: int, what: str) -> None:
     if n_lost:
         warnings.warn(
-            f"{n_lost} of {instants.size} instants have no crossover, the first at t = "
-            f"{instants[np.isnan(found[:, 0])][0]:g} s: the gain of operator times controlled "
-            "element does not fall through 1 between 1e-3 and 1e3 rad/s. Both results are NaN "
-            "there.",
+            f"{n_lost} of {n_all} {what} have no crossover: the open loop does not fall from "
+            "above 1 to below it at the frequencies given. Crossover and margin are NaN there.",
             UserWarning,
-            stacklevel=2,
+            stacklevel=3,
         )
-    if np.ndim(t) == 0:
-        return float(found[0, 0]), float(found[0, 1])
-    return found[:, 0], found[:, 1]
-
-
-def _find_crossing(operator: Any, controlled_element: Any, t: float) -> tuple[float, float]:
-    def open_loop(log_omega: Any) -> Any:
-        omega = np.exp(log_omega)
-        return operator.frequency_response(omega, t) * controlled_element.frequency_response(
-            omega, t
-        )
-
-    def log_gain(log_omega: Any) -> Any:
-        with np.errstate(divide="ignore"):
-            return np.log(np.abs(open_loop(log_omega)))
-
-    gain = log_gain(GRID)
-    falling = np.flatnonzero((gain[:-1] > 0) & (gain[1:] <= 0))
-    if falling.size == 0:
-        return np.nan, np.nan
-    low, high = GRID[falling[-1]], GRID[falling[-1] + 1]
-    root = brentq(log_gain, low, high, xtol=1e-14, rtol=8.9e-16)
-    return float(np.exp(root)), float(find_phase_margin(open_loop(root)))
 
 
 def find_phase_margin(response: Any) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from numbers import Integral
 from typing import Any
@@ -12,7 +11,7 @@ import pandas as pd
 
 from .._sklearn import DT, HasMethods, checked
 from ..human import ControlledElement, HumanOperator, LinearElement
-from ..human.operator import find_phase_margin
+from ..human.operator import find_last_crossings, find_phase_margin, warn_no_crossover
 from ..human.variation import as_floats, evaluate
 from ..runs import run_name
 from .arx_channel import ARXChannel, arx_response, describe_response, is_arx
@@ -44,10 +43,6 @@ def unwrap_phase(omega: np.ndarray, response: np.ndarray, delay: float) -> np.nd
 def _normalise(response: np.ndarray) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):
         return response / np.abs(response)
-
-
-BLOCK = 2048  # instants at a time, for memory
-N_HALVINGS = 40
 
 
 def find_crossover_at_lines(
@@ -157,36 +152,12 @@ def crossover_path(
         element = K_c[rows, None] / (s * (s + omega_b[rows, None]))
         return arx_response(theta[rows], w, dt, na=na, nk=nk, delay=delay) * element
 
-    omega_c = np.full(len(theta), np.nan)
-    for begin in range(0, len(theta), BLOCK):
-        gain = np.abs(open_loop(grid, slice(begin, begin + BLOCK)))
-        down = (gain[:, :-1] >= 1) & (gain[:, 1:] < 1)
-        found = np.flatnonzero(down.any(axis=1))
-        last = down.shape[1] - 1 - np.argmax(down[found, ::-1], axis=1)
-        low, high = grid[last], grid[last + 1]
-        for _ in range(N_HALVINGS):
-            middle = np.sqrt(low * high)
-            above = np.abs(open_loop(middle[:, None], begin + found)[:, 0]) >= 1
-            low, high = np.where(above, middle, low), np.where(above, high, middle)
-        omega_c[begin + found] = low
-    crosses = np.flatnonzero(~np.isnan(omega_c))
-    margin = np.full(len(theta), np.nan)
-    margin[crosses] = find_phase_margin(open_loop(omega_c[crosses, None], crosses)[:, 0])
+    omega_c, margin = find_last_crossings(open_loop, grid, len(theta))
     lost = np.isnan(omega_c) & np.isfinite(theta).all(axis=1)
     warn_no_crossover(int(lost.sum()), len(theta), "instants")
     return pd.DataFrame(
         {"omega_c": omega_c, "phase_margin": margin}, index=pd.Index(instants, name="time")
     )
-
-
-def warn_no_crossover(n_lost: int, n_all: int, what: str) -> None:
-    if n_lost:
-        warnings.warn(
-            f"{n_lost} of {n_all} {what} have no crossover: the open loop does not fall from "
-            "above 1 to below it at the frequencies given. Crossover and margin are NaN there.",
-            UserWarning,
-            stacklevel=3,
-        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -1,7 +1,6 @@
 """Starts of fits in simulation: spread ones, those of a user; no fit is worse than its starts."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.signal import decimate, lfilter
 from support.places import RECORDINGS
@@ -12,7 +11,6 @@ from skhoid.model.arx_starts import find_arx_starts
 from skhoid.model.fitting import Criterion
 from skhoid.model.simulator import Effects, Simulator
 
-DRIVES = RECORDINGS / "coupled_electric_drives" / "DATAPRBS.csv"
 ANKLE = RECORDINGS / "ankle_stiffness_reklab" / "ankle_isometric_5records.npz"
 
 
@@ -95,15 +93,6 @@ def test_start_of_what_is_not_there(start, message):
     X, y = make_tracking_runs(duration=20.48, random_state=2)
     with pytest.raises(ValueError, match=message):
         OperatorRegressor(effects="dead_zone", start=start).fit(X, y)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not DRIVES.exists(), reason="needs the recordings of ../shared")
-def test_coupled_drives():
-    table = pd.read_csv(DRIVES)
-    u, y = table[["u1"]].to_numpy(), table["z1"].to_numpy()
-    model = SimulatedARX(3, 2, 1, dt=0.02, effects=Magnitude()).fit(u[:300], y[:300])
-    assert np.sqrt(np.mean((y - model.predict(u))[300:] ** 2)) <= 0.20
 
 
 @pytest.mark.slow

@@ -95,7 +95,7 @@ def test_start_of_a_run_does_not_depend_on_the_runs_beside_it(effects):
 def test_channel_with_a_mean_does_not_begin_with_a_jump():
     """Runs that begin in the middle of tracking, with a mean on every channel."""
     X, y = make_tracking_runs(
-        n_runs=1, duration=20.48, channels=["e", "x"], remnant_intensity=0.05, random_state=0
+        "C1", 1, duration=20.48, sampling_rate=50, channels=["e", "x"], random_state=0
     )
     X = X + np.array([20.0, 100.0])
     model = OperatorRegressor(effects="output_feedback").fit(X, y)

@@ -18,6 +18,7 @@ def wrong():
         condition="C1",
         n_runs=2,
         duration=40.96,
+        sampling_rate=50,
         remnant_intensity=0.03,
         effects=Stiction(form="jump", breakaway=BREAKAWAY, kinetic=KINETIC),
         random_state=2,

@@ -174,7 +174,12 @@ def test_a_gap_begins_anew(runs):
 
 def test_a_run_in_is_simulated_and_not_fitted():
     X, y = make_tracking_runs(
-        n_runs=1, duration=15.0, keep_run_in=10.0, remnant_intensity=0.1, random_state=1
+        n_runs=1,
+        duration=15.0,
+        sampling_rate=50,
+        keep_run_in=10.0,
+        remnant_intensity=0.1,
+        random_state=1,
     )
     assert X.index.get_level_values("time").min() < 0
     marked = RunInTrimmer(run_in=10.0).fit_transform(X)

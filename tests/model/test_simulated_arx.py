@@ -224,7 +224,7 @@ def test_silverbox():
         index = one_run(np.arange(end - begin) * dt)
         return pd.DataFrame({"e": rows["V1"].to_numpy()}, index), rows["V2"].to_numpy()
 
-    X, y = part(40_700, 58_000)
+    X, y = part(40_700, 49_000)
     arrow, measured = part(0, 40_500)
     model = SimulatedARX(2, 3, 0, fit_intercept=True, settling=0.1)
     some = ["hardening_stiffness", "cubic_gain", "saturation"]
