@@ -28,12 +28,13 @@ from .runs import (
     DecimationMark,
     RunLayout,
     check_alignment,
+    empty_runs,
     input_columns,
     output_name,
+    rows_of_runs,
     run_column,
+    warn_of_pooled,
 )
-from .runs.empty import empty_runs, rows_of_runs
-from .runs.selection import warn_of_pooled
 from .text import ModelSummary, Summary
 
 NOTED_JITTER = 0.01  # of a sampling time

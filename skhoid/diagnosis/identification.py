@@ -37,8 +37,7 @@ from ..recordings.loss_of_control import (
     control_check,
     notes_of_lost,
 )
-from ..runs import RunLayout, read_layout, run_name, whole_samples
-from ..runs.empty import empty_runs, rows_of_runs
+from ..runs import RunLayout, empty_runs, read_layout, rows_of_runs, run_name, whole_samples
 from ..runs.roles import columns_by_role, input_columns
 from ..runs.selection import run_labels
 from ..text import Note

@@ -19,10 +19,10 @@ from ..runs import (
     RunLayout,
     mark_run_column,
     read_layout,
+    refuse_flat,
     run_column,
     run_time_index,
 )
-from ..runs.flat import refuse_flat
 from .gate import (
     DOUBLE,
     as_table,

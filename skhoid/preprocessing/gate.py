@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import column_or_1d
 
-from ..runs import output_name
-from ..runs.containers import refuse_container
+from ..runs import output_name, refuse_container
 
 # Squares, their products and sums over all rows, and ratios of channels stay far from the limits
 # of float64 between these.

@@ -20,11 +20,11 @@ from ..runs import (
     check_increasing,
     check_levels,
     contiguous_runs,
+    refuse_flat,
     snap,
     time_in_seconds,
     within_runs,
 )
-from ..runs.flat import refuse_flat
 from .gate import as_output, check_numbers
 
 LONGEST_BRIDGE = 3.0  # median steps; late samples of a jittery clock are no gap

@@ -9,7 +9,7 @@ and a sampling time (``dt=``). The rest of skhoid asks :func:`read_layout`.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Hashable
+from collections.abc import Collection, Hashable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,24 +17,19 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import IrregularSamplingError, RunIndexError, SlowClockWarning
-from .clock import (
-    GAP,
+from .roles import RUN, TIME, of_person, run_column
+from .tables import (
     JITTER_TOLERANCE,
-    RUN,
-    TIME,
-    check_increasing,
-    refuse_datetime,
-    snap,
-    time_in_seconds,
-    typical_step,
+    DecimationMark,
+    is_mark,
+    read_marks,
+    refuse_container,
+    refuse_flat,
 )
-from .containers import refuse_container
-from .flat import refuse_flat
-from .marks import DecimationMark, is_mark, read_marks
-from .roles import of_person, run_column
 
+GAP = 1.5  # steps longer than this many sampling times start a new segment
+WHOLE = 1e-6  # a duration within this many samples of a whole number is that number
 SLOW = 2.0  # s a row, at which nobody steers
-LONGEST_DT = 1e100  # s, with which times are still computed
 
 
 @dataclass(frozen=True)
@@ -132,7 +127,7 @@ def read_layout(
         Steps that deviate by more than 10 % from the sampling time and are not gaps.
     """
     if dt is not None:
-        if not 0 < dt < LONGEST_DT:
+        if not 0 < dt < np.inf:
             raise ValueError(
                 f"dt must be the sampling time in seconds, a positive number; got {dt!r}."
             )
@@ -410,8 +405,188 @@ def _cut_at_jumps(
     return run_starts, number
 
 
+def whole_samples(duration: float, dt: float) -> float:
+    """Duration in samples, snapped to a whole number when within 1e-6 of one."""
+    samples = duration / dt
+    nearest = round(samples)
+    return float(nearest) if abs(samples - nearest) <= WHOLE * max(1.0, abs(nearest)) else samples
+
+
+def snap(dt: float) -> float:
+    """Sampling time without rounding noise: one over a whole rate, or nine digits."""
+    rate = round(1.0 / dt) if dt < 1.0 else 0
+    if rate and abs(1.0 / dt - rate) < 1e-6 * rate:
+        return 1.0 / rate
+    return float(f"{dt:.9g}")
+
+
+def time_in_seconds(time: pd.Index) -> np.ndarray:
+    """Values of a time index, checked to be finite numbers."""
+    if time.dtype.kind in "mM":
+        refuse_datetime(time)
+    if time.dtype.kind not in "iuf":
+        raise RunIndexError(f"The time index must be numbers in seconds; it holds {time.dtype}.")
+    seconds = time.to_numpy(dtype=float)
+    if not np.all(np.isfinite(seconds)):
+        row = int(np.flatnonzero(~np.isfinite(seconds))[0])
+        raise RunIndexError(f"The time index is {seconds[row]} in row {row}; it must be finite.")
+    return seconds
+
+
+def refuse_datetime(time: pd.Index) -> None:
+    raise RunIndexError(
+        f"The time index holds {time.dtype}; skhoid counts time in seconds from the start of the "
+        "run. Convert it with (t - t[0]).total_seconds()."
+    )
+
+
+def check_increasing(
+    time: np.ndarray,
+    step: np.ndarray,
+    within: np.ndarray,
+    run_starts: np.ndarray,
+    labels: list[Any],
+) -> None:
+    """Refuse time that repeats or goes backwards within a run."""
+    bad = np.flatnonzero(within & (step <= 0))
+    if bad.size == 0:
+        return
+    many = bad.size > 0.1 * step.size and bad.size > 1
+    repeated = bad[step[bad] == 0]
+    repeats = many and 2 * repeated.size > bad.size
+    if many:
+        bad = repeated if repeats else bad[step[bad] < 0]
+    row = int(bad[0]) + 1
+    label = labels[int(np.searchsorted(run_starts, row, side="right")) - 1]
+    where = f"run {label!r}, row {row}: {time[row - 1]:.6g} s is followed by {time[row]:.6g} s"
+    if repeats:
+        raise RunIndexError(
+            f"Time repeats in {bad.size} places, first in {where}. The usual causes are two runs "
+            "or two channels in one table, or times written with too few digits: give each run "
+            "its own label in the 'run' level, each channel a column, and the time all its digits."
+        )
+    if many:
+        raise RunIndexError(
+            f"The rows are shuffled: time goes backwards in {bad.size} places, first in {where}. "
+            "Sort the table (X = X.sort_index(), y likewise). For cross-validation split by runs, "
+            "not by rows: LeaveOneGroupOut or GroupKFold with groups=run_labels(X)."
+        )
+    what = "repeats" if time[row] == time[row - 1] else "decreases"
+    raise RunIndexError(
+        f"Time {what} in {where}. If a new run begins there, give it its own label in the 'run' "
+        "level; otherwise sort the rows by time and drop repeated ones."
+    )
+
+
+def typical_step(step: np.ndarray, run_starts: np.ndarray, labels: list[Any]) -> float | None:
+    medians = [
+        (float(np.median(step[a : b - 1])), label)
+        for a, b, label in zip(run_starts[:-1], run_starts[1:], labels, strict=True)
+        if b - a > 1
+    ]
+    if not medians:
+        return None
+    first, label = medians[0]
+    for median, other in medians[1:]:
+        if abs(median - first) > JITTER_TOLERANCE * first and min(median, first) > 0:
+            raise IrregularSamplingError(
+                f"The runs differ in sampling time: {first:.6g} s in run {label!r}, {median:.6g} "
+                f"s in run {other!r}.",
+                hint="Put them on one grid: X, y = skhoid.resample_runs(X, y, "
+                f"dt={max(first, median):.6g}). If rows are missing because a split shuffled "
+                "them, split by runs instead: LeaveOneGroupOut with groups=run_labels(X).",
+                options=["resample", "dt"],
+            )
+    return first
+
+
+def run_index(labels: list[Any], lengths: np.ndarray, time: np.ndarray) -> pd.MultiIndex:
+    """The row index of runs that follow one another, with the levels ``run`` and ``time`` (s)."""
+    runs = pd.Index(labels, tupleize_cols=False).take(np.repeat(np.arange(len(labels)), lengths))
+    return pd.MultiIndex.from_arrays([runs, time], names=[RUN, TIME])
+
+
 def run_time_index(layout: RunLayout) -> pd.MultiIndex:
     """The row index that says what ``layout`` says."""
-    rows = np.arange(layout.n_rows)
-    labels = pd.Index(layout.labels).take(layout.run_of(rows))
-    return pd.MultiIndex.from_arrays([labels, layout.time], names=[RUN, TIME])
+    return run_index(layout.labels, np.diff(layout.run_starts), layout.time)
+
+
+def empty_runs(layout: RunLayout, values: np.ndarray, columns: list[int]) -> dict[int, int]:
+    """The first of the columns that is NaN in all rows of a run outside the run-in, by run."""
+    last = layout.run_starts[1:] - 1
+    missing = np.isnan(values[last][:, columns])
+    if layout.trimmed is not None:
+        missing |= layout.trimmed[last, None]
+    found = {}
+    for run in np.flatnonzero(missing.any(axis=1)):
+        rows = slice(*layout.run_starts[run : run + 2])
+        outside = ... if layout.trimmed is None else ~layout.trimmed[rows]
+        for column in np.asarray(columns)[missing[run]]:
+            part = values[rows, column][outside]
+            if part.size and np.isnan(part).all():
+                found[int(run)] = int(column)
+                break
+    return found
+
+
+def rows_of_runs(layout: RunLayout, runs: Collection[int]) -> np.ndarray:
+    """Mask of the rows of some runs, by their numbers."""
+    chosen = np.zeros(len(layout.labels), dtype=bool)
+    chosen[list(runs)] = True
+    return np.repeat(chosen, np.diff(layout.run_starts))
+
+
+SET_OUTPUT_HINT = (
+    "A scikit-learn transformer that returns NumPy arrays drops the row index; call "
+    '.set_output(transform="pandas") on the pipeline to keep it, and use Decimator, DelayShift and '
+    "RunInTrimmer as steps of the pipeline itself, not in one branch of a ColumnTransformer."
+)
+
+
+def check_alignment(X: Any, y: Any, names: tuple[str, str] = ("X", "y")) -> None:
+    """Refuse ``y`` whose row index disagrees with that of ``X``."""
+    x_name, y_name = names
+    y_index = getattr(y, "index", None)
+    if not isinstance(y_index, pd.Index):
+        return
+    x_index = getattr(X, "index", None)
+    if not isinstance(x_index, pd.Index):
+        x_index = None
+    y_has_runs = TIME in y_index.names
+    if x_index is None or TIME not in x_index.names:
+        if y_has_runs:
+            raise RunIndexError(
+                f"{y_name} has a run and time index but {x_name} has none, so the runs of {x_name} "
+                "are lost. " + SET_OUTPUT_HINT
+            )
+        if x_index is None:
+            return
+    elif y_index.nlevels == 1 and y_index.dtype.kind in "iu" and y_index.is_monotonic_increasing:
+        return  # row numbers, as slices of a plain Series keep them
+    if x_index is y_index:
+        return
+    marks = [name for name in x_index.names if is_mark(str(name))]
+    plain = x_index.droplevel(marks) if marks else x_index
+    if len(plain) != len(y_index) or plain.equals(y_index):
+        return  # unequal lengths are reported by scikit-learn
+    if plain.nlevels != y_index.nlevels:
+        detail = (
+            f"the levels are {list(plain.names)} in {x_name} and {list(y_index.names)} in {y_name}"
+        )
+    else:
+        row = int(np.flatnonzero([a != b for a, b in zip(plain, y_index, strict=True)])[0])
+        labels = [_plain_label(index[row]) for index in (plain, y_index)]
+        detail = (
+            f"the first difference is in row {row}: {labels[0]} in {x_name}, "
+            f"{labels[1]} in {y_name}"
+        )
+    raise RunIndexError(
+        f"The row indexes of {x_name} and {y_name} disagree; {detail}. Give both the same rows in "
+        f"the same order ({y_name} = {y_name}.loc[{x_name}.index]), or pass {y_name} as an array "
+        "if its index means nothing."
+    )
+
+
+def _plain_label(label: Any) -> Any:
+    parts = label if isinstance(label, tuple) else (label,)
+    return tuple(part.item() if isinstance(part, np.generic) else part for part in parts)

@@ -1,4 +1,4 @@
-"""Which column is which signal: roles of channels, the target e + x, the name of the output.
+"""What names of columns say: roles of channels, the output, labels and clocks.
 
 A channel has the role that ``roles={column: role}`` gives it, else the one its name implies: ``e``,
 ``x`` and ``f_t`` exactly, ``motion...`` and ``dist...`` as prefixes. The rest of skhoid asks here.
@@ -6,6 +6,7 @@ A channel has the role that ``roles={column: role}`` gives it, else the one its 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -13,12 +14,26 @@ import numpy as np
 import pandas as pd
 
 from ..exceptions import RunIndexError, UsageError
-from .flat import not_channels
 
+RUN, TIME = "run", "time"  # levels of the row index
 EXACT = ("e", "x", "f_t")
 PREFIXES = ("motion", "dist")
 OTHER = ""  # role of a channel that has none
 OUTPUT = "u"  # what an output without a name is called
+OUTER = ("subject", "condition")
+LABELS = (RUN, "trial", "subject")  # of which only "run" can be nothing else
+# What labels rows, from the shortest recording to the longest.
+LABEL_WORDS: tuple[str, ...] = (RUN, "trial", "rep", "repetition", "recording", "block", "session")
+LABEL_WORDS += ("subject", "participant")
+# Levels of the row index outside of runs.
+OUTER_WORDS = {"subject": "subject", "participant": "subject", "condition": "condition"}
+OUTER_WORDS |= {"session": "session", "block": "block"}
+_TIME_WORDS = (TIME, "timestamp", "elapsed")
+_SECONDS = ("second", "sec", "msec", "ms")
+_UNITS = (*_SECONDS, "s", "us")
+_NUMBERING = ("id", "no", "nr", "num", "number", "index", "idx")
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")  # also those of camelCase
+_UNIT = re.compile(r"\s*(\([^()]*\)|\[[^][]*\])\s*$")
 
 
 def output_name(y: Any) -> str:
@@ -191,3 +206,41 @@ def with_error(signals: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     if "e" in signals or not {"f_t", "x"} <= signals.keys():
         return signals
     return {**signals, "e": signals["f_t"] - signals["x"]}
+
+
+def plain_name(name: Any) -> str:
+    """A name in lower case and without its unit: ``Time [s]`` is ``time``."""
+    return _UNIT.sub("", name).strip().casefold() if isinstance(name, str) else ""
+
+
+def not_channels(names: Iterable[Any]) -> list[Any]:
+    """Those of the names that are labels or clocks of rows, never signals."""
+    return [name for name in names if plain_name(name) in (*LABELS, *OUTER, TIME)]
+
+
+def words_of(name: Any) -> list[str]:
+    """Words of a name in lower case, without figures and plurals."""
+    if not isinstance(name, str):
+        return []
+    return [singular(word.casefold()) for word in _WORD.findall(name)]
+
+
+def label_word(name: Any) -> str:
+    """The word for what a column labels, if its name has no other; ``Trial No.`` is a trial."""
+    words = [word for word in words_of(name) if word not in _NUMBERING]
+    return words[0] if len(words) == 1 and words[0] in {*LABEL_WORDS, *OUTER_WORDS} else ""
+
+
+def names_time(name: Any) -> bool:
+    """Whether a column may be a clock by its name."""
+    words = words_of(name)
+    if len(words) == 1 and words[0] in _SECONDS:
+        return True
+    while len(words) > 1 and words[-1] in _UNITS:
+        words.pop()
+    return words == ["t"] or any(word in _TIME_WORDS for word in words)
+
+
+def singular(word: str) -> str:
+    """A word without the s of a plural."""
+    return word[:-1] if len(word) > 2 and word.endswith("s") else word

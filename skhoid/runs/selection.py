@@ -11,10 +11,9 @@ from sklearn.utils.validation import check_consistent_length
 
 from .._sklearn import COUNT, DT, checked
 from ..exceptions import PooledRunsWarning, RunIndexError
-from .alignment import check_alignment
-from .clock import RUN, TIME
-from .layout import check_levels, read_layout, run_name
-from .marks import is_mark
+from .layout import check_alignment, check_levels, read_layout, run_name
+from .roles import RUN, TIME
+from .tables import is_mark
 
 
 @checked(level=[str, None])
@@ -180,19 +179,3 @@ def select_runs(
     output = y if hasattr(y, "shape") else np.asarray(y)
     check_consistent_length(X, output)
     return X[rows], output[rows]
-
-
-def runs_of_label(X: pd.DataFrame, y: Any, level: str, label: str) -> tuple[pd.DataFrame, Any]:
-    """The runs of one label of an outer level, by its text, without that level."""
-    labels = X.index.get_level_values(level).astype(str)
-    if label not in labels:
-        raise ValueError(
-            f"There is no {level} {label!r} in the files, only "
-            f"{', '.join(map(repr, labels.unique()))}."
-        )
-    chosen = labels == label
-    attributes, of_output = X.attrs, y.attrs
-    X, y = X[chosen].droplevel(level), y[chosen].droplevel(level)
-    X.index, y.index = (part.index.remove_unused_levels() for part in (X, y))
-    X.attrs, y.attrs = attributes, of_output
-    return X, y

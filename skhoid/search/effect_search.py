@@ -32,7 +32,7 @@ from ..preprocessing.base import RemembersParameters
 from ..preprocessing.gate import as_output, as_table
 from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, notes_of_lost
 from ..regression import units_of
-from ..runs.fingerprint import fingerprint_of
+from ..runs import fingerprint_of
 from ..text import Note, Summary
 from .data import Held, SearchData, held_columns, on_rows_of, prepare_data, split_data
 from .leftover import AllRuns, SearchNumbers, numbers_of

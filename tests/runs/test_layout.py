@@ -7,13 +7,11 @@ order is the data.
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from sklearn.base import clone
 from sklearn.model_selection import LeaveOneGroupOut
 from sklearn.pipeline import make_pipeline
 from support import naive
-from support.synthetic import DT, arx_runs, run_time, stretches_of, with_levels
+from support.synthetic import DT, arx_runs, with_levels
 
 from skhoid import (
     ARXRegressor,
@@ -29,42 +27,19 @@ from skhoid import (
     sampling_time,
     select_runs,
 )
-from skhoid.runs import read_layout
 
 ESTIMATORS = {
-    "arx": ARXRegressor(2, 2, 3),
-    "arx-hac": ARXRegressor(2, 2, 3, fit_intercept=True, covariance="hac"),
-    "miso": ARXRegressor(1, [2, 1], [3, 0], inputs=["e", "x"]),
-    "delay": DelaySearchCV(ARXRegressor(), nk=range(6)),
+    "miso": ARXRegressor(1, [2, 1], [3, 0], inputs=["e", "x"], covariance="hac"),
     "delay-vaf": DelaySearchCV(ARXRegressor(), nk=[1, 3], criterion="vaf"),
     "order": OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[1, 2], nk=[3]),
-    "pipeline": make_pipeline(Decimator(2), DelayShift(0.03), ARXRegressor(2, 2)),
-    "odd-pipeline": make_pipeline(
+    "pipeline": make_pipeline(
         RunInTrimmer(0.2), DelayShift(0.03), Decimator(3, padding="odd"), ARXRegressor(2, 1)
     ),
     "aggregate": make_pipeline(Decimator(2, method="aggregate"), ARXRegressor(2, 2, 1)),
     "recursive": RecursiveARX(2, 2, 3, memory_horizon=30, init_window=0.6),
-    "recursive-matrix": RecursiveARX(
-        2, 2, 3, memory_horizon=[np.inf, np.inf, 30, 60], init="zeros"
-    ),
-    "recursive-average": RecursiveARX(2, 2, 3, memory_horizon=30, combine="average_estimates"),
-    "recursive-miso": RecursiveARX(
-        1, [2, 1], [3, 0], inputs=["e", "x"], memory_time=0.5, smooth=True
-    ),
-    "recursive-auto": RecursiveARX(1, 2, 3, forgetting="auto", fit_intercept=True),
     "recursive-cv": RecursiveARXCV([20, 50, np.inf], 2, 2, 3),
-    "recursive-pipeline": make_pipeline(
-        Decimator(2), DelayShift(0.03), RecursiveARX(2, 2, memory_horizon=30)
-    ),
 }
-COMPILED = ("recursive-matrix", "recursive-average", "recursive-miso", "recursive-auto")  # for long
-each_estimator = pytest.mark.parametrize(
-    "estimator",
-    [
-        pytest.param(estimator, id=name, marks=[pytest.mark.slow] * (name in COMPILED))
-        for name, estimator in ESTIMATORS.items()
-    ],
-)
+each_estimator = pytest.mark.parametrize("estimator", ESTIMATORS.values(), ids=ESTIMATORS.keys())
 
 
 def model_of(fitted):
@@ -84,13 +59,11 @@ def rows_of(X, order):
 # Twins of the waived checks
 
 
-@pytest.mark.slow
 @each_estimator
-@settings(max_examples=4, deadline=None)
-@given(order=st.permutations([1, 2, 3]), seed=st.integers(0, 2**16))
-def test_permuting_runs_permutes_the_predictions(estimator, order, seed):
+def test_permuting_runs_permutes_the_predictions(estimator):
     """The twin of check_methods_sample_order_invariance."""
-    X, y = arx_runs(lengths=[110, 140, 120], seed=seed, smooth=1)
+    order = [3, 1, 2]
+    X, y = arx_runs(lengths=[110, 140, 120], seed=1, smooth=1)
     one = clone(estimator).fit(X, y)
     other = clone(estimator).fit(take_runs(X, order), take_runs(y, order))
     np.testing.assert_allclose(model_of(one).coef_, model_of(other).coef_, rtol=1e-8, atol=1e-10)
@@ -102,15 +75,12 @@ def test_permuting_runs_permutes_the_predictions(estimator, order, seed):
     )
 
 
-@pytest.mark.slow
 @each_estimator
-@settings(max_examples=4, deadline=None)
-@given(subset=st.sets(st.sampled_from([1, 2, 3, 4]), min_size=1), seed=st.integers(0, 2**16))
-def test_predicting_a_subset_of_runs(estimator, subset, seed):
+def test_predicting_a_subset_of_runs(estimator):
     """The twin of check_methods_subset_invariance."""
-    X, y = arx_runs(4, 110, seed=seed)
+    X, y = arx_runs(4, 110, seed=2)
     fitted = clone(estimator).fit(X, y)
-    order = sorted(subset)
+    order = [2, 4]
     np.testing.assert_array_equal(
         fitted.predict(take_runs(X, order)), fitted.predict(X)[rows_of(X, order)]
     )
@@ -160,20 +130,11 @@ def with_run_column(estimator, run):
 
 
 CONTAINERS = {
-    "arx": ARXRegressor(2, 2, 3),
     "miso": ARXRegressor(1, [2, 1], [3, 0], inputs=["e", "x"]),
     "delay": DelaySearchCV(ARXRegressor(), nk=range(6)),
     "order": OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[1, 2], nk=[3]),
-    "shift": make_pipeline(DelayShift(0.03), ARXRegressor()),
-    "decimated": make_pipeline(DelayShift(0.03), Decimator(2), ARXRegressor()),
-    "trimmed": make_pipeline(RunInTrimmer(0.2), Decimator(2), DelayShift(0.03), ARXRegressor()),
-    "recursive": RecursiveARX(2, 2, 3, memory_horizon=30),
-    "recursive-miso": RecursiveARX(
-        1, [2, 1], [3, 0], inputs=["e", "x"], memory_time=0.5, smooth=True
-    ),
-    "recursive-pipe": make_pipeline(
-        DelayShift(0.03), Decimator(2), RecursiveARX(memory_horizon=30)
-    ),
+    "pipeline": make_pipeline(RunInTrimmer(0.2), Decimator(2), DelayShift(0.03), ARXRegressor()),
+    "recursive": make_pipeline(DelayShift(0.03), Decimator(2), RecursiveARX(memory_horizon=30)),
 }
 
 
@@ -194,18 +155,7 @@ def test_a_run_column_equals_a_run_index(estimator):
     assert_same_model(indexed, X, with_run_column(estimator, "run").fit(named, y.to_numpy()), named)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "arx",
-        "miso",
-        "delay",
-        "order",
-        "shift",
-        "decimated",
-        "trimmed",
-    ],
-)
+@pytest.mark.parametrize("name", ["miso", "delay", "order", "pipeline"])
 def test_numpy_equals_pandas(name):
     X, y = arx_runs(lengths=[110, 120, 101])
     indexed = clone(CONTAINERS[name]).fit(X, y)
@@ -283,22 +233,10 @@ def test_select_runs_within_each_subject():
     np.testing.assert_array_equal(some.to_numpy(), X.to_numpy()[np.isin(run, [1, 3, 4, 6])])
 
 
-def test_select_runs_reads_the_run_level_wherever_it_stands():
-    X, _ = arx_runs(4, 20, nk=0)
-    run = X.index.get_level_values("run").to_numpy()
-    nested = with_levels(X, run=(run - 1) % 2 + 1, condition=np.where(run <= 2, "C1", "C2"))
-    expected = select_runs(nested, runs=2).to_numpy()
-    turned = nested.reorder_levels(["run", "condition", "time"])
-    np.testing.assert_array_equal(select_runs(turned, runs=2).to_numpy(), expected)
-
-
 # Time
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("factor", [1, 2, 3, 8])
-@settings(max_examples=8, deadline=None)
-@given(blocks=st.integers(-50, 10**6))
+@pytest.mark.parametrize(("factor", "blocks"), [(1, -50), (3, 7), (8, 10**6)])
 def test_shifting_time_by_whole_blocks_changes_nothing(factor, blocks):
     X, y = arx_runs(seed=2, smooth=1)
     later = with_levels(X, time=X.index.get_level_values("time") + blocks * factor * DT)
@@ -309,12 +247,11 @@ def test_shifting_time_by_whole_blocks_changes_nothing(factor, blocks):
     np.testing.assert_array_equal(one.predict(X), other.predict(later))
 
 
-@settings(max_examples=20, deadline=None)
-@given(factor=st.integers(2, 7), start=st.integers(0, 60), length=st.integers(10, 60))
-def test_the_phase_of_the_mark_is_fixed_by_time(factor, start, length):
+@pytest.mark.parametrize(("factor", "start"), [(2, 1), (3, 17), (7, 60)])
+def test_the_phase_of_the_mark_is_fixed_by_time(factor, start):
     X, _ = arx_runs(1)
     decimator = Decimator(factor, method="downsample").fit(X)
-    part = slice(start, start + length)
+    part = slice(start, start + 40)
     assert decimator.transform(X.iloc[part]).index.equals(decimator.transform(X).index[part])
 
 
@@ -364,21 +301,9 @@ def test_jitter_is_warned_of_and_measured():
     with pytest.warns(RunTimeWarning, match=r"jitter by up to .* % of .*resample_runs"):
         model = ARXRegressor(2, 2, 3).fit(shaken, y.to_numpy())
     assert 0.02 < model.jitter_ < 0.05
-    assert model.dt_ == pytest.approx(DT, rel=1e-3)
-    np.testing.assert_array_equal(model.coef_, ARXRegressor(2, 2, 3).fit(X, y).coef_)
-
-
-def test_jitter_does_not_move_the_sampling_time():
-    X, _ = arx_runs()
-    jitter = 2e-4 * np.sin(1.7 * np.arange(len(X)))
-    shaken = with_levels(X, time=X.index.get_level_values("time") + jitter)
     # The mean step of a run takes the jitter of its two ends: 2 % over 119 steps.
-    assert sampling_time(shaken) == pytest.approx(DT, rel=2 * 0.02 / 119)
-
-
-def test_helpers_build_what_they_say():
-    assert run_time([2, 3]).names == ["run", "time"]
-    assert stretches_of(arx_runs()[0]) == [(0, 120), (120, 240), (240, 360)]
+    assert model.dt_ == pytest.approx(DT, rel=2 * 0.02 / 119)
+    np.testing.assert_array_equal(model.coef_, ARXRegressor(2, 2, 3).fit(X, y).coef_)
 
 
 def test_polars_with_a_run_column():
@@ -391,17 +316,3 @@ def test_polars_with_a_run_column():
     np.testing.assert_array_equal(found.coef_, expected.coef_)
     np.testing.assert_array_equal(found.predict(table), expected.predict(frame))
     assert found.inputs_ == expected.inputs_
-
-
-def test_layouts_of_single_runs():
-    X, _ = arx_runs(lengths=[60, 41, 50])
-    keep = np.ones(len(X), dtype=bool)
-    keep[75:80] = False
-    pipe = make_pipeline(RunInTrimmer(0.1), Decimator(3))
-    marked = pipe.fit_transform(X[keep])
-    whole = read_layout(marked)
-    for number, run in enumerate((1, 2, 3)):
-        found, twin = whole.of_run(number), read_layout(marked.loc[[run]])
-        for name in ("run_starts", "starts", "time", "trimmed", "kept", "stretches"):
-            np.testing.assert_array_equal(getattr(found, name), getattr(twin, name))
-        assert (found.labels, found.mark) == (twin.labels, twin.mark)

@@ -12,7 +12,7 @@ import pandas as pd
 from ...io import first_table
 from ...io.files import FileTable, numbers_of, split_header
 from ...runs.roles import OUTPUT, role_of
-from ...runs.words import advances_evenly, labelled_stretches
+from ...runs.tables import advances_evenly, labelled_stretches
 from .problems import MEANING, OPTION, ColumnGuess, Problem, quoted, said_alone
 from .words import (
     STRONG,

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...io.delimited import TIME_UNITS, UNITS
 from ...io.files import split_header
-from ...runs.words import names_time, singular, words_of
+from ...runs.roles import names_time, singular, words_of
 
 STRONG = 6  # scores from here up stand alone; lower ones only where nothing else is there
 
