@@ -1,6 +1,7 @@
 """Physics as small objects: human operator, controlled element, time-varying parameters."""
 
-from .controlled_element import ELEMENT, ControlledElement
+from .controlled_element import ELEMENT as ELEMENT
+from .controlled_element import ControlledElement
 from .linear_element import LinearElement
 from .operator import HumanOperator, crossover, delay_samples, zoh_parameters
 from .variation import Mixture, Ramp, Sigmoid, Step
@@ -9,7 +10,6 @@ from .variation import Mixture, Ramp, Sigmoid, Step
 from .variation import mix as mix
 
 __all__ = [
-    "ELEMENT",
     "ControlledElement",
     "HumanOperator",
     "LinearElement",

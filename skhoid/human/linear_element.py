@@ -10,8 +10,8 @@ from functools import lru_cache, reduce
 from typing import Any, NoReturn
 
 import numpy as np
-from scipy.linalg import expm, logm
-from scipy.signal import lfilter, lfilter_zi, ss2tf, tf2ss
+from scipy.linalg import logm
+from scipy.signal import cont2discrete, lfilter, lfilter_zi, ss2tf, tf2ss
 
 from .. import _kernels
 
@@ -491,7 +491,6 @@ def _make_pulse(element: LinearElement, dt: float, hold: str) -> tuple[np.ndarra
     n = len(A)
     if element.dt is None:
         poles = np.exp(dt * element.poles)
-        generator = np.block([[A, B], [np.zeros((1, n + 1))]])
     else:
         if np.any((element.poles.real <= 0) & (np.abs(element.poles.imag) < TINY)):
             raise ValueError(
@@ -501,33 +500,16 @@ def _make_pulse(element: LinearElement, dt: float, hold: str) -> tuple[np.ndarra
             )
         held = np.block([[A, B], [np.zeros((1, n)), np.ones((1, 1))]])
         generator = np.real(logm(held)) / element.dt
+        A, B = generator[:n, :n], generator[:n, n:]
         poles = element.poles.astype(complex) ** (dt / element.dt)
     a = np.real(np.poly(poles))
-    h = _find_impulse_response(generator, C, D, dt, hold)
+    # From the first samples of the response to one sample of input b follows exactly.
+    A, B, C, D, _ = cont2discrete((A, B, C, D), dt, hold)
+    h = [float(D[0, 0])]
+    for _ in range(n):
+        h.append(float((C @ B)[0, 0]))
+        B = A @ B
     b = np.convolve(a, h)[: n + 1]
     if element.direct:
         b = np.r_[b[1:], 0.0]
     return b, a
-
-
-def _find_impulse_response(
-    generator: np.ndarray, C: np.ndarray, D: np.ndarray, dt: float, hold: str
-) -> np.ndarray:
-    """The first samples of the response to one sample of input, from which b follows exactly."""
-    n = len(generator) - 1
-    if hold == "zoh":
-        step = expm(generator * dt)
-        A, first, direct = step[:n, :n], step[:n, n:], D
-    else:
-        with_slope = np.zeros((n + 2, n + 2))
-        with_slope[: n + 1, : n + 1] = generator * dt
-        with_slope[n, n + 1] = 1.0
-        step = expm(with_slope)
-        A, ramp = step[:n, :n], step[:n, n + 1 :]
-        first, direct = step[:n, n : n + 1] - ramp + A @ ramp, D + C @ ramp
-    h = [float(direct[0, 0])]
-    state = first
-    for _ in range(n):
-        h.append(float((C @ state)[0, 0]))
-        state = A @ state
-    return np.array(h)

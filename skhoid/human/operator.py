@@ -267,6 +267,7 @@ def held_filter(omega_nm: Any, zeta_nm: Any, dt: float) -> tuple[Any, Any, Any, 
     return -2 * cosine, np.exp(-2 * sigma * dt), step, omega_nm**2 * sine
 
 
+@checked(dt=[Interval(Real, 0, 1e100, closed="neither")])
 def delay_samples(operator: HumanOperator, dt: float, *, nearest: bool = False) -> int:
     """Input delay n_k of the operator in samples, with the sample that zero-order hold adds.
 
@@ -288,7 +289,6 @@ def delay_samples(operator: HumanOperator, dt: float, *, nearest: bool = False) 
     >>> [delay_samples(HumanOperator(tau_e=0.28), dt) for dt in (0.02, 0.01, 0.005)]
     [15, 29, 57]
     """
-    check_dt(dt)
     samples = whole_samples(operator.tau_e, dt)
     if samples != round(samples) and not nearest:
         raise ValueError(
@@ -297,12 +297,6 @@ def delay_samples(operator: HumanOperator, dt: float, *, nearest: bool = False) 
             f"{round(samples) * dt:.6g} s; finer sampling, or more coefficients, preserves it."
         )
     return round(samples) + 1
-
-
-def check_dt(dt: Any) -> None:
-    """Refuse a sampling time that is not a positive number."""
-    if np.ndim(dt) or not 0 < float(dt) < np.inf:
-        raise ValueError(f"dt must be a positive sampling time in seconds; got {dt!r}.")
 
 
 # The grid only brackets the crossing; gains of operators are smooth on this scale.

@@ -78,11 +78,15 @@ def _fit_path(
     misfit = np.full(len(response), np.nan)
     bounds = np.full((2, 5), [[-np.inf], [np.inf]])
     bounds[:, FILTER] = np.log([[band[0] / 2, ZETA[0]], [2 * band[1], ZETA[1]]])
+    # A coarse grid of neuromuscular filters and delays to start from.
+    low, high = np.exp(bounds[:, 2])
+    grid = product(np.geomspace(3 * low, high / 2, 4), (0.15, 0.4, 1.0), (0.0, 0.1, 0.25))
+    filters = [np.array([np.log(w), np.log(z), hold.known_delay - hold.dt + t]) for w, z, t in grid]
     known = np.flatnonzero(np.isfinite(response).all(axis=1) & (response != 0).all(axis=1))
     for rows in np.array_split(known, -(-known.size // BLOCK)) if known.size else []:
         target = response[rows]
         fit = ResponseFit(hold, target, 1 / np.abs(target), *bounds)
-        p, squares = fit.best_of(fit.starts(_list_filters(hold, bounds), N_REFINED))
+        p, squares = fit.best_of(fit.starts(filters, N_REFINED))
         misfit[rows] = np.sqrt(squares / target.shape[1])
         inside = ~np.any((p < bounds[0] + 1e-6) | (p > bounds[1] - 1e-6), axis=1)
         rows, p, target = rows[inside], p[inside], target[inside]
@@ -126,14 +130,6 @@ class OperatorUnderHold:
             columns.append((response(p + step) - response(p - step)) / (2 * DIFFERENCE))
         columns.append(-1j * self.omega * response(p))
         return np.stack(columns, axis=-1)
-
-
-def _list_filters(hold: OperatorUnderHold, bounds: np.ndarray) -> list[np.ndarray]:
-    """A coarse grid of neuromuscular filters and delays to start from."""
-    own = hold.known_delay - hold.dt
-    low, high = np.exp(bounds[:, 2])
-    grid = product(np.geomspace(3 * low, high / 2, 4), (0.15, 0.4, 1.0), (0.0, 0.1, 0.25))
-    return [np.array([np.log(omega), np.log(zeta), own + later]) for omega, zeta, later in grid]
 
 
 def _propagate(

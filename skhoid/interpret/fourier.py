@@ -29,100 +29,82 @@ from .response import FrequencyResponse, find_aligning_delay, unwrap_phase
 BIN_TOLERANCE = 0.01  # of a bin; so far off, one percent of a line leaks into its neighbours
 
 
-@dataclass(frozen=True)
-class Lines:
-    """Excited frequencies (rad/s) of one forcing function, and its base period (s) if known."""
-
-    omega: np.ndarray
-    period: float | None
-
-    @classmethod
-    def of(cls, forcing: Any) -> Lines:
+def read_lines(forcing: Any) -> dict[str | None, np.ndarray]:
+    """Excited frequencies (rad/s) of every forcing function; the only one has no name."""
+    parts = forcing if isinstance(forcing, dict) else {None: forcing}
+    found = {}
+    for name, part in parts.items():
         try:
-            omega = np.atleast_1d(np.asarray(getattr(forcing, "omega", forcing), dtype=float))
+            omega = np.atleast_1d(np.asarray(getattr(part, "omega", part), dtype=float))
         except (TypeError, ValueError):  # no numbers
-            omega = np.array([])
-        if omega.ndim != 1 or omega.size == 0 or not np.all(np.isfinite(omega) & (omega > 0)):
-            raise ValueError(
-                "forcing must be a Multisine, its frequencies in rad/s (positive numbers), or a "
-                f"dict of these; got {forcing!r}."
-            )
-        return cls(np.sort(omega), getattr(forcing, "period", None))
-
-    def off(self, n_samples: Any, dt: float) -> np.ndarray:
-        """Distance in bins of the worst line from a whole number of periods, by window length."""
-        base = [] if self.period is None else [2 * np.pi / self.period]
-        cycles = np.outer(np.asarray(n_samples) * dt, [*self.omega, *base]) / (2 * np.pi)
-        return np.where(cycles < 0.5, 1.0, np.abs(cycles - np.round(cycles))).max(axis=1)
-
-    def bins(self, n_samples: int, dt: float, run: Any, n_in_run: int) -> np.ndarray:
-        """Bin of each line in a window, in which it must complete whole periods."""
-        cycles = self.omega * n_samples * dt / (2 * np.pi)
-        off = np.abs(cycles - np.round(cycles))
-        if self.off([n_samples], dt)[0] > BIN_TOLERANCE:
-            worst = int(np.argmax(np.where(cycles < 0.5, 1.0, off)))
-            what = (
-                f"the line at {self.omega[worst]:.6g} rad/s completes {cycles[worst]:.4g} periods "
-                f"({off[worst]:.2g} bins off a whole number; at most {BIN_TOLERANCE:g} is allowed)"
-            )
-            if off[worst] <= BIN_TOLERANCE and cycles[worst] > 0.5:
-                what = f"the base period of {self.period:g} s does not fit a whole number of times"
-            raise ValueError(
-                f"Every line needs a whole number of periods in the window, but in {n_samples} "
-                f"samples ({n_samples * dt:.6g} s) of run {run!r} {what}. "
-                + self._advice(n_in_run, dt)
-            )
-        if self.omega[-1] * dt >= np.pi:
-            raise ValueError(
-                f"The line at {self.omega[-1]:.6g} rad/s is not below the Nyquist frequency of "
-                f"{np.pi / dt:.6g} rad/s (dt = {dt:g} s). Are the frequencies in rad/s?"
-            )
-        return np.round(cycles).astype(int)
-
-    def _advice(self, n_in_run: int, dt: float) -> str:
-        lengths = np.arange(n_in_run, 0, -1)
-        off = self.off(lengths, dt)
-        fitting = np.flatnonzero(off <= BIN_TOLERANCE)
-        if fitting.size == 0:
-            return (
-                f"No window fits in the run's {n_in_run * dt:.6g} s: are the frequencies in rad/s, "
-                "and is the run at least one base period long?"
-            )
-        # Lengths a sample or two off the right one are within the tolerance too.
-        beside = fitting[fitting - np.arange(fitting.size) == fitting[0]]
-        best = lengths[beside[np.argmin(off[beside])]]
-        return (
-            f"The longest window in the run that fits lasts {best * dt:.6g} s ({best} "
-            f"samples): pass window=(start, start + {best * dt:.6g})."
+            omega = np.zeros(0)
+        if omega.ndim == 1 and omega.size and np.all(np.isfinite(omega) & (omega > 0)):
+            found[name] = np.sort(omega)
+    if not parts or len(found) < len(parts):
+        raise ValueError(
+            "forcing must be a Multisine, its frequencies in rad/s (positive numbers), or a "
+            f"dict of these; got {forcing!r}."
         )
+    return found
 
 
-def read_lines(forcing: Any) -> dict[str | None, Lines]:
-    """Lines of every forcing function; the only one has no name."""
-    if not isinstance(forcing, dict):
-        return {None: Lines.of(forcing)}
-    if not forcing:
-        raise ValueError("forcing is an empty dict; give at least one forcing function.")
-    return {name: Lines.of(part) for name, part in forcing.items()}
+def measure_off(cycles: np.ndarray) -> np.ndarray:
+    """Distance in bins of numbers of periods from whole ones, other than none."""
+    return np.where(cycles < 0.5, 1.0, np.abs(cycles - np.round(cycles)))
 
 
-def collect_bins(lines: dict[Any, Lines], windows: Windows, number: int) -> dict[Any, np.ndarray]:
+def collect_bins(
+    lines: dict[Any, np.ndarray], windows: Windows, number: int
+) -> dict[Any, np.ndarray]:
     """Bins of every forcing function in the window of a run; none is shared."""
     layout, rows = windows.layout, windows.rows[number]
-    n_in_run = int(layout.run_starts[number + 1] - layout.run_starts[number])
-    window = (rows.stop - rows.start, layout.dt, layout.labels[number], n_in_run)
-    owner: set[int] = set()
+    dt, n_samples = layout.dt, rows.stop - rows.start
     found = {}
-    for name, part in lines.items():
-        found[name] = part.bins(*window)
-        for position, bin_number in enumerate(found[name].tolist()):
-            if bin_number in owner:
-                raise ValueError(
-                    f"The line at {part.omega[position]:.6g} rad/s is given twice: responses to "
-                    "two functions at the same line cannot be separated."
-                )
-            owner.add(bin_number)
+    for name, omega in lines.items():
+        cycles = omega * n_samples * dt / (2 * np.pi)
+        off = measure_off(cycles)
+        worst = int(np.argmax(off))
+        if off[worst] > BIN_TOLERANCE:
+            n_in_run = int(layout.run_starts[number + 1] - layout.run_starts[number])
+            raise ValueError(
+                f"Every line needs a whole number of periods in the window, but in {n_samples} "
+                f"samples ({n_samples * dt:.6g} s) of run {layout.labels[number]!r} the line at "
+                f"{omega[worst]:.6g} rad/s completes {cycles[worst]:.4g} periods. "
+                + find_fitting_window(omega, n_in_run, dt)
+            )
+        if omega[-1] * dt >= np.pi:
+            raise ValueError(
+                f"The line at {omega[-1]:.6g} rad/s is not below the Nyquist frequency of "
+                f"{np.pi / dt:.6g} rad/s (dt = {dt:g} s). Are the frequencies in rad/s?"
+            )
+        found[name] = np.round(cycles).astype(int)
+    bins, counts = np.unique(np.concatenate(list(found.values())), return_counts=True)
+    if counts.max() > 1:
+        twice = 2 * np.pi * bins[np.argmax(counts)] / (n_samples * dt)
+        raise ValueError(
+            f"The line at {twice:.6g} rad/s is given twice: responses to two functions at the "
+            "same line cannot be separated."
+        )
     return found
+
+
+def find_fitting_window(omega: np.ndarray, n_in_run: int, dt: float) -> str:
+    """What to do where a window does not hold whole periods."""
+    lengths = np.arange(n_in_run, 0, -1)
+    off = measure_off(np.outer(lengths * dt, omega) / (2 * np.pi)).max(axis=1)
+    fitting = np.flatnonzero(off <= BIN_TOLERANCE)
+    if fitting.size == 0:
+        return (
+            f"No window fits in the run's {n_in_run * dt:.6g} s: are the frequencies in rad/s, "
+            "and is the run at least one base period long?"
+        )
+    # Lengths a sample or two off the right one are within the tolerance too.
+    beside = fitting[fitting - np.arange(fitting.size) == fitting[0]]
+    best = lengths[beside[np.argmin(off[beside])]]
+    return (
+        f"The longest window in the run that fits lasts {best * dt:.6g} s ({best} "
+        f"samples): pass window=(start, start + {best * dt:.6g})."
+    )
 
 
 def read_signals(X: Any) -> pd.DataFrame:
@@ -222,7 +204,7 @@ def fourier_coefficients(
     y : Series or array of shape (n_rows,)
         Output u.
     forcing : Multisine, array-like of frequencies in rad/s, or dict of these
-        All excited lines (others count as remnant): an object with ``omega`` and ``period``, or
+        All excited lines (others count as remnant): an object with ``omega``, or
         frequencies; several functions as a dict. With several inputs, its keys are the columns of X
         that hold the signals.
     inputs : list of column names or positions, or None, default=None
@@ -296,7 +278,7 @@ def fourier_coefficients(
     return _estimate_one(spectra, of_inputs[0], output)
 
 
-def _check_numbers(inputs: list[Any], lines: dict[Any, Lines]) -> None:
+def _check_numbers(inputs: list[Any], lines: dict[Any, np.ndarray]) -> None:
     """Refuse more inputs than forcing functions, and lines too few to interpolate between."""
     if len(inputs) > len(lines):
         raise ValueError(
@@ -304,7 +286,7 @@ def _check_numbers(inputs: list[Any], lines: dict[Any, Lines]) -> None:
             f"but there {'is' if len(lines) == 1 else 'are'} {len(lines)}. Give fewer "
             "inputs=[...], or add another forcing function with separate lines."
         )
-    short = [name for name, part in lines.items() if part.omega.size < 2]
+    short = [name for name, omega in lines.items() if omega.size < 2]
     if len(inputs) > 1 and short:
         raise ValueError(
             f"The forcing function {short[0]!r} has only one line. Signals are interpolated "
@@ -373,7 +355,7 @@ class _Spectra:
     Channels are the inputs, the output, and then the forcing functions if they are needed.
     """
 
-    def __init__(self, windows: Windows, values: np.ndarray, lines: dict[Any, Lines]) -> None:
+    def __init__(self, windows: Windows, values: np.ndarray, lines: dict[Any, np.ndarray]) -> None:
         self.layout, self.lines, dt = windows.layout, lines, windows.layout.dt
         at_lines, beside, strongest = [], [], []
         for number, rows in enumerate(windows.rows):
@@ -409,14 +391,14 @@ class _Spectra:
 
     def check_excitation(self, first: int) -> None:
         """Refuse a forcing function, in the channels from ``first`` on, that lacks a line."""
-        for i, (name, part) in enumerate(self.lines.items()):
+        for i, (name, omega) in enumerate(self.lines.items()):
             own = np.abs(self.at_lines[:, first + i, self.function == i])
             absent = np.argwhere(own <= ABSENT * self.strongest[:, first + i, None])
             if absent.size:
                 run, line = absent[0]
                 raise ValueError(
                     f"The column of the forcing function {name!r} has no power at its line "
-                    f"{part.omega[line]:.6g} rad/s in run {self.layout.labels[run]!r}. Is it "
+                    f"{omega[line]:.6g} rad/s in run {self.layout.labels[run]!r}. Is it "
                     "the right column, and are these its frequencies?"
                 )
 

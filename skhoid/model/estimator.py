@@ -27,7 +27,7 @@ from ..human import ELEMENT, ControlledElement, LinearElement
 from ..human.controlled_element import simplify
 from ..parameters import Kind, ParameterTable
 from ..preprocessing.grid import ModelGrid
-from ..regression import DataToFit, RunRegressor
+from ..regression import RunRegressor
 from ..runs import run_column
 from ..runs.roles import EXACT, roles_of
 from ..text import (
@@ -333,11 +333,7 @@ class GreyBox(RunRegressor):
         ----------
         {X, y}
         """
-        return self._prepared(self._read_data(X, y, "all", in_parts=True))
-
-    def _prepared(self, data: DataToFit) -> Prepared:
-        """Data as a record; sets the controlled element."""
-        grid, _, output, thinned, values, known = data
+        grid, _, output, thinned, values, known = self._read_data(X, y, "all", in_parts=True)
         if self._takes_first and self.inputs is None and len(self._columns) > 1:
             # None has the role e.
             self._columns, self.inputs_ = self._columns[:1], self.inputs_[:1]

@@ -92,12 +92,8 @@ def make_criterion(model: Model, noise: RemnantModel) -> Criterion:
     record = model.simulator.record
     if not model.fit.jointly:
         return Criterion(record, noise)
-    criterion = Criterion(record, rate=JOINT_RATE)
-    found = fit_autoregression(
-        find_residual(model.simulator, criterion, model.theta), criterion.known
-    )
-    criterion.set_noise(found or noise)
-    return criterion
+    found = make_joint_criterion(model.simulator, model.theta)
+    return found or Criterion(record, noise, rate=JOINT_RATE)
 
 
 def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:

@@ -45,6 +45,7 @@ FOLLOWS = 0.7  # share of a channel that x may leave, at most, if it moves with 
 ROUGH = 3  # differences that tell a rough signal from a smooth one
 SMOOTHED = 0.07  # s, over which averages are taken: between samples a sensor's error is rougher
 SECOND_ORDER = 3  # coefficients
+SETTLING = 3.0  # s, in which what preceded the record is forgotten
 MISSING = 0.005  # share of the output, at most
 
 
@@ -354,8 +355,8 @@ def drawn(residual: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.stack([found, -found], axis=2)
 
 
-def loop_of(record: Record, settling: float = 3.0) -> Loop | None:
-    """The loop of a record, closed after ``settling`` seconds; None where it is not known.
+def loop_of(record: Record) -> Loop | None:
+    """The loop of a record, closed after SETTLING; None where it is not known.
 
     It takes a measured output without gaps, an input of role e, and a known controlled element.
     """
@@ -364,7 +365,7 @@ def loop_of(record: Record, settling: float = 3.0) -> Loop | None:
         return None
     if record.core == CoreKind.ARX:
         return None
-    begin = round(settling / record.dt)
+    begin = round(SETTLING / record.dt)
     if begin >= len(record.known):  # it is never closed
         return None
     missing = ~record.known[begin:] & (record.y[begin:] == 0.0)

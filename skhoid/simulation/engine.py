@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
@@ -229,6 +230,50 @@ def _check_rate(task: CompensatoryTask, p: dict[str, Any]) -> None:
         )
 
 
+SILENT = np.zeros(10)  # remnant filter
+
+
+@dataclass(frozen=True)
+class CompiledLoop:
+    """The loop of a task as the kernel takes it."""
+
+    rows: np.ndarray
+    begin: int
+    response: Delay | ARXResponse
+    dt: float
+
+    @classmethod
+    def of(cls, task: CompensatoryTask) -> CompiledLoop:
+        return cls(*physics_rows(task), operator_response(task), 1 / task.sampling_rate)
+
+    def run(
+        self,
+        f_t: np.ndarray,
+        f_d: np.ndarray,
+        white: np.ndarray,
+        *,
+        rows: np.ndarray | None = None,
+        remnant: np.ndarray = SILENT,
+        closed: bool = True,
+        first: int = 0,
+        bound: float = np.inf,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Signals e, u, x, n (4, n, n_runs) from sample ``first``, and where e passes ``bound``."""
+        return _kernels.loop.tracker(bool(remnant[8:].any()))(
+            f_t,
+            f_d,
+            white,
+            self.rows if rows is None else rows,
+            self.begin,
+            remnant,
+            *self.response.arguments,
+            self.dt,
+            float(closed),
+            first,
+            bound,
+        )
+
+
 RUN_IN = 20.0  # s; the default of seven windows is for loops with little damping
 STRETCH = 2.0  # delays
 SHORTEST = 0.1  # s, of a stretch
@@ -309,17 +354,15 @@ def track_effects(
     f_t: np.ndarray,
     f_d: np.ndarray,
     white: np.ndarray,
-    physics: np.ndarray,
+    silent: np.ndarray,
 ) -> np.ndarray:
     """Signals e, u, x, n of runs of a task with effects, of shape (4, n_total, n_runs).
 
-    ``track(f_t, f_d, white, physics)`` runs the loop of ``_kernels.loop`` from its first sample.
+    ``track`` runs the loop; ``silent`` are its rows of physics without the operator.
     """
     n_total, dt = white.shape[0], 1 / task.sampling_rate
     t = (np.arange(-task.n_run_in, task.n_samples) * dt)[:, None]
-    out = track(f_t, f_d, white, physics)[0]
-    silent = physics.copy()
-    silent[:, OPERATOR_GAINS] = 0.0
+    out = track(f_t, f_d, white)[0]
     channels = {"e": out[0], "x": out[2], "f_t": np.broadcast_to(f_t, out[0].shape)}
     if f_d.any():
         channels["dist"] = np.broadcast_to(f_d, out[0].shape)
@@ -338,7 +381,7 @@ def track_effects(
             change = np.abs(new - answer[:end]).max()
             answer[:end] = new
             moved = answer[:end] + (f_d[:end] if f_d.shape[1] > 1 else f_d[:end, :1])
-            out = track(f_t[:end], moved, white[:end], silent)[0]
+            out = track(f_t[:end], moved, white[:end], rows=silent)[0]
             channels["e"][:end], channels["x"][:end] = out[0], out[2]
             if not change > SAME * size:
                 break
@@ -460,11 +503,14 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
     if given_noise is not None:
         given_noise = _read_noise(given_noise, int(n_runs), n_total)
     entropy = entropy_of(options.random_state)
-    response, physics = operator_response(task), physics_rows(task)
+    loop = CompiledLoop.of(task)
     has_effects = len(Effects.of(task.effects)) > 0
     if task.is_constant and not has_effects:
-        _check_stability(task, physics, response)
-    filter_ = np.zeros(10) if remnant is None else remnant.filter_coefficients()
+        _check_stability(loop)
+    filter_ = SILENT if remnant is None else remnant.filter_coefficients()
+    track = partial(loop.run, remnant=filter_, closed=not options.open_loop)
+    silent = loop.rows.copy()
+    silent[:, OPERATOR_GAINS] = 0.0
     drawn = options.random_phases
     forcing = {name: None if drawn else _sample_forcing(task, name) for name in STREAMS}
 
@@ -486,30 +532,12 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
             else shared
             for name, shared in forcing.items()
         )
-        compiled = _kernels.loop.tracker(bool(filter_[8:].any()))
-
-        def track(
-            f_t: np.ndarray, f_d: np.ndarray, white: np.ndarray, rows: np.ndarray, begin: int = 0
-        ) -> tuple[np.ndarray, np.ndarray]:
-            return compiled(
-                f_t,
-                f_d,
-                white,
-                rows,
-                physics[1],
-                filter_,
-                *response.arguments,
-                1 / rate,
-                0.0 if options.open_loop else 1.0,
-                begin,
-                np.inf if task.is_constant or has_effects else _choose_bound(f_t, f_d),
-            )
-
         if has_effects:
-            out = track_effects(task, track, f_t, f_d, white, physics[0])[:, first:]
+            out = track_effects(task, track, f_t, f_d, white, silent)[:, first:]
             lost = np.full(len(runs), -1)
         else:
-            out, lost = track(f_t, f_d, white, physics[0], first)
+            bound = np.inf if task.is_constant else _choose_bound(f_t, f_d)
+            out, lost = track(f_t, f_d, white, first=first, bound=bound)
         return out, lost, f_t[first:].T, f_d[first:].T
 
     many = _kernels.loop.MANY
@@ -526,7 +554,7 @@ def simulate(task: CompensatoryTask, n_runs: Any, options: RunOptions) -> Tracki
     for runs, (out, lost, f_t, f_d) in zip(blocks, done, strict=True):
         if (lost >= 0).any() and not suspected:
             suspected = True
-            _check_growth(task, physics, response)
+            _check_growth(task, loop)
         if not np.isfinite(out[:, -1]).all():
             raise UnstableLoopError(f"The loop is unstable: its signals overflow. {ADVICE}")
         signals[:, runs.start : runs.stop] = out.transpose(0, 2, 1)
@@ -617,46 +645,19 @@ def _read_noise(noise: Any, n_runs: int, n_total: int) -> np.ndarray:
     return noise
 
 
-def _remove_remnant(
-    task: CompensatoryTask,
-    physics: tuple[np.ndarray, int],
-    response: Delay | ARXResponse,
-    f_t: np.ndarray,
-    f_d: np.ndarray,
-    bound: float,
-) -> tuple[np.ndarray, int]:
-    """Error of a run without remnant, and roughly where it exceeds ``bound``, or -1."""
-    silent = np.zeros(10)
-    (e, *_), lost = _kernels.loop.tracker(False)(
-        f_t,
-        f_d,
-        np.zeros_like(f_t),
-        *physics,
-        silent,
-        *response.arguments,
-        1 / task.sampling_rate,
-        1.0,
-        0,
-        bound,
-    )
-    return np.abs(e[:, 0]), int(lost[0])
-
-
-def _check_stability(
-    task: CompensatoryTask, physics: tuple[np.ndarray, int], response: Delay | ARXResponse
-) -> None:
+def _check_stability(loop: CompiledLoop) -> None:
     """Raise if the response of constant dynamics to a pulse of the target grows."""
     times = []
     for patience in (1, 10, 100):  # a slow loop responds first and decays later
-        n_samples = round(patience * (60.0 + 40 * response.delay_time) * task.sampling_rate)
-        pulse = np.zeros((n_samples, 1))
+        n_samples = round(patience * (60.0 + 40 * loop.response.delay_time) / loop.dt)
+        pulse, nothing = np.zeros((2, n_samples, 1))
         pulse[0] = 1.0
-        e, _ = _remove_remnant(task, physics, response, pulse, np.zeros_like(pulse), np.inf)
+        e = np.abs(loop.run(pulse, nothing, nothing)[0][0, :, 0])
         third = e.size // 3
         early, late = e[third : 2 * third].max(), e[2 * third :].max()
         if late <= max(early * (1 + 1e-6), 1e-9):  # not NaN
             return
-        growing = third / task.sampling_rate
+        growing = third * loop.dt
         times.append(growing / np.log(late / early) if np.isfinite(late) else 0.0)
         if not np.isfinite(late):
             break
@@ -665,12 +666,11 @@ def _check_stability(
     )
 
 
-def _check_growth(
-    task: CompensatoryTask, physics: tuple[np.ndarray, int], response: Delay | ARXResponse
-) -> None:
+def _check_growth(task: CompensatoryTask, loop: CompiledLoop) -> None:
     """Raise if time-varying dynamics make the error large even without remnant."""
     f_t, f_d = (_sample_forcing(task, name) for name in STREAMS)
-    _, lost = _remove_remnant(task, physics, response, f_t, f_d, _choose_bound(f_t, f_d))
+    bound = _choose_bound(f_t, f_d)
+    lost = int(loop.run(f_t, f_d, np.zeros_like(f_t), bound=bound)[1][0])
     if lost >= 0:
         t = (lost - task.n_run_in) / task.sampling_rate
         raise UnstableLoopError(
