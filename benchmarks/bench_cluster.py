@@ -35,7 +35,7 @@ from joblib import Parallel, delayed, parallel_config
 
 from skhoid import ARXRegressor, DelaySearchCV, MonteCarloStudy, RecursiveARX
 from skhoid.exceptions import StudyWarning
-from skhoid.lab.studies import DataSet
+from skhoid.lab.studies.blocks import DataSet
 
 SPEEDUP = 1.8  # from 1 to 2 workers
 REPLICATIONS = 360  # of each of 6 cells: about a minute on one core

@@ -17,11 +17,11 @@ its table is on :doc:`this page </which-method>`.
 # delay, others estimate it, and the oracle is told when and how the operator changes.
 
 # sphinx_gallery_thumbnail_number = 1
-from skhoid.lab.studies import available_methods
+from skhoid.lab.studies import TOURNAMENT_METHODS
 
 NAMES = ["rls", "rls_auto", "box_jenkins", "ekf", "rls_smooth", "sigmoid", "lpv", "arx"]
-methods, _ = available_methods(NAMES)
-for method in methods:
+for name in NAMES:
+    method = TOURNAMENT_METHODS[name]
     kind = "causal" if method.causal else "offline"
     told = method.told or "nothing"
     print(f"{method.name:12s} {kind:8s} told: {told:9s} {method.label}; knob: {method.knob}")
@@ -35,7 +35,7 @@ for method in methods:
 from skhoid.lab.studies import run_tournament, tournament_cells
 
 cells = tournament_cells("small", conditions=["C1", "C4", "relapse"])
-result = run_tournament([m.name for m in methods], cells, size="small", n_validation=2)
+result = run_tournament(NAMES, cells, size="small", n_validation=2)
 _ = result.plot("winners")
 
 # %%

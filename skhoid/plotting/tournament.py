@@ -125,7 +125,6 @@ class TournamentDisplay(Display):
         causal: bool | None = None,
         window: str = "all",
         parameters: Sequence[str] = SHOWN,
-        family: str | Sequence[str] | None = None,
         ax: Any = None,
         **kwargs: Any,
     ) -> Self:
@@ -148,8 +147,6 @@ class TournamentDisplay(Display):
             Part of the run, for bias.
         parameters : sequence of str, default=("K_e", "K_edot", "omega_nm", "zeta_nm")
             A panel each, for bias; ``"tau_e"`` is possible too.
-        family : str, sequence of str or None, default=None
-            For bias, only cells of these families; see :meth:`TournamentResult.summary`.
         %(keywords)
 
         %(display)
@@ -165,7 +162,7 @@ class TournamentDisplay(Display):
             loss = result.describe_loss(question, parameter=parameter)
             return cls(table=table, loss=loss).plot(ax, **kwargs)
         if kind == "bias":
-            table = result.summary(window, family=family)[["bias", "sd"]].reset_index()
+            table = result.by_method(window)[["bias", "sd"]].reset_index()
             table = table[table["parameter"].isin(list(parameters))]
             rank = {name: place for place, name in enumerate(parameters)}
             table = table.sort_values("parameter", key=lambda c: c.map(rank), kind="stable")

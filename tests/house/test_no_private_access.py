@@ -15,8 +15,6 @@ PUBLIC_IN_SPITE_OF_THEIR_NAME = {
 # Of other libraries, where there is no public way.
 ALLOWED = {
     ("_sklearn.py", "_getframe"): "who asks for coef_; Python documents it",
-    ("lab/studies/workers.py", "_backend"): "joblib does not say where jobs would run",
-    ("lab/studies/workers.py", "_effective_n_jobs"): "nor how many at once, of that backend",
     ("lab/workbench/jobs.py", "_exit"): "ends a process from a thread; Python documents it",
     ("plotting/_display.py", "_left_title"): "Matplotlib gives the words, but not the artist",
     ("plotting/_display.py", "_suptitle"): "the same",

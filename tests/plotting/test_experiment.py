@@ -107,11 +107,6 @@ def test_batch_models_and_the_change(result):
     ]
 
 
-def test_subjects_of_ones_choice(result):
-    assert result.plot(subjects=["S3", "S1"]).columns_ == ["S3", "S1"]
-    assert result.plot(subjects="S2").axes_.shape == (4, 1)
-
-
 def test_rows_share_limits_and_count_what_is_outside():
     tables = made_up(200, ("A", "B"))
     paths = tables["paths"]
@@ -133,5 +128,3 @@ def test_refusals(result):
         result.plot(form="ini")
     with pytest.raises(ValueError, match="parameters must be one of 'arx', 'operator'"):
         result.plot(parameters="human")
-    with pytest.raises(ValueError, match="subjects are some of S1, S2, S3"):
-        result.plot(subjects=["S4"])

@@ -41,8 +41,7 @@ def made_up_people(names=("S1", "S2", "S3"), conditions=("C1", "C2"), runs=3, fa
         table=fits,
         groups=groups,
         runs=pd.DataFrame(judged, columns=columns),
-        models=None,
-        failures=groups[groups["failure"] != ""].reset_index(drop=True),
+        models={},
         outlying=pd.DataFrame(outlying, columns=["subject", "condition", "run", "kind", "reason"]),
         found=pd.DataFrame(
             columns=[
@@ -52,7 +51,6 @@ def made_up_people(names=("S1", "S2", "S3"), conditions=("C1", "C2"), runs=3, fa
         ),
         notes=["S1 C1 all runs: RunTimeWarning: runs differ"],
         estimator="OperatorRegressor()",
-        each_run=True,
     )
 
 

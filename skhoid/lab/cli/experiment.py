@@ -259,9 +259,10 @@ def _with_effects(estimator: Any, group: Any) -> Any:
 
 
 def _name_verdicts(group: Any) -> Any:
-    """Everybody's row, with the verdict in words; nothing where there was no search."""
+    """Everybody's row, with verdict and effects in words; nothing where there was no search."""
     verdicts = ["" if verdict is None else str(verdict) for verdict in group.people_["verdict"]]
-    return group.people_.assign(verdict=verdicts)
+    effects = group.people_["effects"].map(", ".join)
+    return group.people_.assign(verdict=verdicts, effects=effects)
 
 
 def _write_for_others(

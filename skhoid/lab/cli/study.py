@@ -104,14 +104,14 @@ def add_study(commands: Any) -> None:
 
 def names_of_studies() -> tuple[str, ...]:
     """What there is to choose from."""
-    from ..studies import PAPER_STUDIES
+    from ..studies.thesis import PAPER_STUDIES
 
     return ("list", *OTHERS, *PAPER_STUDIES)
 
 
 def study(options: argparse.Namespace) -> int:
     """Run one study, or all of the paper."""
-    from ..studies import PAPER_STUDIES
+    from ..studies.thesis import PAPER_STUDIES
 
     _check(options)
     name = options.name
@@ -133,7 +133,7 @@ def study(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> None:
     """Refuse a study that cannot run, before the work begins."""
     from ...io import check_table_format
-    from ..studies import PAPER_STUDIES
+    from ..studies.thesis import PAPER_STUDIES
 
     name, known = options.name, names_of_studies()
     if name not in known:
@@ -169,7 +169,7 @@ def _shared(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
-    from ..studies import PAPER_STUDIES, paper_study
+    from ..studies.thesis import PAPER_STUDIES, paper_study
 
     has = PAPER_STUDIES[name].options
     given = {
@@ -192,7 +192,7 @@ def _paper(name: str, options: argparse.Namespace) -> dict[str, Any]:
     files = _save(result, folder, options, result.figures)
     if not options.json:
         print(f"{name}: {result.title}")
-        for line in [*result.claims, *result.notes]:
+        for line in result.claims:
             print(f"  {line}")
         print(f"  {result.table['error'].isna().sum()} rows in {seconds:.1f} s.")
         say_files({"files": files})
@@ -327,6 +327,7 @@ def _experiment(options: argparse.Namespace) -> dict[str, Any]:
     if options.out is not None:
         folder = Path(options.out) / "experiment"
         tables = {name: getattr(result, name) for name in OF_EXPERIMENT}
+        tables["verdicts"] = result.verdicts.assign(gains=result.verdicts["gains"].map(", ".join))
         files = write_tables(tables, folder, options.table_format or TABLES)
         pictures = {
             f"{condition}-{form}-{parameters}": partial(

@@ -24,15 +24,15 @@ from ... import (
     reference_fits,
 )
 from ...arx.many_runs import PARAMETERS as ARX
-from ...exceptions import UsageError
 from ...interpret import FROM_POLES
 from ...runs import RUN, TIME
-from .groups import CONDITION, RECORDING, SUBJECT, Cell, read_cells
+from .groups import CONDITION, SUBJECT, Cell, read_cells
 from .result import ExperimentResult, verdicts
 
 PARAMETERS = (*ARX, *FROM_POLES)
 FORMS = ("lambda", "Lambda", "constant")
 LONGEST_DELAY = 0.5  # s
+STEP = 0.16  # s, between the points at which paths are kept
 MEAN = "mean"  # label of what is averaged over runs
 
 
@@ -41,11 +41,10 @@ class AnalysisPlan:
     """What is the same for all subjects and conditions; times in s, the horizon in samples."""
 
     memory_horizon: float
-    delay: Any
+    delay: float | None
     input: str
     region: float
     fit_intercept: bool
-    step: float
     dt: float
 
     @property
@@ -54,31 +53,14 @@ class AnalysisPlan:
         N0, inf = self.memory_horizon, np.inf
         return {"lambda": N0, "Lambda": (inf, inf, N0, N0, *[N0] * self.fit_intercept)}
 
-    def batch(self) -> ARXRegressor:
-        return ARXRegressor(inputs=[self.input], fit_intercept=self.fit_intercept)
 
-
-@dataclass(frozen=True)
-class CellTables:
-    """Tables of one cell; see ExperimentResult."""
-
-    paths: pd.DataFrame
-    batch: pd.DataFrame
-    scores: pd.DataFrame
-    validation: pd.DataFrame
-    changes: pd.DataFrame
-    delay: dict[str, Any]
-    notes: list[str]
-
-
-def analyse_cell(cell: Cell, plan: AnalysisPlan) -> CellTables:
-    """Delay, batch models, recursions and validation."""
-    levels = {SUBJECT: cell.subject, CONDITION: cell.condition}
+def analyse_cell(cell: Cell, plan: AnalysisPlan) -> tuple[dict[str, pd.DataFrame], list[str]]:
+    """The tables of ExperimentResult for one cell, and notes."""
     delay, notes = _delay(cell, plan)
     shifted = DelayShift(delay["delay"]).fit_transform(cell.X[[plan.input]])
     # Samples are numbered as in RunLayout.sample_numbers.
     first, stop = (int(np.floor(t / plan.dt + 0.25)) for t in (cell.start, cell.stop))
-    numbers = np.arange(first, stop, max(round(plan.step / plan.dt), 1))
+    numbers = np.arange(first, stop, max(round(STEP / plan.dt), 1))
     validation = _CrossValidation(cell, plan)
     theta: dict[str, list[np.ndarray]] = {form: [] for form in plan.horizons}
     for at, (a, b) in enumerate(zip(cell.starts[:-1], cell.starts[1:], strict=True)):
@@ -98,56 +80,44 @@ def analyse_cell(cell: Cell, plan: AnalysisPlan) -> CellTables:
         [_path_table(np.stack(each), form, cell, numbers, plan) for form, each in theta.items()]
     )
     batch = _batch(cell, plan, delay["delay"])
-    scores = _scores(cell, plan)
     changes = _changes(batch)
     variation = _variation(np.stack(theta["lambda"]))
     changes["variation"] = changes["parameter"].map(variation)
     mean = paths[(paths[RUN] == MEAN) & paths["a1"].notna()]
     if lost := int(mean["K_e"].isna().sum()):
         notes.append(
-            f"{cell.name or RECORDING}: {lost} of {len(mean)} instants of the mean paths have no "
+            f"{cell}: {lost} of {len(mean)} instants of the mean paths have no "
             "pair of complex poles, so no operator parameters"
         )
     tables = {
         "paths": paths,
         "batch": batch,
-        "scores": scores,
+        "scores": performance_scores(
+            cell.X, cell.y, windows_of(cell, plan.region), roles={plan.input: "e"}
+        ),
         "validation": validation.table(),
         "changes": changes,
+        "delays": pd.DataFrame([delay]),
     }
-    return CellTables(
-        **{
-            name: table.assign(**levels)[[*levels, *table.columns]]
-            for name, table in tables.items()
-        },
-        delay=levels | delay,
-        notes=notes,
-    )
+    for table in tables.values():
+        table.insert(0, SUBJECT, [cell.subject] * len(table))
+        table.insert(1, CONDITION, [cell.condition] * len(table))
+    return tables, notes
 
 
 def _delay(cell: Cell, plan: AnalysisPlan) -> tuple[dict[str, Any], list[str]]:
     """n_k* of all runs together, or the given delay."""
-    given = plan.delay
-    if given is not None and not isinstance(given, (int, float, np.number)):
-        pair = (cell.subject, cell.condition)
-        given = dict(given)
-        try:
-            given = next(given[k] for k in (pair, *pair) if k in given)
-        except StopIteration:
-            raise ValueError(
-                f"delay has no entry for {cell.name}: neither {pair!r}, nor its subject or its "
-                "condition."
-            ) from None
-    if given is not None:
-        nk = round(float(given) / plan.dt)
+    if plan.delay is not None:
+        nk = round(float(plan.delay) / plan.dt)
         return {"nk": nk, "delay": nk * plan.dt, "searched": False}, []
     nk_max = max(round(LONGEST_DELAY / plan.dt), 1)
-    search = DelaySearchCV(plan.batch(), nk=range(1, nk_max + 1)).fit(cell.X, cell.y)
+    search = DelaySearchCV(
+        ARXRegressor(inputs=[plan.input], fit_intercept=plan.fit_intercept), nk=range(1, nk_max + 1)
+    ).fit(cell.X, cell.y)
     found = {"nk": search.best_nk_, "delay": float(search.best_delay_), "searched": True}
     if search.best_nk_ in (1, nk_max):
         return found, [
-            f"{cell.name or RECORDING}: the delay {found['delay']:g} s is at the end of the "
-            "range searched"
+            f"{cell}: the delay {found['delay']:g} s is at the end of the range searched"
         ]
     return found, []
 
@@ -176,13 +146,16 @@ def _path_table(
 
 def _batch(cell: Cell, plan: AnalysisPlan, delay: float) -> pd.DataFrame:
     """Batch models of the first and the last region of each run, and their means."""
-    estimator = make_pipeline(DelayShift(delay), plan.batch())
+    estimator = make_pipeline(
+        DelayShift(delay), ARXRegressor(inputs=[plan.input], fit_intercept=plan.fit_intercept)
+    )
     regions = {
         "ini": (cell.start, cell.start + plan.region),
         "fin": (cell.stop - plan.region, cell.stop),
     }
     frames = []
-    for label, (X, y) in zip(cell.labels, cell.runs, strict=True):
+    for number, label in enumerate(cell.labels):
+        X, y = cell.run(number)
         table = reference_fits(X[[plan.input]], y, list(regions.values()), estimator=estimator)
         columns = [f"{sd}{name}" for sd in ("", "sd_") for name in PARAMETERS]
         table = table.reindex(columns=["start", "stop", *columns])
@@ -206,12 +179,6 @@ def windows_of(cell: Cell, region: float) -> dict[str, tuple[float, float]]:
     if fin > ini + 1e-6:
         windows["tran"] = (ini, fin)
     return windows | {"fin": (fin, cell.stop)}
-
-
-def _scores(cell: Cell, plan: AnalysisPlan) -> pd.DataFrame:
-    return performance_scores(
-        cell.X, cell.y, windows_of(cell, plan.region), roles={plan.input: "e"}
-    )
 
 
 class _CrossValidation:
@@ -307,15 +274,12 @@ def analyse_experiment(
     *,
     last: int | None = 5,
     memory_horizon: float = 256.0,
-    memory_time: float | None = None,
-    delay: Any = None,
+    delay: float | None = None,
     input: str = "e",
-    run_in: float | None = None,
     measurement_time: float | None = None,
     region: float = 30.72,
     transition_time: Any = None,
     fit_intercept: bool = False,
-    step: float = 0.16,
     n_jobs: int | None = None,
 ) -> ExperimentResult:
     """Analyse an experiment with several people, conditions and runs, as in Section VI.
@@ -339,26 +303,20 @@ def analyse_experiment(
         How many runs of each subject and condition to use, counted from the last; None means all.
     memory_horizon : float, default=256.0
         N0 in samples.
-    memory_time : float or None, default=None
-        N0 dt in s, instead of ``memory_horizon``; 2.56 s in the thesis, at 100 Hz.
-    delay : float, dict or None, default=None
-        Delay n_k dt in s, including the sample of zero-order hold; a dict has it by (subject,
-        condition), subject or condition. None searches up to 0.5 s.
+    delay : float or None, default=None
+        Delay n_k dt in s, including the sample of zero-order hold. None searches that of each
+        subject and condition up to 0.5 s.
     input : str, default="e"
         Column of the error.
-    run_in : float or None, default=None
-        Seconds to leave out at the start of each run.
     measurement_time : float or None, default=None
-        Seconds to keep at the end of each run; 81.92 in the thesis. If neither is given, negative
-        times are the run-in.
+        Seconds to keep at the end of each run; 81.92 in the thesis. None: negative times are the
+        run-in.
     region : float, default=30.72
         Length of the first and the last region in s.
     transition_time : float, dict by condition, or None, default=None
         When the controlled element changes, in s of the time index; shown in plots.
     fit_intercept : bool, default=False
         Add a constant to the models, for recordings with an offset.
-    step : float, default=0.16
-        Time between the points at which parameter paths are kept, in s.
     n_jobs : int or None, default=None
         Number of threads, as in joblib.
 
@@ -402,80 +360,34 @@ def analyse_experiment(
     - C4: S2 adapts (K_e 0.084 to 0.058, -31 %, K_edot 0.035 to 0.078 s, +124 %); S1 shows no
       change beyond the scatter of runs.
     ...
-
-    Your own recordings of one person in one condition, in the files run1.csv to run7.csv with the
-    columns t, error and stick, of which the last 81.92 s are the measurement:
-
-    >>> from skhoid import read_runs
-    >>> X, y = read_runs(
-    ...     "run*.csv", inputs={"error": "e"}, output="stick", time="t"
-    ... )  # doctest: +SKIP
-    >>> analyse_experiment(X, y, measurement_time=81.92).summary()  # doctest: +SKIP
     """
-    _check_options(last, region, step, run_in, measurement_time)
-    cells, dt, notes = read_cells(X, y, last, input, run_in, measurement_time, region)
-    horizon = _in_samples(memory_horizon, memory_time, dt)
-    plan = AnalysisPlan(horizon, delay, input, region, fit_intercept, step, dt)
-    times = _transition_times(transition_time, [cell.condition for cell in cells])
-    return _joined(_found(cells, plan, n_jobs), plan, times, notes)
-
-
-def _check_options(
-    last: int | None,
-    region: float,
-    step: float,
-    run_in: float | None,
-    measurement_time: float | None,
-) -> None:
     if last is not None and last < 1:
         raise ValueError(f"last must be a number of runs, at least 1; got {last}.")
-    for name, value in (("region", region), ("step", step)):
-        if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{name} must be a time in s, above 0; got {value!r}.")
-    if run_in is not None and measurement_time is not None:
-        raise UsageError(
-            "The run-in (leave out the first seconds) and the measurement time (keep the last "
-            "seconds) are both given.",
-            hint="Give run_in= or measurement_time=, not both.",
-            options=["run_in", "measurement_time"],
-        )
-
-
-def _in_samples(memory_horizon: float, memory_time: float | None, dt: float) -> float:
-    horizon = float(memory_horizon if memory_time is None else memory_time / dt)
-    if not horizon > 1:
-        raise ValueError(f"The memory horizon must be more than one sample; got {horizon:g}.")
-    return horizon
-
-
-def _found(cells: list[Cell], plan: AnalysisPlan, n_jobs: int | None) -> list[CellTables]:
-    """The results for each cell."""
+    if not (np.isfinite(region) and region > 0):
+        raise ValueError(f"region must be a time in s, above 0; got {region!r}.")
+    if not memory_horizon > 1:
+        raise ValueError(f"memory_horizon must be more than one sample; got {memory_horizon:g}.")
+    cells, dt, notes = read_cells(X, y, last, input, measurement_time, region)
+    plan = AnalysisPlan(float(memory_horizon), delay, input, region, fit_intercept, dt)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MissingDataWarning)  # the notes count it
         warnings.simplefilter("ignore", RunTimeWarning)  # and say what runs do not share
-        return Parallel(n_jobs=n_jobs, prefer="threads")(
+        found = Parallel(n_jobs=n_jobs, prefer="threads")(
             delayed(analyse_cell)(cell, plan) for cell in cells
         )
-
-
-def _joined(
-    found: list[CellTables], plan: AnalysisPlan, times: dict[Any, float], notes: list[str]
-) -> ExperimentResult:
-    """The tables of all cells concatenated, and what they say about change."""
     joined = {
-        name: pd.concat([getattr(f, name) for f in found], ignore_index=True)
-        for name in ("paths", "batch", "scores", "validation", "changes")
+        name: pd.concat([tables[name] for tables, _ in found], ignore_index=True)
+        for name in found[0][0]
     }
-    joined["scores"].attrs = dict(found[0].scores.attrs)
+    joined["scores"].attrs = dict(found[0][0]["scores"].attrs)
     return ExperimentResult(
         **joined,
-        delays=pd.DataFrame([f.delay for f in found]),
         verdicts=verdicts(joined["changes"], joined["validation"]),
-        notes=[*notes, *(note for f in found for note in f.notes)],
-        dt=plan.dt,
+        notes=[*notes, *(note for _, some in found for note in some)],
+        dt=dt,
         memory_horizon=plan.memory_horizon,
-        region=plan.region,
-        transition_times=times,
+        region=region,
+        transition_times=_transition_times(transition_time, [cell.condition for cell in cells]),
     )
 
 

@@ -27,13 +27,12 @@ from ...text import Document, Item, Items, Note, Notes, Paragraph, Summary, coun
 from ..studies.identity import described
 from ..studies.store import Store, uniform
 from ..studies.workers import completed
-from .groups import ALL, Group, levels_of, read_groups
+from .groups import ALL, Group, listed, read_groups
 from .identify import identify_people
 from .mixed import holm
 from .people import COLUMNS as PEOPLE_COLUMNS
 from .prevalence import PersonEvidence, Prevalence, log_factor, prevalences, summed
 
-FORMAT = 1  # of the blocks
 STANDS_IN = "unknown"
 
 
@@ -96,11 +95,18 @@ def weighed(
     progress: bool | None,
 ) -> list[pd.DataFrame]:
     """The tables of all jobs, from the folder where they are there."""
-    if not jobs[0].effects:
+    first = jobs[0]
+    if not first.effects:
         return [pd.DataFrame(columns=EVIDENCE_COLUMNS) for _ in jobs]
     store, finished = None, {}
     if folder is not None:
-        store = Store(folder, _description(jobs))
+        description = {
+            "task": "evidence for effects",
+            "search": described(first.search),
+            "effects": [described(effect) for effect in first.effects],
+            "groups": [[str(job.group), job.group.identity(), repr(job.found)] for job in jobs],
+        }
+        store = Store(folder, description)
         finished = store.finished()
     tables = completed(
         {number: job for number, job in enumerate(jobs) if number not in finished},
@@ -112,17 +118,6 @@ def weighed(
         what="evidence",
     )
     return [table.reindex(columns=EVIDENCE_COLUMNS) for table in tables]
-
-
-def _description(jobs: list[EvidenceJob]) -> dict[str, Any]:
-    first = jobs[0]
-    return {
-        "what": f"evidence for effects, format {FORMAT}",
-        "entropy": "0",
-        "search": described(first.search),
-        "effects": [described(effect) for effect in first.effects],
-        "groups": [[str(job.group), job.group.identity(), repr(job.found)] for job in jobs],
-    }
 
 
 def member_parameters(
@@ -180,18 +175,8 @@ def _fitted(
             return None, f"{type(error).__name__}: {error}"
 
 
-CONTRAST_COLUMNS = (
-    "effect",
-    "condition",
-    "other",
-    "n_people",
-    "n_with",
-    "n_other",
-    "only_here",
-    "only_there",
-    "p",
-    "p_adjusted",
-)
+CONTRAST_COLUMNS = ["effect", "condition", "other", "n_people", "n_with", "n_other"]
+CONTRAST_COLUMNS += ["only_here", "only_there", "p"]
 
 
 def condition_contrasts(members: pd.DataFrame) -> pd.DataFrame:
@@ -209,7 +194,7 @@ def condition_contrasts(members: pd.DataFrame) -> pd.DataFrame:
             p = float(binomtest(only_here, n).pvalue) if n else 1.0
             row = (effect, here, there, len(both), int(a.sum()), int(b.sum()))
             rows.append((*row, only_here, only_there, p))
-    found = pd.DataFrame(rows, columns=CONTRAST_COLUMNS[:-1])
+    found = pd.DataFrame(rows, columns=CONTRAST_COLUMNS)
     return found.assign(p_adjusted=holm(found["p"].to_numpy(dtype=float)))
 
 
@@ -221,25 +206,18 @@ KEY = ["subject", "condition"]
 class GroupEffectSearch(BaseEstimator):
     """Find the effects that people share, judged by the evidence of all of them.
 
-    A search is made for each person in each condition. Then every effect that is a candidate is
-    weighed in everybody: what the closed loop, or a noise model estimated along, grants it over the
-    person's model without it, or in place of what was named. The prevalence of each effect, the
-    share of people who have it, is estimated from the evidence of all. An effect is named for the
-    group where more than ``least_prevalence`` of people have it with a probability of 95 %: the
-    evidence of one person, however large, does not suffice, and one person without it takes
-    nothing away. An effect too weak to be named in anybody may be named for the group.
+    A search is made for each person in each condition. Then every candidate is weighed in
+    everybody, and its prevalence, the share of people who have it, is estimated from the evidence
+    of all. An effect is named for the group where more than ``least_prevalence`` of people have it
+    with a probability of 95 %: the evidence of one person, however large, does not suffice. An
+    effect too weak to be named in anybody may be named for the group.
 
     Parameters
     ----------
     search : EffectSearchCV
         The search for one person, unfitted.
-    by : str, sequence of str or None, default=None
-        Index levels that tell people and conditions apart. None means those of ``subject`` and
-        ``condition`` that X has.
     least_prevalence : float, default=0.25
         Share of people, more than which must have an effect of the group.
-    confidence : float, default=0.95
-        Of the intervals of prevalence.
     folder : path or None, default=None
         Folder for what is finished. A call that was stopped goes on where it was. Needs ``pip
         install "skhoid[io]"``.
@@ -255,7 +233,7 @@ class GroupEffectSearch(BaseEstimator):
     prevalence_ : DataFrame
         One row per effect and condition (``"all"``: evidence of all conditions together, as if a
         person had an effect in all of them or in none): effect, title, condition, n_people (whose
-        data can tell), n_with, share, low, high (prevalence and its credible interval), p_group
+        data can tell), n_with, share, low, high (prevalence and its 95 % interval), p_group
         (probability that it exceeds ``least_prevalence``), group (whether it is named), with_it,
         without (lists of subjects).
     members_ : DataFrame
@@ -269,8 +247,8 @@ class GroupEffectSearch(BaseEstimator):
         n_other, only_here, only_there, p (exact McNemar test), p_adjusted (Holm). Empty with one
         condition.
     people_ : DataFrame
-        One row per person and condition: subject, condition, effects (named, with those that the
-        group adds), verdict, vaf (held out, baseline), vaf_with, ceiling, failure.
+        One row per person and condition: subject, condition, effects (a tuple: named, with those
+        that the group adds), verdict, vaf (held out, baseline), vaf_with, ceiling, failure.
     evidence_ : DataFrame
         What was weighed: subject, condition, instead_of, effect, evidence (ΔBIC), vaf_gain,
         delta_bic, joint, in_loop, reason.
@@ -286,13 +264,11 @@ class GroupEffectSearch(BaseEstimator):
 
     Notes
     -----
-    The Bayes factor of a person for an effect is exp((ΔBIC - 12) / 2), at most exp(6); 12 is what
-    remnant and models that are not exactly right give effects that are not there. An effect that
-    gains less than 0.1 points of VAF on held-out rows has none above 1. With the prevalence r, the
-    likelihood is the product over people of r B + 1 - r, and the prior of r is uniform. Sets of
-    effects (what was named, with one more, without one, with one replaced) are weighed against each
-    other, with the prevalences of all effects as their prior odds, until nothing changes. So a
-    person whose data cannot tell two effects apart counts for the one that others have.
+    The Bayes factor of a person for an effect is exp((ΔBIC - 12) / 2), at most exp(6), and not
+    above 1 where the effect gains less than 0.1 points of VAF on held-out rows. With the prevalence
+    r, the likelihood is the product over people of r B + 1 - r, and the prior of r is uniform. Sets
+    of effects (what was named, with one more, without one, with one replaced) are weighed with the
+    prevalences of all as prior odds, until nothing changes.
 
     References
     ----------
@@ -322,9 +298,7 @@ class GroupEffectSearch(BaseEstimator):
 
     _parameter_constraints: dict = {
         "search": "no_validation",  # see fit
-        "by": [str, list, tuple, None],
         "least_prevalence": [Interval(Real, 0.0, 1.0, closed="neither")],
-        "confidence": [Interval(Real, 0.0, 1.0, closed="neither")],
         "folder": [str, os.PathLike, None],
         "n_jobs": [Integral, None],
         "progress": [bool, None],
@@ -334,17 +308,13 @@ class GroupEffectSearch(BaseEstimator):
         self,
         search: Any,
         *,
-        by: Any = None,
         least_prevalence: float = 0.25,
-        confidence: float = 0.95,
         folder: Any = None,
         n_jobs: int | None = None,
         progress: bool | None = None,
     ):
         self.search = search
-        self.by = by
         self.least_prevalence = least_prevalence
-        self.confidence = confidence
         self.folder = folder
         self.n_jobs = n_jobs
         self.progress = progress
@@ -377,7 +347,7 @@ class GroupEffectSearch(BaseEstimator):
                 "GroupEffectSearch needs an EffectSearchCV, such as "
                 f"EffectSearchCV(OperatorRegressor()); got {self.search!r}."
             )
-        groups = read_groups(X, y, levels_of(X, self.by))
+        groups = read_groups(X, y)
         subjects = list(dict.fromkeys(group.subject for group in groups))
         if len(subjects) < 2:
             raise ValueError(
@@ -388,14 +358,12 @@ class GroupEffectSearch(BaseEstimator):
             clone(self.search),
             X,
             y,
-            by=self.by,
             each_run=False,
             folder=self._folder("searches"),
             n_jobs=self.n_jobs,
             progress=self.progress,
         )
-        models = identified.models or {}
-        found = {key: one for key, one in models.items() if one is not None}
+        found = identified.models
         if not found:
             reasons = "; ".join(dict.fromkeys(identified.failures["failure"]))
             raise ValueError(f"No search succeeded: {reasons}")
@@ -439,7 +407,7 @@ class GroupEffectSearch(BaseEstimator):
         for condition in conditions:
             people = [group.subject for group in groups if group.condition == condition]
             known = [self._known[subject, condition] for subject in people]
-            found.append((condition, people, self._prevalences(known)))
+            found.append((condition, people, prevalences(known, self._effects)))
         members = _members(found, self._known)
         if len(conditions) > 1:
             people = list(dict.fromkeys(group.subject for group in groups))
@@ -447,22 +415,19 @@ class GroupEffectSearch(BaseEstimator):
                 [known for (subject, _), known in self._known.items() if subject == person]
                 for person in people
             ]
-            found.append((ALL, people, self._prevalences(summed(cells, self._effects))))
+            found.append((ALL, people, prevalences(summed(cells, self._effects), self._effects)))
         rows = [
             self._row(condition, people, one)
             for condition, people, all_of in found
             for one in all_of
             if one.n_people
         ]
-        table = pd.DataFrame(rows, columns=list(_ROW)).astype({"group": bool})
+        table = pd.DataFrame(rows, columns=_ROW).astype({"group": bool})
         order = {name: -table.loc[table["effect"] == name, "share"].max() for name in self._effects}
         table = table.sort_values("effect", key=lambda c: c.map(order), kind="stable")
         self.prevalence_ = table.reset_index(drop=True)
         self.members_ = members
         self.group_effects_ = list(dict.fromkeys(table.loc[table["group"], "effect"]))
-
-    def _prevalences(self, people: list[PersonEvidence]) -> list[Prevalence]:
-        return prevalences(people, self._effects, float(self.confidence))
 
     def _row(self, condition: Any, people: list[Any], one: Prevalence) -> dict[str, Any]:
         more = one.more_than(float(self.least_prevalence))
@@ -556,20 +521,8 @@ class GroupEffectSearch(BaseEstimator):
         return GroupEffectsDisplay.from_search(self, ax=ax)
 
 
-_ROW = (
-    "effect",
-    "title",
-    "condition",
-    "n_people",
-    "n_with",
-    "share",
-    "low",
-    "high",
-    "p_group",
-    "group",
-    "with_it",
-    "without",
-)
+_ROW = ["effect", "title", "condition", "n_people", "n_with", "share", "low", "high", "p_group"]
+_ROW += ["group", "with_it", "without"]
 
 
 def _members(
@@ -594,7 +547,6 @@ def _members(
     return pd.DataFrame(rows, columns=columns).astype({"named": bool, "has": bool})
 
 
-MOST_NAMED = 6  # people in a sentence
 NOTED = 0.05  # p of a difference between conditions
 
 
@@ -696,11 +648,3 @@ def notes(found: GroupEffectSearch) -> Iterator[Note]:
 def _person(row: Any) -> str:
     where = "" if row["condition"] == ALL else f" in {row['condition']}"
     return f"{row['subject']}{where}"
-
-
-def listed(names: list[Any]) -> str:
-    """Names in a sentence; of many, how many."""
-    shown = [str(name) for name in names[:MOST_NAMED]]
-    if len(names) > MOST_NAMED:
-        return f"{', '.join(shown)} and {len(names) - MOST_NAMED} more"
-    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
+import base64
 import io
 import os
 import re
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from numbers import Integral, Real
-from pathlib import Path
 from typing import Any, NamedTuple, TypeGuard
 
 import joblib
@@ -25,7 +24,6 @@ from ... import __version__, operator_parameters, run_labels
 from ..._sklearn import HasMethods, Interval, checked
 from ...diagnosis import consistent_ceiling, noise_ceiling, read_signals
 from ...interpret import FROM_POLES, UNITS, is_arx
-from ...io import is_left_over, written_whole
 from ...metrics import scored_rows, scored_signals, vaf_of_rows, vaf_of_sums
 from ...pipelines import final_step, prediction_from, raw_layout, taken_apart, trimmed_rows
 from ...preprocessing import as_output
@@ -34,7 +32,7 @@ from ...text import counted
 from ..studies.identity import described
 from ..studies.store import Store, uniform
 from ..studies.workers import completed
-from .groups import ALL, CONDITION, SUBJECT, Group, levels_of, read_groups
+from .groups import ALL, CONDITION, SUBJECT, Group, absent_people, read_groups
 from .outlying import outlying_table
 from .people import COLUMNS, PeopleResult
 
@@ -162,7 +160,6 @@ class Job:
     group: Group
     each_run: bool
     ceiling: bool
-    keep_models: bool
 
     def __str__(self) -> str:
         return str(self.group)
@@ -191,13 +188,13 @@ class _Found:
                     self.lines.append(Line(WARNED, run, text=text))
 
 
-def fit_group(job: Job) -> tuple[pd.DataFrame, bytes]:
-    """The fits of one group, and its model as bytes (empty where none is kept)."""
+def fit_group(job: Job) -> pd.DataFrame:
+    """The fits of one group, and its model."""
     with _one_at_a_time:
         return _fit_group(job)
 
 
-def _fit_group(job: Job) -> tuple[pd.DataFrame, bytes]:
+def _fit_group(job: Job) -> pd.DataFrame:
     group, found = job.group, _Found()
     n_runs = len(group.labels)
     model, of_runs = _fit(job, found, WHOLE, group.X, group.y)
@@ -229,12 +226,9 @@ def _fit_group(job: Job) -> tuple[pd.DataFrame, bytes]:
         found.lines.append(Line(CEILING, WHOLE, estimate=np.nan if why else ceiling))
         if why:
             found.lines.append(Line(WARNED, WHOLE, text=f"no noise ceiling: {why}"))
-    content = b""
-    if job.keep_models:
-        if model is not None:
-            content = packed(model)
-        found.lines.append(Line(MODEL, WHOLE, text=checksum(content)))
-    return uniform(pd.DataFrame(found.lines, columns=Line._fields)), content
+    if model is not None:
+        found.lines.append(Line(MODEL, WHOLE, text=_packed(model)))
+    return uniform(pd.DataFrame(found.lines, columns=Line._fields))
 
 
 def _fit(
@@ -305,87 +299,21 @@ def ceiling_of(model: Any, X: pd.DataFrame, y: pd.Series) -> float:
     return top if ceiling.known and reason is None else np.nan
 
 
-def packed(model: Any) -> bytes:
+def _packed(model: Any) -> str:
     stream = io.BytesIO()
     joblib.dump(model, stream)
-    return stream.getvalue()
+    return base64.b64encode(stream.getvalue()).decode()
 
 
-def unpacked(content: bytes) -> Any:
-    return joblib.load(io.BytesIO(content))
-
-
-def checksum(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()[:16] if content else ""
-
-
-MODELS = "models"
-
-
-class Folder:
-    """Groups that are finished: a block of a study's folder each, and a file for its model.
-
-    The model is written first, and the block holds its checksum: a block is there only with the
-    model that belongs to it.
-    """
-
-    def __init__(self, folder: str | os.PathLike[str], description: dict[str, Any]) -> None:
-        self.store = Store(folder, description)
-        self.models = Path(folder) / MODELS
-
-    def finished(self, keep_models: bool) -> dict[int, tuple[pd.DataFrame, bytes]]:
-        """Blocks by number with their models, but not those whose model is wanted and missing."""
-        if self.models.is_dir():
-            for path in self.models.iterdir():
-                if is_left_over(path):  # of a process that was killed while it wrote
-                    path.unlink(missing_ok=True)
-        found = {}
-        for number, table in self.store.finished().items():
-            content = b""
-            if keep_models:
-                told = table.loc[table["part"] == MODEL, "text"]
-                path = self._path(number)
-                if len(told) and told.iloc[0]:
-                    content = path.read_bytes() if path.is_file() else b""
-                if not len(told) or checksum(content) != told.iloc[0]:
-                    continue
-            found[number] = table, content
-        return found
-
-    def write(self, number: int, found: tuple[pd.DataFrame, bytes]) -> None:
-        table, content = found
-        if content:
-            self.models.mkdir(exist_ok=True)
-            with written_whole(self._path(number)) as path:
-                path.write_bytes(content)
-        self.store.write(number, table)
-
-    def _path(self, number: int) -> Path:
-        return self.models / f"model-{number:06d}.joblib"
-
-
-def description_of(
-    estimator: Any, groups: list[Group], *, each_run: bool, ceiling: bool
-) -> dict[str, Any]:
-    """What a folder's results depend on."""
-    return {
-        "task": "identify_people",
-        "estimator": described(estimator),
-        "each_run": each_run,
-        "ceiling": ceiling,
-        "data": {str(group): [*map(str, group.labels), group.identity()] for group in groups},
-        "entropy": "0",  # nothing is drawn; a folder's description has it
-        "skhoid": __version__,
-    }
+def _unpacked(text: str) -> Any:
+    return joblib.load(io.BytesIO(base64.b64decode(text)))
 
 
 @checked(
     estimator=[HasMethods(["fit", "get_params"])],
-    by=[str, list, tuple, None],
     each_run=[bool, None],
     ceiling=[bool],
     folder=[str, os.PathLike, None],
-    keep_models=[bool],
     n_jobs=[Interval(Integral, -1000, 1000, closed="both"), None],
     progress=[bool, None],
 )
@@ -394,11 +322,9 @@ def identify_people(
     X: pd.DataFrame,
     y: Any,
     *,
-    by: Sequence[str] | str | None = None,
     each_run: bool | None = None,
     ceiling: bool = True,
     folder: str | os.PathLike[str] | None = None,
-    keep_models: bool = True,
     n_jobs: int | None = None,
     progress: bool | None = None,
 ) -> PeopleResult:
@@ -416,9 +342,6 @@ def identify_people(
         ``condition`` if there are any.
     y : Series or array of shape (n_rows,)
         Control output.
-    by : str, sequence of str or None, default=None
-        Index levels whose combinations are identified apart. None means those of ``subject`` and
-        ``condition`` that X has.
     each_run : bool or None, default=None
         Whether each run is fitted on its own, besides all runs of the group. None means yes for
         models, and no for searches, which hold out runs (an estimator with a parameter ``cv``).
@@ -427,8 +350,6 @@ def identify_people(
     folder : path or None, default=None
         Folder for finished groups. A call that was stopped for any reason goes on where it was, and
         ends with the same result. Needs ``pip install "skhoid[io]"``.
-    keep_models : bool, default=True
-        Whether to keep the fitted estimator of each group.
     n_jobs : int or None, default=None
         Number of workers, as in joblib; inside ``joblib.parallel_config(backend="dask")`` those of
         the connected cluster.
@@ -458,18 +379,10 @@ def identify_people(
     Notes
     -----
     Each fit is the one that ``estimator.fit`` makes of these rows alone, to the last bit. A search
-    whose splitter asks for groups, such as ``LeaveOneGroupOut``, is given the runs. Besides the
-    model's own parameters the tables have what searches chose (``delay`` in s, numbers of
-    ``best_params_``), and the operator's parameters of ARX models whose orders allow it
-    (:func:`skhoid.operator_parameters`; NaN where the poles are real; ``tau_e`` where the delay was
-    searched). Of a recursive model they are those at the end of the runs. A model without
-    parameters has one row, ``vaf``.
-
-    What looks wrong is found by comparison with the other people and the person's other runs: the
-    sign of K_e or of the static gain, the size of the output, a VAF near zero, parameters, and runs
-    with a VAF far below the others. Spreads are robust (median absolute deviation; Qn of Rousseeuw
-    and Croux between people), and limits grow with the number of comparisons, so that each rule
-    flags anything in about 5 % of faultless experiments.
+    whose splitter asks for groups, such as ``LeaveOneGroupOut``, is given the runs. Spreads by
+    which people and runs look wrong are robust (median absolute deviation; Qn of Rousseeuw and
+    Croux between people), and limits grow with the number of comparisons, so that each rule flags
+    anything in about 5 % of faultless experiments.
 
     References
     ----------
@@ -488,59 +401,49 @@ def identify_people(
     4       S1  all     0.082  0.001
     13      S2  all     0.066  0.002
     """
-    given = levels_of(X, by)
     estimator = clone(estimator)
-    groups = read_groups(X, y, given)
-    chosen = not is_search(estimator) if each_run is None else bool(each_run)
-    jobs = [Job(estimator, group, chosen, bool(ceiling), bool(keep_models)) for group in groups]
-    found = _computed(jobs, folder, n_jobs, progress)
-    return assembled(estimator, groups, found, each_run=chosen, keep_models=bool(keep_models))
-
-
-def is_search(estimator: Any) -> bool:
-    """Whether it holds out runs, itself or as a step of a pipeline."""
-    names = estimator.get_params(deep=True)
-    return any(name == "cv" or name.endswith("__cv") for name in names)
-
-
-def _computed(
-    jobs: list[Job], folder: Any, n_jobs: int | None, progress: bool | None
-) -> list[tuple[pd.DataFrame, bytes]]:
-    """The block and the model of each group, from the folder where they are there."""
-    kept, finished = None, {}
+    groups = read_groups(X, y)
+    each_run = not _is_search(estimator) if each_run is None else each_run
+    jobs = {n: Job(estimator, group, each_run, ceiling) for n, group in enumerate(groups)}
+    store, finished = None, {}
     if folder is not None:
-        first = jobs[0]
-        groups: list[Group] = [job.group for job in jobs]
-        kept = Folder(
-            folder,
-            description_of(first.estimator, groups, each_run=first.each_run, ceiling=first.ceiling),
-        )
-        finished = kept.finished(first.keep_models)
-    return completed(
-        {number: job for number, job in enumerate(jobs) if number not in finished},
+        description = {
+            "task": "identify_people",
+            "estimator": described(estimator),
+            "each_run": each_run,
+            "ceiling": ceiling,
+            "data": {str(group): [*map(str, group.labels), group.identity()] for group in groups},
+            "skhoid": __version__,
+        }
+        store = Store(folder, description)
+        finished = store.finished()
+    found = completed(
+        {number: job for number, job in jobs.items() if number not in finished},
         fit_group,
         finished,
-        None if kept is None else kept.write,
+        None if store is None else store.write,
         n_jobs=n_jobs,
         progress=progress,
         what="people",
     )
+    return _assembled(estimator, groups, found, each_run)
+
+
+def _is_search(estimator: Any) -> bool:
+    """Whether it holds out runs, itself or as a step of a pipeline."""
+    names = estimator.get_params(deep=True)
+    return any(name == "cv" or name.endswith("__cv") for name in names)
 
 
 NUMBER = re.compile(r"\d[\d.,e+-]*")
 LONGEST = 300  # characters of a note
 
 
-def assembled(
-    estimator: Any,
-    groups: list[Group],
-    found: list[tuple[pd.DataFrame, bytes]],
-    *,
-    each_run: bool,
-    keep_models: bool,
+def _assembled(
+    estimator: Any, groups: list[Group], found: list[pd.DataFrame], each_run: bool
 ) -> PeopleResult:
     """The result of all groups, in their order."""
-    lines = _labelled(groups, [table for table, _ in found])
+    lines = _labelled(groups, found)
     fits = _fits(lines)
     whole = fits[fits["number"] == WHOLE]
     of_runs = fits[fits["number"] != WHOLE] if each_run else whole
@@ -550,22 +453,19 @@ def assembled(
     )
     whole, of_runs = (part[list(COLUMNS)].reset_index(drop=True) for part in (whole, of_runs))
     outlying = outlying_table(whole, of_runs, runs)
-    whole, of_runs = (_flagged(part, outlying) for part in (whole, of_runs))
-    both = pd.concat([whole, of_runs], ignore_index=True) if each_run else whole
-    keys = [(group.subject, group.condition) for group in groups]
-    contents = [content for _, content in found]
-    models = {k: unpacked(c) for k, c in zip(keys, contents, strict=True) if c}
+    models = lines[lines["part"] == MODEL]
     return PeopleResult(
-        table=of_runs,
-        groups=whole,
+        table=_flagged(of_runs, outlying),
+        groups=_flagged(whole, outlying),
         runs=runs,
-        models=models if keep_models else None,
-        failures=both[both["failure"] != ""].reset_index(drop=True),
+        models={
+            (line.subject, line.condition): _unpacked(line.text)
+            for line in models.itertuples(index=False)
+        },
         outlying=outlying,
         found=_effects(lines),
         notes=[*_missing(groups), *_counted_warnings(lines)],
         estimator=" ".join(repr(estimator).split()),
-        each_run=each_run,
     )
 
 
@@ -620,20 +520,13 @@ def _effects(lines: pd.DataFrame) -> pd.DataFrame:
 
 def _missing(groups: list[Group]) -> list[str]:
     """Who has no runs in a condition, and fewer runs than others."""
-    there = {(group.subject, group.condition) for group in groups}
-    subjects = list(dict.fromkeys(group.subject for group in groups))
-    notes = []
-    for condition in dict.fromkeys(group.condition for group in groups):
-        absent = [str(name) for name in subjects if (name, condition) not in there]
-        if absent:
-            notes.append(f"{condition} has no runs of {', '.join(absent)}")
+    notes = absent_people([(group.subject, group.condition) for group in groups])
     most = max(len(group.labels) for group in groups)
-    notes += [
+    return notes + [
         f"{group} has {counted(len(group.labels), 'run')}, others have up to {most}"
         for group in groups
         if len(group.labels) < most
     ]
-    return notes
 
 
 def _counted_warnings(lines: pd.DataFrame) -> list[str]:

@@ -269,18 +269,12 @@ def mixed_model(
         y_pc = β_c + b_p + ε_pc,  Var(ε_pc) = σ² / W_pc,  W_pc ∝ 1 / (s_pc² + τ_c²)
 
     with random b. It equals ``lmer(value ~ condition + (1 | subject), weights = cell_weight)``.
-    Weights W have the mean 1. τ² is the variance between runs beyond their standard errors, τ_c²
-    that of people in a condition beyond s² around subject + condition, both as Paule and Mandel
-    estimate them [1]_, the latter one standard deviation large: one that is too small lets the most
-    precise people decide alone. σ² makes up for standard errors that are all too small or large.
-    Variances are those of the restricted likelihood (REML); standard errors, degrees of freedom
-    and the F test are those of Kenward and Roger [2]_. What people differ in between conditions is
-    part of ε: a random effect of its own, which cannot be below 0, would make tests too careful
-    where people do not differ. Intervals are 95 %, and p-values of contrasts pay for their number
-    by Holm.
-
-    Rows without a standard error get the largest one of their person and condition; where no row
-    has one, all count alike.
+    τ² is the variance between runs beyond their standard errors, τ_c² that of people in a condition
+    beyond s² around subject + condition, both as Paule and Mandel estimate them [1]_, the latter
+    one standard deviation large. Variances are those of the restricted likelihood (REML); standard
+    errors, degrees of freedom and the F test are those of Kenward and Roger [2]_. Intervals are
+    95 %, and p-values of contrasts pay for their number by Holm. Rows without a standard error get
+    the largest one of their person and condition; where no row has one, all count alike.
 
     References
     ----------
@@ -544,12 +538,7 @@ class MixedModelResult(Told):
         return f"The conditions {verdict}: F({df1:.0f}, {df2:.1f}) = {F:.2f}, {p_text(p)}."
 
     def document(self) -> Document:
-        """The result in plain words.
-
-        Returns
-        -------
-        document : Document
-        """
+        """The result in plain words."""
         title = (
             f"{self.parameter}: linear mixed model (REML) of {self.effects['n_rows'].sum()} rows, "
             f"{self.people['subject'].nunique()} people, "

@@ -59,10 +59,8 @@ class PeopleResult(Told):
     runs : DataFrame
         One row per run: ``n_rows``, ``vaf`` (of its own fit, NaN if there is none), ``vaf_group``
         (of the fit of the group, on this run), ``spread`` (standard deviation of the output).
-    models : dict or None
-        Fitted estimator of each group by (subject, condition); None if they were not kept.
-    failures : DataFrame
-        The rows of both tables with a failure.
+    models : dict
+        Fitted estimator of each group by (subject, condition).
     outlying : DataFrame
         ``subject``, ``condition``, ``run`` (``"all"`` for a person), ``kind`` (``"sign"``,
         ``"scale"``, ``"no response"``, ``"parameter"``, ``"run"``) and ``reason``.
@@ -74,40 +72,38 @@ class PeopleResult(Told):
         What is missing, and the warnings of fits, counted.
     estimator : str
         The estimator as text.
-    each_run : bool
-        Whether each run was fitted on its own.
-
-    Examples
-    --------
-    >>> from skhoid import ARXRegressor, identify_people, simulate_experiment
-    >>> X, y = simulate_experiment(2, "C1", runs=1, duration=20.48, random_state=0)
-    >>> result = identify_people(ARXRegressor(nk=29), X, y, ceiling=False)
-    >>> sorted(result.models)
-    [('S1', 'C1'), ('S2', 'C1')]
     """
 
     table: pd.DataFrame
     groups: pd.DataFrame
     runs: pd.DataFrame
-    models: dict[tuple[Any, Any], Any] | None
-    failures: pd.DataFrame
+    models: dict[tuple[Any, Any], Any]
     outlying: pd.DataFrame
     found: pd.DataFrame
     notes: list[str]
     estimator: str
-    each_run: bool
+
+    @property
+    def each_run(self) -> bool:
+        """Whether each run was fitted on its own."""
+        return bool((self.table[RUN] != ALL).any())
+
+    @property
+    def failures(self) -> pd.DataFrame:
+        """The rows of both tables with a failure."""
+        both = (
+            pd.concat([self.groups, self.table], ignore_index=True)
+            if self.each_run
+            else self.groups
+        )
+        return both[both["failure"] != ""].reset_index(drop=True)
 
     def __repr__(self) -> str:
         n = [self.runs[name].nunique() for name in (SUBJECT, CONDITION)]
         return f"PeopleResult({n[0]} people, {n[1]} conditions, {len(self.runs)} runs)"
 
     def document(self) -> Document:
-        """The result in plain words: how many, means and spreads, what failed, what looks wrong.
-
-        Returns
-        -------
-        document : Document
-        """
+        """The result in plain words: how many, means and spreads, what failed, what looks wrong."""
         blocks: list[Block] = [Paragraph(f"Estimator: {self.estimator}"), *_of_conditions(self)]
         blocks += _effects(self)
         failed = self.failures.to_dict("records")

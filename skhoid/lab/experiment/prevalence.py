@@ -106,25 +106,8 @@ class Prevalence:
         return float(self.posterior[share < GRID].sum())
 
 
-def prevalences(
-    people: Sequence[PersonEvidence], effects: Sequence[str], confidence: float = 0.95
-) -> list[Prevalence]:
-    """The prevalence of each effect, all estimated together.
-
-    Parameters
-    ----------
-    people : sequence of PersonEvidence
-        One for each person.
-    effects : sequence of str
-        Ids of the effects.
-    confidence : float, default=0.95
-        Of the intervals.
-
-    Returns
-    -------
-    found : list of Prevalence
-        In the order of the effects.
-    """
+def prevalences(people: Sequence[PersonEvidence], effects: Sequence[str]) -> list[Prevalence]:
+    """The prevalence of each effect, in their order, all estimated together."""
     states = [person.states() for person in people]
     members = [
         np.array([[effect in state for effect in effects] for state, _ in one], dtype=bool)
@@ -144,7 +127,7 @@ def prevalences(
             break
     found = []
     for e, effect in enumerate(effects):
-        low, high = _interval(posteriors[e], confidence)
+        low, high = _interval(posteriors[e])
         of_people = np.where(known[:, e], has[:, e], np.nan)
         found.append(Prevalence(effect, of_people, float(means[e]), low, high, posteriors[e]))
     return found
@@ -168,11 +151,10 @@ def _posterior(factors: np.ndarray) -> np.ndarray:
     return found / found.sum()
 
 
-def _interval(posterior: np.ndarray, confidence: float) -> tuple[float, float]:
-    tail = (1 - confidence) / 2
-    total = np.cumsum(posterior)
+def _interval(posterior: np.ndarray) -> tuple[float, float]:
+    """The 95 % credible interval."""
     ends = GRID + 0.5 / GRID.size  # of the cells of the grid
-    low, high = np.interp([tail, 1 - tail], total, ends)
+    low, high = np.interp([0.025, 0.975], np.cumsum(posterior), ends)
     return float(low), float(high)
 
 

@@ -46,12 +46,7 @@ class RepeatedMeasuresResult(Told):
     notes: list[str]
 
     def document(self) -> Document:
-        """The result in plain words.
-
-        Returns
-        -------
-        document : Document
-        """
+        """The result in plain words."""
         row = self.anova.iloc[0]
         people, conditions = self.means.shape
         title = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +24,7 @@ from ...text import (
     as_sentence,
     counted,
 )
-from .groups import ALL, CONDITION, SUBJECT
+from .groups import ALL, CONDITION, SUBJECT, listed
 
 SIGNIFICANT = 0.005  # of each of two gains, so that a cell is wrong in 1 % of cases
 ENOUGH = 4  # runs, below which only large changes can be significant
@@ -67,7 +66,7 @@ class ExperimentResult(Told):
     delays : DataFrame
         ``nk``, ``delay`` (s), and whether it was ``searched``.
     verdicts : DataFrame
-        ``adapts`` (None with a single run), ``gains`` (which of K_e and K_edot change),
+        ``adapts`` (None with a single run), ``gains`` (a tuple: which of K_e and K_edot change),
         ``variation_a``, ``variation_b``, ``gain_lambda`` and ``gain_Lambda`` (VAF points on other
         runs in the transition: λ over constant parameters, Λ over λ), and ``Lambda``:
         ``"justified"``, ``"not justified"``, ``"no need"`` where nobody adapts, or
@@ -83,10 +82,6 @@ class ExperimentResult(Told):
     transition_times : dict
         Time at which the controlled element changes, by condition (s), where known.
 
-    See Also
-    --------
-    skhoid.plotting.EnsembleDisplay : The figure that :meth:`plot` makes.
-
     Notes
     -----
     A subject adapts if K_e or K_edot changes with p < 0.005 (b0 or b1 where the poles are real),
@@ -99,15 +94,6 @@ class ExperimentResult(Told):
     same at both ends (p > 0.01), their mean paths vary less than 0.6 times as much as those of b0
     and b1 (each relative to the scatter of runs), and Λ simulates other runs as well as λ (within
     0.5 VAF points).
-
-    Examples
-    --------
-    >>> from skhoid.lab.experiment import analyse_experiment, simulate_experiment
-    >>> result = analyse_experiment(*simulate_experiment(2, "C4", random_state=0))
-    >>> result.verdicts[["subject", "condition", "adapts", "Lambda"]]
-      subject condition  adapts     Lambda
-    0      S1        C4   False    no need
-    1      S2        C4    True  justified
     """
 
     paths: pd.DataFrame
@@ -154,7 +140,6 @@ class ExperimentResult(Told):
         """
         table = self.scores
         if condition is not None:
-            self._check(condition)
             table = table[table[CONDITION] == condition]
         mean = table.pivot_table(
             index=SUBJECT, columns="window", values=list(SCORES), sort=False, dropna=False
@@ -164,12 +149,7 @@ class ExperimentResult(Told):
         return mean.loc[subjects, [(s, w) for s in SCORES for w in windows]]
 
     def document(self) -> Document:
-        """Scores, who adapts, and whether Λ is justified.
-
-        Returns
-        -------
-        document : Document
-        """
+        """Scores, who adapts, and whether Λ is justified."""
         runs = self.scores.groupby([SUBJECT, CONDITION])[RUN].nunique()
         few, many = int(runs.min()), int(runs.max())
         how_many = f"{few}" if few == many else f"{few} to {many}"
@@ -180,15 +160,21 @@ class ExperimentResult(Told):
             f"{how_many} run{'s' * (many > 1)} of each, from {window['start'].min():g} to "
             f"{window['stop'].max():g} s at {1 / self.dt:g} Hz."
         )
+        low, high = self.delays["delay"].min(), self.delays["delay"].max()
+        delay = f"{low:g}" if np.isclose(low, high) else f"{low:g} to {high:g}"
         horizon = f"{self.memory_horizon:g} samples, {self.memory_horizon * self.dt:g} s"
+        adapts, needs = (
+            Items([Item(tell(self, c)) for c in self.conditions], numbered=False)
+            for tell in (_who_adapts, _who_needs)
+        )
         blocks: list[Block] = [
-            Paragraph(f"Delay {_range_text(self.delays['delay'])} s; memory horizon {horizon}."),
+            Paragraph(f"Delay {delay} s; memory horizon {horizon}."),
             *_tell_scores(self),
             Heading(
                 "Who adapts (gains in the last compared with the first "
                 f"{self.region:g} s, paired over runs; by chance in 1 % of cases)"
             ),
-            _list(_who_adapts(self, condition) for condition in self.conditions),
+            adapts,
         ]
         several = self.changes["n_runs"][self.changes["n_runs"] > 1]
         if several.min() < ENOUGH:  # NaN where all have a single run
@@ -200,7 +186,7 @@ class ExperimentResult(Told):
             blocks.append(Paragraph(f"Few runs tell little: {text}."))
         blocks += [
             Heading("Is Λ justified, which forgets b0 and b1 only?"),
-            _list(_who_needs(self, condition) for condition in self.conditions),
+            needs,
             Notes([Note("", note) for note in self.notes]),
         ]
         return Document(title, blocks)
@@ -211,7 +197,6 @@ class ExperimentResult(Told):
         form: str = "lambda",
         parameters: str = "arx",
         *,
-        subjects: Any = None,
         ax: Any = None,
     ) -> Any:
         """Draw the parameters over time, one column per subject (Figs. 16, 17, M.1-M.6).
@@ -224,8 +209,6 @@ class ExperimentResult(Told):
             Which parameters are forgotten: all (λ), or b0 and b1 only (Λ).
         parameters : {"arx", "operator"}, default="arx"
             a1, a2, b0, b1, or K_e, T_L, K_edot, omega_nm, zeta_nm.
-        subjects : sequence of labels or None, default=None
-            None means all with runs in this condition.
         ax : sequence of Axes or None, default=None
             One for each parameter and subject, row by row. None makes a figure.
 
@@ -235,16 +218,7 @@ class ExperimentResult(Told):
         """
         from ...plotting import EnsembleDisplay
 
-        return EnsembleDisplay.from_result(
-            self, condition, form=form, parameters=parameters, subjects=subjects, ax=ax
-        )
-
-    def _check(self, condition: Any) -> None:
-        if condition not in self.conditions:
-            raise ValueError(
-                f"There is no condition {condition!r}; there are "
-                f"{', '.join(map(str, self.conditions))}."
-            )
+        return EnsembleDisplay.from_result(self, condition, form=form, parameters=parameters, ax=ax)
 
 
 def verdicts(changes: pd.DataFrame, validation: pd.DataFrame) -> pd.DataFrame:
@@ -284,7 +258,7 @@ def verdicts(changes: pd.DataFrame, validation: pd.DataFrame) -> pd.DataFrame:
                 SUBJECT: key[0],
                 CONDITION: key[1],
                 "adapts": bool(changed) if known else None,
-                "gains": ", ".join(changed),
+                "gains": tuple(changed),
                 "variation_a": a,
                 "variation_b": b,
                 "gain_lambda": vaf.loc[key, "lambda"] - vaf.loc[key, "constant"],
@@ -294,10 +268,6 @@ def verdicts(changes: pd.DataFrame, validation: pd.DataFrame) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
-
-
-def _list(texts: Iterable[str]) -> Items:
-    return Items([Item(text) for text in texts], numbered=False)
 
 
 def _tell_scores(r: ExperimentResult) -> list[Block]:
@@ -321,17 +291,16 @@ def _who_adapts(r: ExperimentResult, condition: Any) -> str:
     parts = []
     for row in here:
         if row["adapts"]:
-            found = [_change(r, row, name) for name in row["gains"].split(", ")]
+            found = [_change(r, row, name) for name in row["gains"]]
             parts.append(f"{_person(row)} adapts ({', '.join(found)})")
-    for adapts, one, several in (
-        (False, "shows no change beyond the scatter of runs", "show"),
-        (None, "has a single run, which is not enough to tell", "have"),
-    ):
-        names = [_person(row) for row in here if row["adapts"] is adapts]
-        if names:
-            rest = one.split(" ", 1)
-            verb = several if len(names) > 1 else rest[0]
-            parts.append(f"{_listed(names)} {verb} {rest[1]}")
+    still = [_person(row) for row in here if row["adapts"] is False]
+    if still:
+        verb = "show" if len(still) > 1 else "shows"
+        parts.append(f"{listed(still)} {verb} no change beyond the scatter of runs")
+    single = [_person(row) for row in here if row["adapts"] is None]
+    if single:
+        verb = "have" if len(single) > 1 else "has"
+        parts.append(f"{listed(single)} {verb} a single run, which is not enough to tell")
     return _said(condition, parts)
 
 
@@ -372,14 +341,5 @@ def _who_needs(r: ExperimentResult, condition: Any) -> str:
     for verdict, what in (("no need", "no need for"), ("unknown", "unknown for")):
         names = [_person(row) for row in here if row["Lambda"] == verdict]
         if names:
-            parts.append(f"{what} {_listed(names)}")
+            parts.append(f"{what} {listed(names)}")
     return _said(condition, parts)
-
-
-def _listed(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
-def _range_text(values: pd.Series) -> str:
-    low, high = values.min(), values.max()
-    return f"{low:g}" if np.isclose(low, high) else f"{low:g} to {high:g}"

@@ -6,7 +6,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -279,7 +278,6 @@ def simulate_experiment(
     sampling_rate: float = 100.0,
     duration: float = 81.92,
     run_in: float = 8.08,
-    transition_time: float | None = None,
     random_state: Any = None,
     return_truth: bool = False,
     n_jobs: int | None = None,
@@ -309,10 +307,6 @@ def simulate_experiment(
         Measurement window in s.
     run_in : float, default=8.08
         Time recorded before it, in s, from rest. Its times are negative: the window begins at 0.
-    transition_time : float or None, default=None
-        When the controlled element changes in C3 to C6, in s from the beginning of the window. None
-        means the same fraction of the recording as in the thesis: 50.00 s of 90.00, or 41.92 s into
-        the window.
     random_state : int, RandomState, Generator or None, default=None
         Source of all randomness. A run is the same whatever other subjects, conditions and runs
         there are.
@@ -353,10 +347,11 @@ def simulate_experiment(
     -----
     Standard deviations of logarithms between people: K_e 0.25, T_L 0.15, tau_e 0.10 (to whole
     samples), omega_nm 0.12, zeta_nm 0.20, P_n 0.40 (0.04 to 0.25); the remnant is of order 2 or 3.
-    People make 0.7 to 1.1 of the change between the states of Table II, those who hardly adapt 0 to
-    0.15, also in C2. In the first run a person has 0.85 times the gain and 1.5 times the remnant
-    power of a practised one; the differences fall by a factor e in two runs. Gains scatter by 5 %
-    from run to run.
+    In C3 to C6 the element changes at the same fraction of the recording as in the thesis: 50.00 s
+    of 90.00. People make 0.7 to 1.1 of the change between the states of Table II, those who hardly
+    adapt 0 to 0.15, also in C2. In the first run a person has 0.85 times the gain and 1.5 times the
+    remnant power of a practised one; the differences fall by a factor e in two runs. Gains scatter
+    by 5 % from run to run.
 
     A person with less than 15 deg of phase margin in C1 or C2, or with an error larger than the
     target in any condition, is redrawn, and so is a run that becomes unstable.
@@ -378,36 +373,29 @@ def simulate_experiment(
     S1              0.09         0.49       0.52   0.26
     S2              0.09         0.46       1.41   0.26
     """
-    recording = _recording(sampling_rate, duration, run_in, transition_time)
+    recording = _recording(float(sampling_rate), float(duration), float(run_in))
     names = _conditions(conditions)
-    _check_numbers(subjects, runs, remnant_intensity)
-    _check_memory(recording, names, subjects, runs)
-    entropy = entropy_of(random_state)
-    sessions = Parallel(n_jobs=n_jobs, prefer="threads")(
-        delayed(_session)(number, names, runs, recording, entropy, remnant_intensity)
-        for number in range(1, subjects + 1)
-    )
-    X, y = _frames([signals for signals, _ in sessions], names, runs, recording)
-    return (X, y, _truth_of_all([truth for _, truth in sessions])) if return_truth else (X, y)
-
-
-def _check_numbers(subjects: Any, runs: Any, remnant_intensity: float | None) -> None:
     for what, number in (("subjects", subjects), ("runs", runs)):
-        if isinstance(number, bool) or not isinstance(number, Integral) or number < 1:
+        if int(number) != number or number < 1:
             raise ValueError(f"{what} must be a whole number, at least 1; got {number!r}.")
     if remnant_intensity is not None and not 0 <= remnant_intensity < 1:
         raise ValueError(
             "remnant_intensity must be a fraction var(n) / var(u), at least 0 and below 1; got "
             f"{remnant_intensity!r}."
         )
-
-
-def _check_memory(recording: RecordingSetup, names: list[str], subjects: int, runs: int) -> None:
     n_samples = (recording.run_in + recording.duration) * recording.sampling_rate
     check_memory(
         5 * n_samples * runs * subjects * len(names),  # four signals and the time
         f"The signals of {subjects} subjects with {runs} runs in each condition",
     )
+    entropy = entropy_of(random_state)
+    sessions = Parallel(n_jobs=n_jobs, prefer="threads")(
+        delayed(_session)(number, names, runs, recording, entropy, remnant_intensity)
+        for number in range(1, subjects + 1)
+    )
+    X, y = _frames([signals for signals, _ in sessions], names, runs, recording)
+    truth = pd.DataFrame([row for _, rows in sessions for row in rows])
+    return (X, y, truth.set_index(["subject", "condition"])) if return_truth else (X, y)
 
 
 def _session(
@@ -453,16 +441,10 @@ def _frames(
     return X, y
 
 
-def _truth_of_all(of_subjects: list[list[dict[str, Any]]]) -> pd.DataFrame:
-    rows = [row for of_subject in of_subjects for row in of_subject]
-    return pd.DataFrame(rows).set_index(["subject", "condition"])
-
-
-def _recording(rate: float, duration: float, run_in: float, time: float | None) -> RecordingSetup:
-    if time is None:  # at the same fraction of the recording as in the thesis
-        part = (STANDARD.run_in + STANDARD.transition_time) / (STANDARD.run_in + STANDARD.duration)
-        time = round(part * (run_in + duration) - run_in, 6)
-    return RecordingSetup(float(rate), float(duration), float(run_in), float(time))
+def _recording(rate: float, duration: float, run_in: float) -> RecordingSetup:
+    """The element changes at the same fraction of the recording as in the thesis."""
+    part = (STANDARD.run_in + STANDARD.transition_time) / (STANDARD.run_in + STANDARD.duration)
+    return RecordingSetup(rate, duration, run_in, round(part * (run_in + duration) - run_in, 6))
 
 
 def _conditions(conditions: Any) -> list[str]:

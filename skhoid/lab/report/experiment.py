@@ -23,7 +23,7 @@ from ..experiment.group import (
     notes,
     single_lines,
 )
-from ..experiment.groups import ALL, Group, levels_of, read_groups
+from ..experiment.groups import ALL, Group, read_groups
 from ..experiment.people import PeopleResult
 from .experiment_parts import parameters_section, people_section, people_text, sure_text
 from .page import Page, advise, provenance
@@ -116,14 +116,7 @@ def _groups(given: Experiment, X: pd.DataFrame | None, y: Any) -> dict[tuple[Any
     if X is None:
         return {}
     known = set(zip(*(given.people.runs[name] for name in KEY), strict=True))
-    levels = [
-        name
-        for place, name in enumerate(KEY)
-        if any(key[place] != ALL for key in known) and name in X.index.names
-    ]
-    groups = {
-        (group.subject, group.condition): group for group in read_groups(X, y, levels_of(X, levels))
-    }
+    groups = {(group.subject, group.condition): group for group in read_groups(X, y)}
     missing = known - groups.keys()
     if missing:
         who = _where(*sorted(missing, key=str)[0])

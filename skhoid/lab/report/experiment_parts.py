@@ -376,7 +376,7 @@ def _effects_of(search: Any) -> str:
 
 def _of_model(given: Experiment, key: tuple[Any, Any], group: Group) -> Stretch | None:
     """Simulation by the model of the person, on the rows of the fit."""
-    model = (given.people.models or {}).get(key)
+    model = given.people.models.get(key)
     if model is None:
         return None
     with warnings.catch_warnings():

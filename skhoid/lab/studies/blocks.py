@@ -48,13 +48,6 @@ class DataSet:
         The truth behind the runs.
     random_state : int
         A seed of its own, for functions that draw random numbers.
-
-    Examples
-    --------
-    >>> from skhoid import MonteCarloStudy
-    >>> study = MonteCarloStudy(lambda data: data.y.var(), {"condition": ["C1"]}, 2, random_state=0)
-    >>> study.data_set(0, replication=1).X.shape
-    (8192, 1)
     """
 
     record: TrackingRecord
@@ -106,22 +99,6 @@ class Block:
         Columns of ``X`` of its data sets.
     validation : TrackingRecord or None
         The cell's validation runs.
-
-    Examples
-    --------
-    >>> from skhoid.lab.studies import MonteCarloStudy
-    >>> def intensity(block):
-    ...     return {"replication": block.replications, "P_n": block.record.intensity()}
-    >>> study = MonteCarloStudy(
-    ...     intensity,
-    ...     {"condition": ["C1", "C2"]},
-    ...     3,
-    ...     simulation={"remnant_intensity": 0.15},
-    ...     batched=True,
-    ...     random_state=0,
-    ... )
-    >>> study.run().groupby("condition")["P_n"].mean().round(2).to_dict()
-    {'C1': 0.15, 'C2': 0.16}
     """
 
     record: TrackingRecord
@@ -133,12 +110,7 @@ class Block:
     validation: TrackingRecord | None
 
     def data_sets(self) -> Iterable[DataSet]:
-        """Its data sets, one at a time.
-
-        Yields
-        ------
-        data : DataSet
-        """
+        """Its data sets, one at a time."""
         validation = None
         if self.validation is not None:
             seed = (self.entropy, VALIDATION)
@@ -237,7 +209,7 @@ def _tables(job: Job, replications: range) -> list[pd.DataFrame]:
 
 def _of_one(job: Job, data: DataSet) -> pd.DataFrame:
     try:
-        table = as_table(job.function(data, **job.settings))
+        table = _as_table(job.function(data, **job.settings))
         _check_names(table, {*job.labels, REPLICATION, ERROR, SEED})
     except MemoryError:
         raise
@@ -248,7 +220,7 @@ def _of_one(job: Job, data: DataSet) -> pd.DataFrame:
 
 
 def _of_batch(job: Job, found: Any, replications: range) -> pd.DataFrame:
-    table = as_table(found)
+    table = _as_table(found)
     _check_names(table, {*job.labels, ERROR, SEED})
     if REPLICATION not in table:
         raise ValueError(
@@ -280,12 +252,10 @@ def _check_names(table: pd.DataFrame, taken: set[str]) -> None:
             )
 
 
-def as_table(found: Any) -> pd.DataFrame:
+def _as_table(found: Any) -> pd.DataFrame:
     """The rows that a function returned."""
     if isinstance(found, pd.DataFrame):
-        table = found.reset_index(drop=all(name is None for name in found.index.names))
-    elif isinstance(found, pd.Series):
-        table = found.to_frame().T.infer_objects()
+        table = found.reset_index(drop=True)
     elif isinstance(found, Mapping):
         scalar = all(np.ndim(value) == 0 for value in found.values())
         table = pd.DataFrame([dict(found)] if scalar else dict(found))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,12 +35,6 @@ class Claim:
         What the study found, in numbers.
     holds : bool or None
         Whether it holds; None if the cells or replications do not allow a judgement.
-
-    Examples
-    --------
-    >>> from skhoid.lab.studies import Claim
-    >>> print(Claim("Fig. 9", "n_k* = 29 without remnant", "29 in C1 and C2", True))
-    [holds] Fig. 9: n_k* = 29 without remnant. Found: 29 in C1 and C2.
     """
 
     source: str
@@ -70,15 +65,6 @@ class StudyResult:
         Statements of the thesis, and whether they hold here.
     figures : dict of str to callable
         Functions that draw the thesis's figures, by name.
-    notes : list of str
-        Further remarks.
-
-    Examples
-    --------
-    >>> from skhoid.lab.studies import paper_study
-    >>> found = paper_study("fig9", 2, orders=["nm"], intensities=[0.0, 0.1], conditions=["C1"])
-    >>> print(found.claims[0])
-    [holds] Fig. 9: without remnant n_k* = n_k^0. Found: 29 where it is 29.
     """
 
     name: str
@@ -87,27 +73,21 @@ class StudyResult:
     summary: pd.DataFrame
     claims: list[Claim]
     figures: Mapping[str, Callable[[], Any]]
-    notes: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
-        return "\n".join([self.title, *map(str, self.claims), *self.notes])
+        return "\n".join([self.title, *map(str, self.claims)])
 
     def __repr__(self) -> str:
         return f"StudyResult({self.name!r}, {len(self.table)} rows, {len(self.claims)} claims)"
 
     def plot(self) -> dict[str, Any]:
-        """Draw the thesis's figures.
-
-        Returns
-        -------
-        figures : dict of str to matplotlib Figure
-        """
+        """Draw the thesis's figures."""
         return {name: draw().figure_ for name, draw in self.figures.items()}
 
     def save(
         self, folder: str | os.PathLike[str], *, figures: bool = True, table_format: str = "csv"
     ) -> list[Path]:
-        """Write table, summary, claims and figures.
+        """Write table, summary, claims and figures into a folder.
 
         Parameters
         ----------
@@ -117,12 +97,6 @@ class StudyResult:
             Save the figures too.
         table_format : {"csv", "tsv", "parquet"}, default="csv"
             Format of the tables; Parquet needs ``pip install "skhoid[io]"``.
-
-        Returns
-        -------
-        files : list of Path
-            ``table.csv.gz``, ``summary.csv``, ``claims.csv``, or with the other endings, and PNG
-            files.
         """
         check_table_format(table_format)
         folder = Path(folder)
@@ -139,65 +113,73 @@ class StudyResult:
         return files
 
 
+# Options that make the cells of a study, and what they are called there.
+OF_CELLS = {
+    "conditions": ("condition", str),
+    "orders": ("remnant_order", lambda order: order),
+    "intensities": ("remnant_intensity", float),
+    "sampling_rates": ("sampling_rate", float),
+    "open_loop": ("open_loop", bool),
+}
+
+
 @dataclass(frozen=True)
 class PaperStudy:
-    """A study of the thesis, declared: what is simulated, and what is made of the table.
+    """A study of the thesis: what is simulated, and what is made of the table without failures.
 
-    Parameters
-    ----------
-    what : str
-        What it shows, in a few words.
-    title : str
-        One sentence.
-    options : dict
-        Its options and their defaults, beside those that all studies have.
-    declare : callable
-        ``declare(n_replications, random_state=..., **options)`` returns the MonteCarloStudy.
-    summarize : callable
-        Means and deviations by cell, of the table without failures.
-    judge : callable
-        Claims, of summary and table.
-    draw : callable
-        Functions that draw the figures, by name, of the table.
-    shown : tuple of str, default=()
-        Prefixes of the names of its figures; empty for all.
-
-    Examples
-    --------
-    >>> from skhoid.lab.studies import PAPER_STUDIES
-    >>> PAPER_STUDIES["fig12"].what
-    'n_k fixed or estimated: validation VAF'
+    ``what`` it shows in a few words, ``title`` in a sentence; ``options`` are its own with their
+    defaults. Those that define neither cells nor the simulation are settings of ``function``.
+    ``summarize`` makes means by cell, ``judge`` claims of summary and table, ``draw`` functions
+    that draw the figures, by name. ``shown`` are prefixes of the names of its figures; empty: all.
     """
 
     what: str
     title: str
     options: Mapping[str, Any]
-    declare: Callable[..., MonteCarloStudy]
+    function: Callable[..., Any]
     summarize: Callable[[pd.DataFrame], pd.DataFrame]
-    judge: Callable[[pd.DataFrame, pd.DataFrame], list[Claim]]
+    judge: Callable[[pd.DataFrame, pd.DataFrame], Iterator[Claim]]
     draw: Callable[[pd.DataFrame], dict[str, Any]]
     shown: tuple[str, ...] = ()
+    simulation: Mapping[str, Any] = field(default_factory=dict)
+    study: Mapping[str, Any] = field(default_factory=dict)
 
     def showing(self, what: str, *shown: str, **options: Any) -> PaperStudy:
-        """The same study with other figures and options.
-
-        Parameters
-        ----------
-        what : str
-            What it shows, in a few words.
-        *shown : str
-            Prefixes of the names of its figures.
-        **options
-            Options with other defaults.
-
-        Returns
-        -------
-        study : PaperStudy
-        """
+        """The same study with other figures, by prefixes of their names, and options."""
         return replace(self, what=what, shown=shown, options={**self.options, **options})
 
+    def declare(self, n_replications: int, random_state: Any, **given: Any) -> MonteCarloStudy:
+        """The study with some options given."""
+        options = {**self.options, **given}
+        n_validation = options.pop("n_validation", 0)
+        horizons = options.get("memory_horizons", (np.inf,))
+        if np.inf not in horizons or min(horizons) <= 1:
+            raise ValueError(
+                f"memory_horizons must be above 1 and include infinity (no forgetting), with which "
+                f"the others are compared; got {list(horizons)}."
+            )
+        simulation = dict(self.simulation) | _gains(options.pop("gains"), options["intensities"])
+        if "remnant_order" in options:
+            (simulation["remnant_order"],) = _known_orders([options.pop("remnant_order")])
+        if "orders" in options:
+            options["orders"] = _known_orders(options["orders"])
+        cells = {
+            name: list(map(kind, options.pop(option)))
+            for option, (name, kind) in OF_CELLS.items()
+            if option in options
+        }
+        return MonteCarloStudy(
+            partial(self.function, **options) if options else self.function,
+            cells,
+            n_replications,
+            n_validation_runs=n_validation,
+            simulation=simulation,
+            random_state=random_state,
+            **self.study,
+        )
 
-def checked_orders(orders: Sequence[Any]) -> list[Any]:
+
+def _known_orders(orders: Sequence[Any]) -> list[Any]:
     """Orders of the remnant filter; numbers may be given as text."""
     known = {str(order): order for order in ORDERS}
     unknown = [order for order in orders if str(order) not in known]
@@ -208,7 +190,7 @@ def checked_orders(orders: Sequence[Any]) -> list[Any]:
     return [known[str(order)] for order in orders]
 
 
-def gains_of(gains: str, intensities: Sequence[float]) -> dict[str, Any]:
+def _gains(gains: str, intensities: Sequence[float]) -> dict[str, Any]:
     """Options of the simulation for where the remnant's gains come from."""
     if gains not in ("table", "tuned"):
         raise ValueError(f"gains must be 'table' (Table G.1) or 'tuned'; got {gains!r}.")

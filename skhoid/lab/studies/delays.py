@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -15,10 +15,8 @@ from ...arx.many_runs import PARAMETERS, fit_runs, search_delays
 from ...human import delay_samples
 from ...interpret import FROM_POLES
 from .blocks import Block
-from .declared import INTENSITIES, STATES, Claim, PaperStudy, checked_orders, gains_of, range_text
-from .identity import identified_as
+from .declared import INTENSITIES, STATES, Claim, PaperStudy, range_text
 from .memory_horizons import KEPT, candidate_delays, shifted
-from .monte_carlo import MonteCarloStudy
 
 ALL_ORDERS = (1, 2, 3, 4, "nm")
 FIXED, ESTIMATED = "fixed", "estimated"
@@ -28,7 +26,6 @@ NEGLIGIBLE = 0.5  # VAF points
 CELL = ["condition", "remnant_order", "remnant_intensity", "sampling_rate", "open_loop"]
 
 
-@identified_as("skhoid: delays and bias", version=1)
 def delays_and_bias(block: Block) -> pd.DataFrame:
     """Batch models with the true and the estimated delay, for a :class:`MonteCarloStudy`."""
     task, rate = block.task, block.task.sampling_rate
@@ -75,38 +72,6 @@ def _vaf(theta: np.ndarray, e: np.ndarray, u: np.ndarray) -> float:
     return float(np.maximum(0.0, 100 * (1 - lost)).mean())
 
 
-def _declare(
-    n_replications: int,
-    *,
-    conditions: Sequence[str],
-    orders: Sequence[Any],
-    intensities: Sequence[float],
-    sampling_rates: Sequence[float],
-    open_loop: Sequence[bool],
-    n_validation: int,
-    gains: str,
-    random_state: Any,
-) -> MonteCarloStudy:
-    """All cells share their noise, so filters are compared on the same realisations."""
-    return MonteCarloStudy(
-        delays_and_bias,
-        {
-            "condition": list(conditions),
-            "remnant_order": checked_orders(orders),
-            "remnant_intensity": [float(P_n) for P_n in intensities],
-            "sampling_rate": [float(rate) for rate in sampling_rates],
-            "open_loop": [bool(loop) for loop in open_loop],
-        },
-        n_replications,
-        n_validation_runs=n_validation,
-        simulation={"keep_run_in": KEPT} | gains_of(gains, intensities),
-        common_noise=True,
-        batched=True,
-        block_size=50,
-        random_state=random_state,
-    )
-
-
 def _summary(table: pd.DataFrame) -> pd.DataFrame:
     """Means over replications, a row a cell."""
     names = ["nk", *BIASES, *FROM_POLES]
@@ -118,23 +83,20 @@ def _summary(table: pd.DataFrame) -> pd.DataFrame:
     return means.assign(sd_nk_estimated=deviation, median_weight_ratio=ratio)
 
 
-def _claims(summary: pd.DataFrame, table: pd.DataFrame) -> list[Claim]:
+def _claims(summary: pd.DataFrame, table: pd.DataFrame) -> Iterator[Claim]:
     frame = summary.reset_index()
     frame = frame[(frame["sampling_rate"] == 100.0) & ~frame["open_loop"]]
     if frame.empty:
-        return []
+        return
     quiet, noisy = frame[frame["remnant_intensity"] == 0], frame[frame["remnant_intensity"] > 0]
     above = noisy["nk_estimated"] - noisy["nk_fixed"]
-    claims = []
     if len(quiet):
         nk, true = quiet["nk_estimated"], quiet["nk_fixed"]
-        claims.append(
-            Claim(
-                "Fig. 9",
-                "without remnant n_k* = n_k^0",
-                f"{range_text(nk, 0)} where it is {range_text(true, 0)}",
-                bool((nk == true).all()),
-            )
+        yield Claim(
+            "Fig. 9",
+            "without remnant n_k* = n_k^0",
+            f"{range_text(nk, 0)} where it is {range_text(true, 0)}",
+            bool((nk == true).all()),
         )
     statements = {
         "1": ("orders 1 and 2 overestimate the delay: order 1", lambda d: d > 0),
@@ -148,47 +110,41 @@ def _claims(summary: pd.DataFrame, table: pd.DataFrame) -> list[Claim]:
             of = (noisy["remnant_order"] == order) & (noisy["condition"] == condition)
             if of.any():
                 found = f"{range_text(above[of], 1, sign=True)} samples in {condition}"
-                claims.append(Claim("Fig. 9", statement, found, bool(holds(above[of]).all())))
+                yield Claim("Fig. 9", statement, found, bool(holds(above[of]).all()))
     first = noisy["remnant_order"] == "1"
     if first.any():
         mean = above[first].mean()
-        claims.append(
-            Claim(
-                "Fig. 9",
-                "order 1: seven samples from n_k^0 on average",
-                f"{mean:+.1f}",
-                bool(abs(mean - 7) <= 1.0),
-            )
+        yield Claim(
+            "Fig. 9",
+            "order 1: seven samples from n_k^0 on average",
+            f"{mean:+.1f}",
+            bool(abs(mean - 7) <= 1.0),
         )
-    return [*claims, *_bias_claims(noisy), *_other_claims(noisy)]
+    yield from _bias_claims(noisy)
+    yield from _other_claims(noisy)
 
 
-def _bias_claims(noisy: pd.DataFrame) -> list[Claim]:
+def _bias_claims(noisy: pd.DataFrame) -> Iterator[Claim]:
     size = noisy.set_index(["condition", "remnant_intensity", "remnant_order"])
     size = size[[f"{name}_{FIXED}" for name in BIASES]]
     of_order = size.abs().mean(axis=1).unstack("remnant_order")
-    claims = []
     if "1" in of_order and of_order.shape[1] > 1:
         others = size.abs().drop("1", level="remnant_order")
         largest = others.groupby(["condition", "remnant_intensity"]).max()
         ratio = size.abs().xs("1", level="remnant_order") / largest
-        claims.append(
-            Claim(
-                "Fig. 10",
-                "the relative bias of order 1 is more than ten times that of the others",
-                f"{range_text(ratio, 1)} times in single parameters and intensities",
-                bool((ratio > 10).all(axis=None)),
-            )
+        yield Claim(
+            "Fig. 10",
+            "the relative bias of order 1 is more than ten times that of the others",
+            f"{range_text(ratio, 1)} times in single parameters and intensities",
+            bool((ratio > 10).all(axis=None)),
         )
     if "nm" in of_order and of_order.shape[1] > 1:
         best = of_order.idxmin(axis=1) == "nm"
-        claims.append(
-            Claim(
-                "Fig. 10",
-                "the neuromuscular filter gives the lowest bias",
-                f"in {best.sum()} of {best.size} cells",
-                bool(best.all()),
-            )
+        yield Claim(
+            "Fig. 10",
+            "the neuromuscular filter gives the lowest bias",
+            f"in {best.sum()} of {best.size} cells",
+            bool(best.all()),
         )
     signs = np.sign(size.groupby("remnant_order").mean())
     low = [order for order in signs.index if order in ("1", "2")]
@@ -197,58 +153,47 @@ def _bias_claims(noisy: pd.DataFrame) -> list[Claim]:
         wanted.iloc[:, 2:] = -1.0  # b0 and b1
         wanted.loc[low] *= -1.0
         apart = bool((signs == wanted).all(axis=None))
-        claims.append(
-            Claim(
-                "Fig. 10",
-                "orders 1 and 2 on one side, 3, 4 and nm on the other, a and b against each other",
-                "B_r < 0 in a and > 0 in b for 1 and 2, the opposite for the rest (by Eq. 30; "
-                "the text has the opposite signs)"
-                if apart
-                else f"signs {signs.to_dict()}",
-                apart,
-            )
+        yield Claim(
+            "Fig. 10",
+            "orders 1 and 2 on one side, 3, 4 and nm on the other, a and b against each other",
+            "B_r < 0 in a and > 0 in b for 1 and 2, the opposite for the rest (by Eq. 30; "
+            "the text has the opposite signs)"
+            if apart
+            else f"signs {signs.to_dict()}",
+            apart,
         )
-    return claims
 
 
-def _other_claims(noisy: pd.DataFrame) -> list[Claim]:
-    claims = []
+def _other_claims(noisy: pd.DataFrame) -> Iterator[Claim]:
     for order, thesis, range_ in (("1", 15.0, (10.0, 25.0)), ("2", 1000.0, (300.0, 3000.0))):
         cell = (noisy["remnant_order"] == order) & np.isclose(noisy["remnant_intensity"], 0.15)
         cell &= noisy["condition"] == "C1"
         if cell.any():
             found = float(noisy.loc[cell, "median_weight_ratio"].iloc[0])
-            claims.append(
-                Claim(
-                    "Fig. 11",
-                    f"order {order}: |A|^2 at 100 rad/s is {thesis:g} times that at 20 (read from "
-                    "one realisation)",
-                    f"{found:.0f} (median)",
-                    bool(range_[0] < found < range_[1]),
-                )
+            yield Claim(
+                "Fig. 11",
+                f"order {order}: |A|^2 at 100 rad/s is {thesis:g} times that at 20 (read from "
+                "one realisation)",
+                f"{found:.0f} (median)",
+                bool(range_[0] < found < range_[1]),
             )
     second = noisy[noisy["remnant_order"] == "2"]
     if "vaf_validation_fixed" in second and len(second):
         gain = second["vaf_validation_fixed"] - second["vaf_validation_estimated"]
-        claims.append(
-            Claim(
-                "Fig. 12",
-                "order 2: the validation VAF with n_k^0 and with n_k* show no relevant difference",
-                f"mean {range_text(gain, 2, sign=True)} points",
-                bool((gain.abs() < NEGLIGIBLE).all()),
-            )
+        yield Claim(
+            "Fig. 12",
+            "order 2: the validation VAF with n_k^0 and with n_k* show no relevant difference",
+            f"mean {range_text(gain, 2, sign=True)} points",
+            bool((gain.abs() < NEGLIGIBLE).all()),
         )
     if len(second):
         omega = second["omega_nm_fixed"]
-        claims.append(
-            Claim(
-                "Section V-B",
-                "order 2: omega_nm and zeta_nm are overestimated (11.25 rad/s and 0.35)",
-                f"{range_text(omega, 1)} rad/s and {range_text(second['zeta_nm_fixed'])}",
-                bool((omega > 11.25).all() and (second["zeta_nm_fixed"] > 0.35).all()),
-            )
+        yield Claim(
+            "Section V-B",
+            "order 2: omega_nm and zeta_nm are overestimated (11.25 rad/s and 0.35)",
+            f"{range_text(omega, 1)} rad/s and {range_text(second['zeta_nm_fixed'])}",
+            bool((omega > 11.25).all() and (second["zeta_nm_fixed"] > 0.35).all()),
         )
-    return claims
 
 
 def _figures(table: pd.DataFrame) -> dict[str, Any]:
@@ -299,9 +244,12 @@ DELAYS = PaperStudy(
         "n_validation": 10,
         "gains": "table",
     },
-    _declare,
+    delays_and_bias,
     _summary,
     _claims,
     _figures,
     ("fig9",),
+    {"keep_run_in": KEPT},
+    # All cells share their noise, so filters are compared on the same realisations.
+    {"common_noise": True, "batched": True, "block_size": 50},
 )

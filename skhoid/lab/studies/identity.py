@@ -6,12 +6,11 @@ import functools
 import hashlib
 import inspect
 import json
-from collections.abc import Callable, Mapping
-from copyreg import dispatch_table
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from types import CodeType
-from typing import Any, TypeVar
+from typing import Any
 
 import joblib
 import numpy as np
@@ -25,10 +24,10 @@ def described(value: Any, within: tuple[int, ...] = ()) -> Any:
     """A value in a form that JSON can hold; equal values give equal descriptions, in any process.
 
     Numbers and text describe themselves; dataclasses and mappings are described by their parts,
-    functions by the identity they declare or else by their name, source and enclosed variables,
-    estimators by their parameters and fitted attributes, arrays and all else by a digest of their
-    contents. The module of an object does not count. ``within`` are the objects around it, which
-    stops recursion in objects that refer to themselves.
+    functions by their name, source and enclosed variables, estimators by their parameters and
+    fitted attributes, arrays and all else by a digest of their contents. The module of an object
+    does not count. ``within`` are the objects around it, which stops recursion in objects that
+    refer to themselves.
     """
     if value is None or isinstance(value, (bool, str)):
         return value
@@ -76,9 +75,8 @@ def described(value: Any, within: tuple[int, ...] = ()) -> Any:
         return [kind, value.name]
     source = [digest(_source(type(value)))] if callable(value) else []
     try:
-        if _is_plain(type(value)):
-            _, made_with, state, *_ = value.__reduce_ex__(2)
-            return [kind, *source, part([made_with[1:], state])]
+        if hasattr(value, "__dict__"):
+            return [kind, *source, part(vars(value))]
         return [kind, *source, joblib.hash(value)]
     except Exception as error:
         raise TypeError(
@@ -91,9 +89,6 @@ def described(value: Any, within: tuple[int, ...] = ()) -> Any:
 
 def _of_function(function: Any, part: Any) -> list[Any]:
     """Name, source, defaults, what it encloses, and the plain values and helpers of its module."""
-    declared = declared_identity(function)
-    if declared is not None:
-        return [declared[0], f"version {declared[1]}"]
     code = function.__code__
     # The source of a lambda is a line, which may hold several.
     source = "" if function.__name__ == "<lambda>" else _source(function)
@@ -111,12 +106,6 @@ def _of_function(function: Any, part: Any) -> list[Any]:
         if helper or isinstance(found, PLAIN):
             held[f"global {name}"] = found
     return [function.__qualname__, digest([source or _of_code(code), part(held)])]
-
-
-def _is_plain(kind: type) -> bool:
-    """Whether its objects are defined by their attributes; others pickle in their own way."""
-    own = (kind.__reduce__, kind.__reduce_ex__) != (object.__reduce__, object.__reduce_ex__)
-    return not own and kind not in dispatch_table
 
 
 def _source(thing: Any) -> str:
@@ -147,111 +136,32 @@ def _of_code(code: CodeType) -> list[Any]:
 
 def digest(value: Any) -> str:
     """A short digest of a description."""
-    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:16]
+    return _sha256(value).hex()[:16]
 
 
 def spawn_key(value: Any) -> tuple[int, ...]:
     """Spawn key for the random numbers of an object with this description: four whole numbers."""
-    raw = hashlib.sha256(json.dumps(value, sort_keys=True).encode()).digest()
-    return tuple(int.from_bytes(raw[i : i + 4], "little") for i in range(0, 16, 4))
+    return tuple(np.frombuffer(_sha256(value)[:16], dtype="<u4").tolist())
+
+
+def _sha256(value: Any) -> bytes:
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).digest()
 
 
 def differing_parts(one: Any, two: Any, where: str = "") -> list[str]:
     """Where two descriptions differ, as text; the second is the current one."""
     if isinstance(one, dict) and isinstance(two, dict):
-        found = []
-        for key in [*one, *(key for key in two if key not in one)]:
-            inner = f"{where}.{key}" if where else str(key)
-            found += differing_parts(one.get(key), two.get(key), inner)
-        return found
-    if isinstance(one, list) and isinstance(two, list) and len(one) == len(two):
-        found = []
-        for i, (a, b) in enumerate(zip(one, two, strict=True)):
-            found += differing_parts(a, b, f"{where}[{i}]")
-        return found
-    if one == two:
-        return []
-    if isinstance(one, list) and isinstance(two, list) and where == "cells":
+        parts = [(f".{key}" if where else str(key), key) for key in {**one, **two}]
+        pairs = [(name, one.get(key), two.get(key)) for name, key in parts]
+    elif isinstance(one, list) and isinstance(two, list) and len(one) == len(two):
+        pairs = [(f"[{i}]", a, b) for i, (a, b) in enumerate(zip(one, two, strict=True))]
+    elif isinstance(one, list) and isinstance(two, list) and where == "cells":
         return [f"cells: {len(one)} there, {len(two)} here"]
-    return [f"{where}: {_short(one)} there, {_short(two)} here"]
+    else:
+        return [] if one == two else [f"{where}: {_short(one)} there, {_short(two)} here"]
+    return [text for name, a, b in pairs for text in differing_parts(a, b, where + name)]
 
 
 def _short(value: Any) -> str:
     text = json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-F = TypeVar("F", bound=Callable[..., Any])
-
-ATTRIBUTE = "_study_identity"
-
-
-def identified_as(name: str, version: int = 1) -> Callable[[F], F]:
-    """Identify the function of a study by a name and a version, instead of by its source.
-
-    The folder of a study belongs to its function: a changed source makes a different study. A
-    function with a declared identity may be rewritten, renamed and moved, and its folders still
-    open; in return you must raise ``version`` whenever its results change (including changes
-    through functions that it calls and through its defaults).
-
-    Parameters
-    ----------
-    name : str
-        Different from those of your other functions.
-    version : int, default=1
-        Raise it by one whenever the results change.
-
-    Returns
-    -------
-    decorator : callable
-        Returns the function it is given.
-
-    Raises
-    ------
-    TypeError
-        If it decorates anything but a function.
-    ValueError
-        If the name is empty, the version is not a whole number of at least 1, or the function is
-        defined within another one: the variables it encloses would not be part of its identity.
-
-    See Also
-    --------
-    MonteCarloStudy : Where such functions are used.
-
-    Examples
-    --------
-    >>> from skhoid.lab.studies import MonteCarloStudy, identified_as
-    >>> @identified_as("spread of u", version=2)
-    ... def spread(data):
-    ...     return {"sd": data.y.std()}
-    >>> MonteCarloStudy(spread, {"condition": ["C1"]}).description["function"]
-    ['spread of u', 'version 2']
-    """
-    if not isinstance(name, str) or not name:
-        raise ValueError(f"name of an identity must be non-empty text; got {name!r}.")
-    if isinstance(version, bool) or not isinstance(version, int) or version < 1:
-        raise ValueError(
-            f"version of {name!r} must be a whole number, at least 1; got {version!r}."
-        )
-
-    def decorator(function: F) -> F:
-        if not inspect.isfunction(function):
-            raise TypeError(
-                f"identified_as({name!r}) is for functions; got {function!r}. Decorate the "
-                "function before functools.partial."
-            )
-        if "<locals>" in function.__qualname__:
-            raise ValueError(
-                f"identified_as({name!r}): {function.__qualname__} is defined within a function, "
-                "and the variables it encloses would not be part of its identity. Define it in a "
-                "module, and pass values as settings or by functools.partial."
-            )
-        setattr(function, ATTRIBUTE, (name, version))
-        return function
-
-    return decorator
-
-
-def declared_identity(function: Any) -> tuple[str, int] | None:
-    """Name and version of a function that has them."""
-    return getattr(function, ATTRIBUTE, None)

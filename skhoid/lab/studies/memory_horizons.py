@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -16,8 +16,7 @@ from ...arx.many_runs import FORMS, HORIZONS, fit_runs, score_horizons, search_d
 from ...simulation import Condition, change_times, operator_response
 from ...text import Document, Paragraph
 from .blocks import Block
-from .declared import CONDITIONS, INTENSITIES, Claim, PaperStudy, gains_of, range_text
-from .identity import identified_as
+from .declared import CONDITIONS, INTENSITIES, Claim, PaperStudy, range_text
 from .monte_carlo import MonteCarloStudy
 
 KEPT = 1.0  # s kept of the run-in, so that shifted signals have a past; more for long delays
@@ -27,7 +26,6 @@ EARLIER, LATER = 0.13, 0.20  # s below and above tau_e: the range in which n_k /
 SETTING = ["form", "memory_horizon"]
 
 
-@identified_as("skhoid: forgetting VAF", version=1)
 def forgetting_vaf(
     block: Block,
     *,
@@ -46,7 +44,8 @@ def forgetting_vaf(
     rate = block.task.sampling_rate
     before, first = int((block.record.time < 0).sum()), round(init_window * rate)
     begin, end = (round(instant * rate) for instant in window)
-    assert block.validation is not None
+    if block.validation is None:
+        raise ValueError("The trade-off is seen on validation runs: n_validation must be above 0.")
     nks = candidate_delays(block.task)
     e, u, e_v, u_v = block.record.e, block.record.u, block.validation.e, block.validation.u
     n_runs = len(e)
@@ -116,7 +115,7 @@ def candidate_delays(task: CompensatoryTask) -> np.ndarray:
     return np.arange(max(shortest, 1), longest + 1)
 
 
-def kept_run_in(task: CompensatoryTask) -> float:
+def _kept_run_in(task: CompensatoryTask) -> float:
     """Seconds of the run-in that shifting by any of the candidate delays needs."""
     kept = max(KEPT, operator_response(task).delay_time + 2 * LATER)
     there = task.n_run_in / task.sampling_rate
@@ -134,48 +133,11 @@ def shifted(e: np.ndarray, before: int, nk: int, extra: int = 0) -> np.ndarray:
     return e[:, before - nk - extra : e.shape[1] - nk]
 
 
-def succeeded(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows of data sets that did not fail."""
-    return table[table["error"].isna()]
-
-
 CELL = ["condition", "remnant_intensity"]
 VARYING = ("C3", "C4", "C5", "C6")
 BEST = 256.0  # N0 of the thesis
 PRACTICALLY_NONE = 1.0  # VAF points between forgetting by factor and by matrix
 LONG = 2048.0  # N0 from which on a memory is long
-
-
-def _declare(
-    n_replications: int,
-    *,
-    conditions: Sequence[str],
-    intensities: Sequence[float],
-    memory_horizons: Sequence[float],
-    n_validation: int,
-    remnant_order: Any,
-    gains: str,
-    random_state: Any,
-) -> MonteCarloStudy:
-    horizons = tuple(float(N0) for N0 in memory_horizons)
-    if np.inf not in horizons or min(horizons) <= 1:
-        raise ValueError(
-            f"memory_horizons must be above 1 and include infinity (no forgetting), with which "
-            f"the others are compared; got {list(memory_horizons)}."
-        )
-    if n_validation < 1:
-        raise ValueError(f"n_validation must be at least 1; got {n_validation!r}.")
-    return MonteCarloStudy(
-        partial(forgetting_vaf, memory_horizons=horizons),
-        {"condition": list(conditions), "remnant_intensity": [float(P) for P in intensities]},
-        n_replications,
-        n_validation_runs=n_validation,
-        simulation={"keep_run_in": KEPT, "remnant_order": remnant_order}
-        | gains_of(gains, intensities),
-        batched=True,
-        block_size=50,
-        random_state=random_state,
-    )
 
 
 def _summary(table: pd.DataFrame) -> pd.DataFrame:
@@ -193,25 +155,22 @@ def best_horizons(summary: pd.DataFrame) -> pd.Series:
     return summary["vaf_validation"].unstack("memory_horizon").idxmax(axis=1)
 
 
-def _claims(summary: pd.DataFrame, table: pd.DataFrame) -> list[Claim]:
+def _claims(summary: pd.DataFrame, table: pd.DataFrame) -> Iterator[Claim]:
     gain = summary["gain"].unstack("memory_horizon")
     cells = {key[:2] for key in summary.index}
     whole = cells >= {(condition, P_n) for condition in CONDITIONS for P_n in INTENSITIES}
     best = best_horizons(summary).reset_index(name="N0")
     overall = gain.groupby("form").mean()
-    claims = []
     for form, sign in (("lambda", "λ"), ("Lambda", "Λ")):
         N0 = float(overall.loc[form].idxmax())
         near = "; ".join(
             f"{overall.loc[form, h]:+.2f} at {h:g}" for h in (128.0, 256.0, 512.0) if h in overall
         )
-        claims.append(
-            Claim(
-                "Fig. 13",
-                f"over all conditions and intensities N0 = 256 is the best, {sign}",
-                f"N0 = {N0:g} (mean gain {near})",
-                N0 == BEST if whole else None,
-            )
+        yield Claim(
+            "Fig. 13",
+            f"over all conditions and intensities N0 = 256 is the best, {sign}",
+            f"N0 = {N0:g} (mean gain {near})",
+            N0 == BEST if whole else None,
         )
     if BEST in gain:
         at_best = gain[BEST].unstack("form") + summary["vaf_validation"].unstack("memory_horizon")[
@@ -220,72 +179,60 @@ def _claims(summary: pd.DataFrame, table: pd.DataFrame) -> list[Claim]:
         apart = (at_best["Lambda"] - at_best["lambda"]).reset_index(name="apart")
         apart = apart.loc[apart["remnant_intensity"] > 0, "apart"]
         if len(apart):
-            claims.append(
-                Claim(
-                    "Fig. 13",
-                    "no significant difference between λ and Λ",
-                    f"Λ minus λ at N0 = 256: {range_text(apart, 2, sign=True)} points",
-                    bool(apart.abs().max() < PRACTICALLY_NONE),
-                )
+            yield Claim(
+                "Fig. 13",
+                "no significant difference between λ and Λ",
+                f"Λ minus λ at N0 = 256: {range_text(apart, 2, sign=True)} points",
+                bool(apart.abs().max() < PRACTICALLY_NONE),
             )
-    return claims + _claims_of_cells(best, gain)
+    yield from _claims_of_cells(best, gain)
 
 
-def _claims_of_cells(best: pd.DataFrame, gain: pd.DataFrame) -> list[Claim]:
-    claims = []
+def _claims_of_cells(best: pd.DataFrame, gain: pd.DataFrame) -> Iterator[Claim]:
     of_lambda = best[best["form"] == "lambda"]
     varying = of_lambda[of_lambda["condition"].isin(VARYING)]
     if len(varying["remnant_intensity"].unique()) > 1:
         octaves = varying.pivot(index="condition", columns="remnant_intensity", values="N0")
         octaves = np.log2(octaves.clip(upper=2.0**14))
         steps = np.diff(octaves.to_numpy(), axis=1)
-        claims.append(
-            Claim(
-                "Fig. 13",
-                "lower intensities require lower N0 (C3-C6)",
-                "; ".join(
-                    f"P_n = {P_n:g}: {range_text(values, 0)}"
-                    for P_n, values in varying.groupby("remnant_intensity")["N0"]
-                ),
-                bool((steps >= -1).all() and (octaves.iloc[:, -1] > octaves.iloc[:, 0]).all()),
-            )
+        yield Claim(
+            "Fig. 13",
+            "lower intensities require lower N0 (C3-C6)",
+            "; ".join(
+                f"P_n = {P_n:g}: {range_text(values, 0)}"
+                for P_n, values in varying.groupby("remnant_intensity")["N0"]
+            ),
+            bool((steps >= -1).all() and (octaves.iloc[:, -1] > octaves.iloc[:, 0]).all()),
         )
     constant = of_lambda[of_lambda["condition"].isin(("C1", "C2"))]
     constant = constant[constant["remnant_intensity"] > 0]
     if len(constant):
-        claims.append(
-            Claim(
-                "Fig. 13",
-                "constant dynamics (C1, C2) require longer memories",
-                f"best N0 with remnant {range_text(constant['N0'], 0)}",
-                bool((constant["N0"] >= LONG).all()),
-            )
+        yield Claim(
+            "Fig. 13",
+            "constant dynamics (C1, C2) require longer memories",
+            f"best N0 with remnant {range_text(constant['N0'], 0)}",
+            bool((constant["N0"] >= LONG).all()),
         )
     gains = gain.max(axis=1).xs("lambda", level="form").unstack("condition")
     gains = gains[gains.index > 0]
     if {"C3", "C4", "C5", "C6"} <= set(gains.columns) and len(gains):
         into, back = gains[["C3", "C4"]].mean(axis=1), gains[["C5", "C6"]].mean(axis=1)
-        claims.append(
-            Claim(
-                "Fig. 13",
-                "forgetting gains notably less in C5 and C6 (1/s² to 1/s) than in C3 and C4",
-                f"best mean gains {range_text(back, 1)} against {range_text(into, 1)} points",
-                bool((back < into).all()),
-            )
+        yield Claim(
+            "Fig. 13",
+            "forgetting gains notably less in C5 and C6 (1/s² to 1/s) than in C3 and C4",
+            f"best mean gains {range_text(back, 1)} against {range_text(into, 1)} points",
+            bool((back < into).all()),
         )
     if {"C1", "C2"} <= set(gains.columns) and 16.0 in gain.columns and len(gains) > 1:
         at_16 = gain[16.0].xs("lambda", level="form").unstack("condition")
         at_16 = at_16[at_16.index > 0]
         spread = at_16.max() - at_16.min()
-        claims.append(
-            Claim(
-                "Fig. 13",
-                "the gains of different intensities lie further apart in C2 than in C1",
-                f"at N0 = 16 over {spread['C2']:.1f} and {spread['C1']:.1f} points",
-                bool(spread["C2"] > spread["C1"]),
-            )
+        yield Claim(
+            "Fig. 13",
+            "the gains of different intensities lie further apart in C2 than in C1",
+            f"at N0 = 16 over {spread['C2']:.1f} and {spread['C1']:.1f} points",
+            bool(spread["C2"] > spread["C1"]),
         )
-    return claims
 
 
 def _figures(table: pd.DataFrame) -> dict[str, Any]:
@@ -316,11 +263,13 @@ FORGETTING = PaperStudy(
         "remnant_order": 2,
         "gains": "table",
     },
-    _declare,
+    forgetting_vaf,
     _summary,
     _claims,
     _figures,
     ("fig13",),
+    {"keep_run_in": KEPT},
+    {"batched": True, "block_size": 50},
 )
 
 FIRST = 3 / 8  # of the duration, in which nothing changes: 30.72 s of 81.92 s
@@ -340,10 +289,6 @@ class ForgettingAdvice:
     memory_horizon : float
         N0 in samples with the highest mean VAF on validation runs; infinity (no forgetting) if that
         is as good.
-    memory_time : float
-        The same in s.
-    forgetting : float
-        λ = 1 - 1/N0.
     close : list of float
         Horizons whose mean VAF is within two standard errors (paired) of the highest.
     gain : float
@@ -357,18 +302,9 @@ class ForgettingAdvice:
         Where validation runs were scored, in s.
     sampling_rate : float
         Sampling rate in Hz.
-
-    Examples
-    --------
-    >>> from skhoid import recommend_forgetting
-    >>> advice = recommend_forgetting("C4", remnant_intensity=0.1, n_replications=8)
-    >>> advice.memory_horizon, advice.memory_time
-    (256.0, 2.56)
     """
 
     memory_horizon: float
-    memory_time: float
-    forgetting: float
     close: list[float]
     gain: float
     summary: pd.DataFrame
@@ -376,22 +312,24 @@ class ForgettingAdvice:
     window: tuple[float, float]
     sampling_rate: float
 
-    def __repr__(self) -> str:
-        return str(self)
+    @property
+    def memory_time(self) -> float:
+        """The memory horizon in s."""
+        return self.memory_horizon / self.sampling_rate
 
-    def __str__(self) -> str:
+    @property
+    def forgetting(self) -> float:
+        """The forgetting factor λ = 1 - 1/N0."""
+        return float(forgetting_factor(self.memory_horizon))
+
+    def __repr__(self) -> str:
         return str(self.document().text())
 
     def _repr_html_(self) -> str:
         return self.document().html()
 
     def document(self) -> Document:
-        """What to do, what is as good, and from how many runs.
-
-        Returns
-        -------
-        document : Document
-        """
+        """What to do, what is as good, and from how many runs."""
         runs = self.table["replication"].nunique()
         intensities = ", ".join(f"{P:.2g}" for P in self.table["remnant_intensity"].unique())
         if np.isinf(self.memory_horizon):
@@ -408,7 +346,8 @@ class ForgettingAdvice:
             if others
             else "All other horizons of the grid are worse by more than two standard errors."
         )
-        apart = self._matrix()
+        best = self.summary["vaf_validation"].groupby(SETTING).mean().groupby("form").max()
+        apart = float(best["Lambda"] - best["lambda"])
         texts = [
             alike,
             f"Forgetting only b0 and b1 (Λ), at its best: {apart:+.2f} points.",
@@ -416,11 +355,6 @@ class ForgettingAdvice:
             f"{self.window[0]:.4g} to {self.window[1]:.4g} s on runs that were not fitted.",
         ]
         return Document(head, [Paragraph(text) for text in texts])
-
-    def _matrix(self) -> float:
-        """VAF points gained by Λ over λ, each at its best."""
-        mean = self.summary["vaf_validation"].groupby(SETTING).mean().groupby("form").max()
-        return float(mean["Lambda"] - mean["lambda"])
 
     def plot(self, kind: str = "gain") -> Any:
         """Draw the trade-off.
@@ -436,21 +370,17 @@ class ForgettingAdvice:
         """
         from ...plotting import MemoryHorizonDisplay
 
-        good = succeeded(self.table)
         cell = ["remnant_intensity", "replication", *SETTING]
-        table = good.groupby(cell)[["vaf_estimation", "vaf_validation"]].mean().reset_index()
-        table.insert(0, "condition", "this task")
-        return MemoryHorizonDisplay.from_table(table, kind=kind)
+        good = self.table[self.table["error"].isna()].groupby(cell)
+        table = good[["vaf_estimation", "vaf_validation"]].mean().reset_index()
+        return MemoryHorizonDisplay.from_table(table.assign(condition="this task"), kind=kind)
 
 
 def recommend_forgetting(
     task: str | Condition | CompensatoryTask,
     remnant_intensity: float | Sequence[float] | None = None,
     *,
-    remnant_order: Any = 2,
-    memory_horizons: Sequence[float] | None = None,
     window: tuple[float, float] | None = None,
-    init_window: float | None = None,
     n_replications: int = 20,
     n_validation: int = 10,
     random_state: Any = 0,
@@ -471,17 +401,10 @@ def recommend_forgetting(
         expected operator, with all changes over time; or the name of a condition of the thesis.
     remnant_intensity : float, sequence of float or None, default=None
         Expected P_n, or several to average over; None means the task's own remnant.
-    remnant_order : {1, 2, 3, 4, "nm"}, default=2
-        Order of the remnant filter.
-    memory_horizons : sequence of float or None, default=None
-        N0 in samples; None means 2, 4, 8 ... up to the samples of a run, and infinity.
     window : (float, float) or None, default=None
         Where validation runs are scored, in s. None means around the change: an eighth of the
         duration on either side of its middle, or more if the change takes longer; if nothing
-        changes, everything after ``init_window``.
-    init_window : float or None, default=None
-        Seconds of the run that give theta0; None means three eighths of the duration, but no
-        further than ``window``.
+        changes, everything after the first part.
     n_replications : int, default=20
         Estimation runs for each intensity.
     n_validation : int, default=10
@@ -509,8 +432,10 @@ def recommend_forgetting(
 
     Notes
     -----
-    Signals are first scaled to unit power, so that P0 = I weighs as much as one sample whatever the
-    units.
+    Horizons are 2, 4, 8 ... up to the samples of a run, and infinity; the remnant is of second
+    order unless the task has its own. The first three eighths of a run give theta0, but no further
+    than ``window``. Signals are first scaled to unit power, so that P0 = I weighs as much as one
+    sample whatever the units.
 
     References
     ----------
@@ -528,18 +453,16 @@ def recommend_forgetting(
     if not isinstance(task, CompensatoryTask):
         task = CompensatoryTask.of_condition(task)
     rate = task.sampling_rate
-    around = change_window(task) if window is None else (float(window[0]), float(window[1]))
-    first = _init_window(task, around) if init_window is None else float(init_window)
+    around = _change_window(task) if window is None else (float(window[0]), float(window[1]))
+    first = FIRST * task.duration
+    if around is not None and SHORTEST <= around[0] < first:
+        first = around[0]
     around = (first, task.duration) if around is None else around
     if not 0 <= around[0] < around[1] <= task.duration + 1e-9:
         raise ValueError(
             f"window={around} does not lie in the run of {task.duration:g} s (from 0 s on)."
         )
-    if not 0 < first <= task.duration:
-        raise ValueError(
-            f"init_window must be a time within the run of {task.duration:g} s; got {first:g}."
-        )
-    horizons = _horizons(memory_horizons, task.n_samples)
+    horizons = (*(2.0**i for i in range(1, int(np.log2(task.n_samples)) + 1)), np.inf)
     study = MonteCarloStudy(
         partial(
             forgetting_vaf,
@@ -549,10 +472,10 @@ def recommend_forgetting(
             scaled=True,
             by_run=True,
         ),
-        _cells(task, remnant_intensity, remnant_order),
+        _cells(task, remnant_intensity),
         n_replications,
         n_validation_runs=n_validation,
-        simulation={"keep_run_in": kept_run_in(task)},
+        simulation={"keep_run_in": _kept_run_in(task)},
         batched=True,
         block_size=25,
         random_state=random_state,
@@ -566,19 +489,17 @@ def recommend_forgetting(
 
 
 def _advice(table: pd.DataFrame, window: tuple[float, float], rate: float) -> ForgettingAdvice:
-    good = succeeded(table)
+    good = table[table["error"].isna()]
     of_lambda = good[good["form"] == "lambda"]
     vaf = of_lambda.pivot(index=RUNS, columns="memory_horizon", values="vaf_validation")
     best = float(vaf.mean().idxmax())
     worse = vaf.rsub(vaf[best], axis=0)
-    near = worse.mean() <= SIGNIFICANT * crossed_standard_error(worse)  # not where it is NaN
+    near = worse.mean() <= SIGNIFICANT * _crossed_standard_error(worse)  # not where it is NaN
     close = [float(N0) for N0 in vaf.columns if best == N0 or near[N0]]
     if np.inf in close:
         best = np.inf
     return ForgettingAdvice(
         memory_horizon=best,
-        memory_time=best / rate,
-        forgetting=float(forgetting_factor(best)),
         close=close,
         gain=float(vaf[best].mean() - vaf[np.inf].mean()),
         summary=_advice_summary(good),
@@ -591,11 +512,13 @@ def _advice(table: pd.DataFrame, window: tuple[float, float], rate: float) -> Fo
 def _advice_summary(table: pd.DataFrame) -> pd.DataFrame:
     grouped = with_gain(table, RUNS).groupby(["remnant_intensity", *SETTING])
     means = grouped[["vaf_estimation", "vaf_validation", "gain"]].mean()
-    errors = [crossed_standard_error(part.set_index(RUNS)[["gain"]])["gain"] for _, part in grouped]
+    errors = [
+        _crossed_standard_error(part.set_index(RUNS)[["gain"]])["gain"] for _, part in grouped
+    ]
     return means.assign(se_gain=errors)
 
 
-def crossed_standard_error(values: pd.DataFrame) -> pd.Series:
+def _crossed_standard_error(values: pd.DataFrame) -> pd.Series:
     """Standard errors of means over estimation and validation runs, both random.
 
     Both vary: var(mean) = var_e / n_e + var_v / n_v, where each is the variance of means over the
@@ -612,7 +535,7 @@ def crossed_standard_error(values: pd.DataFrame) -> pd.Series:
     return np.sqrt(variance.mean() / len(variance))
 
 
-def _cells(task: CompensatoryTask, intensity: Any, order: Any) -> list[dict[str, Any]]:
+def _cells(task: CompensatoryTask, intensity: Any) -> list[dict[str, Any]]:
     if intensity is None:
         if task.remnant is None or not (task.remnant.gain or task.remnant.intensity):
             raise ValueError(
@@ -626,22 +549,11 @@ def _cells(task: CompensatoryTask, intensity: Any, order: Any) -> list[dict[str,
             f"remnant_intensity must be above 0, since without remnant the shortest memory is "
             f"always best; got {intensity!r}."
         )
-    return [
-        {"condition": replace(task, remnant=None), "remnant_intensity": P_n, "remnant_order": order}
-        for P_n in wanted
-    ]
+    still = replace(task, remnant=None)
+    return [{"condition": still, "remnant_intensity": P_n, "remnant_order": 2} for P_n in wanted]
 
 
-def _horizons(given: Sequence[float] | None, n_samples: int) -> tuple[float, ...]:
-    if given is None:
-        return (*(2.0**i for i in range(1, int(np.log2(n_samples)) + 1)), np.inf)
-    horizons = tuple(sorted({float(N0) for N0 in given} | {np.inf}))
-    if horizons[0] <= 1:
-        raise ValueError(f"memory_horizons must be above 1; got {horizons[0]:g}.")
-    return horizons
-
-
-def change_window(task: CompensatoryTask) -> tuple[float, float] | None:
+def _change_window(task: CompensatoryTask) -> tuple[float, float] | None:
     """Seconds around the change of a task's parameters; None where nothing changes in the run."""
     times = change_times(task)
     if times is None:
@@ -649,10 +561,3 @@ def change_window(task: CompensatoryTask) -> tuple[float, float] | None:
     early, middle, late = times
     half = max(HALF_WIDTH * task.duration, WIDER * (late - early))
     return max(0.0, middle - half), min(task.duration, middle + half)
-
-
-def _init_window(task: CompensatoryTask, around: tuple[float, float] | None) -> float:
-    first = FIRST * task.duration
-    if around is not None and SHORTEST <= around[0] < first:
-        return around[0]
-    return first

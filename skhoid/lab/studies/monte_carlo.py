@@ -34,10 +34,10 @@ class MonteCarloStudy:
     Parameters
     ----------
     function : callable
-        ``function(data, **settings)`` of one :class:`~skhoid.lab.studies.DataSet`, with ``X``,
-        ``y``, ``truth``, ``validation`` and ``record``; returns a number, a dict (one row), or a
-        list of dicts, dict of arrays or DataFrame (several rows). Settings are those columns of
-        ``conditions`` that are not options of the simulation.
+        ``function(data, **settings)`` of one data set (:class:`~skhoid.lab.studies.blocks.DataSet`)
+        with ``X``, ``y``, ``truth``, ``validation`` and ``record``; returns a number, a dict (one
+        row), or a list of dicts, dict of arrays or DataFrame (several rows). Settings are those
+        columns of ``conditions`` that are not options of the simulation.
     conditions : dict of lists, list of dicts or DataFrame
         The cells: all combinations of lists, or one per row (NaN in a DataFrame means not given).
         Columns are ``condition``, other options of :func:`skhoid.make_tracking_runs` such as
@@ -55,9 +55,9 @@ class MonteCarloStudy:
         Use the same noise in all cells, replication by replication, so that differences between
         cells are not due to noise (as in the thesis).
     batched : bool, default=False
-        ``function`` takes a :class:`~skhoid.lab.studies.Block` of replications instead, and returns
-        a table with a column ``replication``; for compiled work on many runs at once, which threads
-        can share.
+        ``function`` takes several replications (:class:`~skhoid.lab.studies.blocks.Block`) instead,
+        and returns a table with a column ``replication``; for compiled work on many runs at once,
+        which threads can share.
     block_size : int or None, default=None
         Replications that are simulated, computed and stored together; None means 32.
     random_state : int, RandomState, Generator or None, default=None
@@ -129,7 +129,7 @@ class MonteCarloStudy:
         self.channels = tuple(channels)
         rows = rows_of(conditions)
         self._cells = [read_cell(row, shared, function) for row in rows]
-        self.cells = uniform(pd.DataFrame(labels_of(rows)))
+        self.cells = uniform(pd.DataFrame([{k: label(v) for k, v in row.items()} for row in rows]))
         self._labels = self.cells.to_dict("records")
         if self.cells.duplicated().any():
             twice = self.cells[self.cells.duplicated()].iloc[0].to_dict()
@@ -186,8 +186,7 @@ class MonteCarloStudy:
         StudyFolderError
             If the folder belongs to a different study, or to none.
         WorkersLostError
-            If workers die repeatedly, or a cluster has none for a minute. All blocks except those
-            that kill their worker are finished first.
+            If workers die repeatedly. Blocks that do not kill their worker are finished first.
 
         Warns
         -----
@@ -198,7 +197,7 @@ class MonteCarloStudy:
         if out is not None:
             drawn, there = self.entropy, read_manifest(out)
             if self._drawn and there is not None:
-                self.entropy = int(there["entropy"])
+                self.entropy = int(there.get("entropy", drawn))
             try:
                 store = Store(out, self.description)
             except Exception:
@@ -270,7 +269,7 @@ class MonteCarloStudy:
         need = [job[0].remnant is not None and job[0].remnant.gain is None for job in jobs]
         if not any(need):
             return {i: job[0] for i, job in zip(chosen, jobs, strict=True)}
-        found = dict(results_of(jobs, _tune, n_jobs=n_jobs, threads=True))
+        found = dict(results_of(dict(enumerate(jobs)), _tune, n_jobs=n_jobs, threads=True))
         return {i: found[place] for place, i in enumerate(chosen)}
 
     def _job(self, task: CompensatoryTask | str, cell: int, replications: range) -> Job:
@@ -365,33 +364,17 @@ def rows_of(conditions: Any) -> list[dict[str, Any]]:
     return rows
 
 
-def labels_of(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The cells as text and numbers, for the columns of the results."""
-
-    def mark(value: Any) -> str:
-        return digest(described(value))
-
-    meant: dict[tuple[str, str], set[str]] = {}
-    labels = [{name: _label(value, mark) for name, value in row.items()} for row in rows]
-    for row, of_row in zip(rows, labels, strict=True):
-        for name, label in of_row.items():
-            if isinstance(label, str):
-                meant.setdefault((name, label), set()).add(mark(row[name]))
-    for row, of_row in zip(rows, labels, strict=True):
-        for name, label in of_row.items():
-            if isinstance(label, str) and len(meant[name, label]) > 1:
-                of_row[name] = f"{label} {mark(row[name])[:6]}"
-    return labels
-
-
-def _label(value: Any, mark: Callable[[Any], str]) -> Any:
+def label(value: Any) -> Any:
+    """A value of a cell as text or a number, for a column of the results."""
     if value is None or isinstance(value, (bool, int, float, str, np.bool_, np.number)):
         return value
     text = str(value)
     if len(text) <= LONGEST and not re.search(r"\bat 0x|\n", text):
         return text
-    name = getattr(value, "name", None) or getattr(value, "__name__", None)
-    return name if isinstance(name, str) else f"{type(value).__name__} {mark(value)[:6]}"
+    name = getattr(value, "name", None)
+    if isinstance(name, str):
+        return name
+    return f"{getattr(value, '__name__', type(value).__name__)} {digest(described(value))[:6]}"
 
 
 def read_cell(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -14,17 +14,14 @@ from ...arx.many_runs import PARAMETERS, fit_runs, search_delays
 from ...interpret import FROM_POLES
 from ...simulation import T_M, task_of, truth_of
 from .blocks import Block
-from .declared import STATES, Claim, PaperStudy, gains_of, range_text
-from .identity import identified_as
+from .declared import STATES, Claim, PaperStudy, range_text
 from .memory_horizons import FIRST_PART, KEPT, candidate_delays, shifted
-from .monte_carlo import MonteCarloStudy
 
 CELL = ["condition", "remnant_intensity"]
 TRANSITION = (T_M - 10.24, T_M + 10.24)  # s
 ENDS = ("ini", "fin")
 
 
-@identified_as("skhoid: parameter paths", version=1)
 def parameter_paths(
     block: Block, *, memory_horizon: float = 256.0, step: float = 0.32
 ) -> pd.DataFrame:
@@ -62,29 +59,6 @@ def parameter_paths(
     return pd.concat(tables)
 
 
-def _declare(
-    n_replications: int,
-    *,
-    conditions: Sequence[str],
-    intensities: Sequence[float],
-    memory_horizon: float,
-    step: float,
-    remnant_order: Any,
-    gains: str,
-    random_state: Any,
-) -> MonteCarloStudy:
-    return MonteCarloStudy(
-        partial(parameter_paths, memory_horizon=float(memory_horizon), step=float(step)),
-        {"condition": list(conditions), "remnant_intensity": [float(P) for P in intensities]},
-        n_replications,
-        simulation={"keep_run_in": KEPT, "remnant_order": remnant_order}
-        | gains_of(gains, intensities),
-        batched=True,
-        block_size=25,
-        random_state=random_state,
-    )
-
-
 def _summary(table: pd.DataFrame) -> pd.DataFrame:
     """Means and deviations over replications, averaged over the transition window."""
     names = [*PARAMETERS, *FROM_POLES]
@@ -94,34 +68,28 @@ def _summary(table: pd.DataFrame) -> pd.DataFrame:
     return over_time.groupby([*CELL, "form"]).mean()
 
 
-def _claims(summary: pd.DataFrame, table: pd.DataFrame) -> list[Claim]:
+def _claims(summary: pd.DataFrame, table: pd.DataFrame) -> Iterator[Claim]:
     sd = summary[[f"sd_{name}" for name in PARAMETERS]]
     noisy = sd[sd.index.get_level_values("remnant_intensity") > 0]
-    claims = []
     if len(noisy):
         ratio = noisy.xs("Lambda", level="form") / noisy.xs("lambda", level="form")
         a, b = ratio.iloc[:, :2], ratio.iloc[:, 2:]
-        claims.append(
-            Claim(
-                "Fig. 14",
-                "Λ makes the estimates notably steadier, those of a1 and a2 in particular",
-                f"deviations over those of λ: {range_text(a)} of a, {range_text(b)} of b",
-                bool((ratio < 1).all(axis=None) and a.to_numpy().max() < b.to_numpy().min()),
-            )
+        yield Claim(
+            "Fig. 14",
+            "Λ makes the estimates notably steadier, those of a1 and a2 in particular",
+            f"deviations over those of λ: {range_text(a)} of a, {range_text(b)} of b",
+            bool((ratio < 1).all(axis=None) and a.to_numpy().max() < b.to_numpy().min()),
         )
-        claims.append(_correlation_claim(table))
+        yield _correlation_claim(table)
         mean = summary[summary.index.get_level_values("remnant_intensity") > 0]
         omega, zeta = mean["mean_omega_nm"], mean["mean_zeta_nm"]
-        claims.append(
-            Claim(
-                "Fig. 15",
-                "omega_nm and zeta_nm are overestimated (11.25 rad/s and 0.35)",
-                f"{range_text(omega, 1)} rad/s and {range_text(zeta)}",
-                bool((omega > 11.25).all() and (zeta > 0.35).all()),
-            )
+        yield Claim(
+            "Fig. 15",
+            "omega_nm and zeta_nm are overestimated (11.25 rad/s and 0.35)",
+            f"{range_text(omega, 1)} rad/s and {range_text(zeta)}",
+            bool((omega > 11.25).all() and (zeta > 0.35).all()),
         )
-        claims += _lead_claims(table)
-    return claims
+        yield from _lead_claims(table)
 
 
 def _correlation_claim(table: pd.DataFrame) -> Claim:
@@ -140,7 +108,7 @@ def _correlation_claim(table: pd.DataFrame) -> Claim:
     )
 
 
-def _lead_claims(table: pd.DataFrame) -> list[Claim]:
+def _lead_claims(table: pd.DataFrame) -> Iterator[Claim]:
     """T_L where the element is mostly 1/s and where it is mostly 1/s²."""
     path = table[(table["form"] == "lambda") & (table["remnant_intensity"] > 0)]
     spreads = []
@@ -153,16 +121,13 @@ def _lead_claims(table: pd.DataFrame) -> list[Claim]:
             for chosen in (of["time"] < TRANSITION[0], of["time"] > TRANSITION[1])
         ][::order]
         spreads.append(double / single)
-    if not spreads:
-        return []
-    return [
-        Claim(
+    if spreads:
+        yield Claim(
             "Fig. 15",
             "no stable estimates of T_L where the element is mostly 1/s²",
             f"its interquartile range there is {range_text(spreads, 1)} times that at 1/s",
             bool(min(spreads) > 2),
         )
-    ]
 
 
 def _figures(table: pd.DataFrame) -> dict[str, Any]:
@@ -204,9 +169,11 @@ PATHS = PaperStudy(
         "remnant_order": 2,
         "gains": "table",
     },
-    _declare,
+    parameter_paths,
     _summary,
     _claims,
     _figures,
     ("fig14",),
+    {"keep_run_in": KEPT},
+    {"batched": True, "block_size": 25},
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -13,16 +13,13 @@ from ... import ARXRegressor, DelaySearchCV, FrequencyResponse, RecursiveARX, fo
 from ...interpret import arx_response, arx_response_covariance
 from ...simulation import task_of
 from .blocks import DataSet
-from .declared import INTENSITIES, STATES, Claim, PaperStudy, gains_of, range_text
-from .identity import identified_as
+from .declared import INTENSITIES, STATES, Claim, PaperStudy, range_text
 from .memory_horizons import candidate_delays
-from .monte_carlo import MonteCarloStudy
 
 CELL = ["condition", "remnant_intensity"]
 METHODS = ("fc", "batch", "recursive")
 
 
-@identified_as("skhoid: frequency responses", version=1)
 def responses_of(data: DataSet) -> pd.DataFrame:
     """Responses at the lines of the target, by three methods, for a :class:`MonteCarloStudy`."""
     task, target = data.task, data.task.target
@@ -52,24 +49,6 @@ def responses_of(data: DataSet) -> pd.DataFrame:
             )
             for name, response in found.items()
         ]
-    )
-
-
-def _declare(
-    n_replications: int,
-    *,
-    conditions: Sequence[str],
-    intensities: Sequence[float],
-    remnant_order: Any,
-    gains: str,
-    random_state: Any,
-) -> MonteCarloStudy:
-    return MonteCarloStudy(
-        responses_of,
-        {"condition": list(conditions), "remnant_intensity": [float(P) for P in intensities]},
-        n_replications,
-        simulation={"remnant_order": remnant_order} | gains_of(gains, intensities),
-        random_state=random_state,
     )
 
 
@@ -110,19 +89,16 @@ def _sd(values: np.ndarray) -> np.ndarray:
     return values.std(axis=0, ddof=1)
 
 
-def _claims(summary: pd.DataFrame, table: pd.DataFrame) -> list[Claim]:
+def _claims(summary: pd.DataFrame, table: pd.DataFrame) -> Iterator[Claim]:
     quiet = summary[summary.index.get_level_values("remnant_intensity") == 0]
     noisy = summary[summary.index.get_level_values("remnant_intensity") > 0]
-    claims = []
     if len(quiet):
         bias = quiet["bias"].abs()
-        claims.append(
-            Claim(
-                "App. I",
-                "without remnant all three methods find the operator",
-                f"magnitudes within {100 * bias.max():.1f} %",
-                bool(bias.max() < 0.05),
-            )
+        yield Claim(
+            "App. I",
+            "without remnant all three methods find the operator",
+            f"magnitudes within {100 * bias.max():.1f} %",
+            bool(bias.max() < 0.05),
         )
     if len(noisy):
         spread = noisy["relative_sd"].groupby(["condition", "method"]).median()
@@ -130,26 +106,21 @@ def _claims(summary: pd.DataFrame, table: pd.DataFrame) -> list[Claim]:
             spread[condition]["fc"] / spread[condition]["batch"]
             for condition in spread.index.get_level_values("condition").unique()
         ]
-        claims.append(
-            Claim(
-                "App. I",
-                "with remnant Fourier coefficients scatter more than ARX models",
-                f"median complex deviations {range_text(more, 1)} times those of batch models",
-                bool(min(more) > 1),
-            )
+        yield Claim(
+            "App. I",
+            "with remnant Fourier coefficients scatter more than ARX models",
+            f"median complex deviations {range_text(more, 1)} times those of batch models",
+            bool(min(more) > 1),
         )
         ratio = noisy["stated_over_ensemble"].groupby("method").median()
-        claims.append(
-            Claim(
-                "App. I",
-                "stated deviations (Eq. H.9) are consistent with those of the ensemble",
-                f"in the median {ratio['batch']:.2f} times those for batch models, "
-                f"{ratio['recursive']:.2f} times for recursive ones: too small, because the "
-                "equation error is coloured and P0 = I still holds the recursion back",
-                bool(ratio["batch"] > 2 / 3),
-            )
+        yield Claim(
+            "App. I",
+            "stated deviations (Eq. H.9) are consistent with those of the ensemble",
+            f"in the median {ratio['batch']:.2f} times those for batch models, "
+            f"{ratio['recursive']:.2f} times for recursive ones: too small, because the "
+            "equation error is coloured and P0 = I still holds the recursion back",
+            bool(ratio["batch"] > 2 / 3),
         )
-    return claims
 
 
 def _figures(table: pd.DataFrame) -> dict[str, Any]:
@@ -171,7 +142,7 @@ RESPONSES = PaperStudy(
     "frequency responses by three methods",
     "Frequency responses by Fourier coefficients, batch and recursive ARX models (App. I)",
     {"conditions": STATES, "intensities": INTENSITIES, "remnant_order": 2, "gains": "table"},
-    _declare,
+    responses_of,
     _summary,
     _claims,
     _figures,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
-import time
+import timeit
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from numbers import Integral, Real
 from pathlib import Path
@@ -24,23 +25,14 @@ from ...text import Document, Item, Items, Paragraph, Told
 from .monte_carlo import MonteCarloStudy
 from .tournament_conditions import SIZES, Change, TournamentCell, tournament_cells
 from .tournament_methods import TOURNAMENT_METHODS, TournamentMethod, available_methods
-from .tournament_result import TournamentResult
-from .tournament_scores import (
-    DATA_SET,
-    FOLLOWED,
-    LOWEST_VAF,
-    QUESTIONS,
-    losses,
-    method_figures,
-    question_of,
-    tuning_scores,
-)
+from .tournament_result import DATA_SET, QUESTIONS, TournamentResult, losses, question_of
+from .tournament_scores import FOLLOWED, LOWEST_VAF, method_figures, tuning_scores
 from .workers import progress_bar
 
 SIMULATION = {"run_in": 20.0}  # s
 
 
-def groups_of(cells: Sequence[TournamentCell]) -> dict[str, list[TournamentCell]]:
+def _groups(cells: Sequence[TournamentCell]) -> dict[str, list[TournamentCell]]:
     """The cells that are tuned together."""
     groups: dict[str, list[TournamentCell]] = {}
     for cell in cells:
@@ -48,80 +40,51 @@ def groups_of(cells: Sequence[TournamentCell]) -> dict[str, list[TournamentCell]
     return groups
 
 
-def spread(cells: Sequence[TournamentCell], n_data_sets: int) -> tuple[list[TournamentCell], int]:
-    """At most so many cells, evenly from all, and replications of each, for so many data sets."""
-    places = np.linspace(0, len(cells) - 1, min(n_data_sets, len(cells))).round().astype(int)
-    chosen = [cells[place] for place in places]
-    return chosen, math.ceil(n_data_sets / len(chosen))
-
-
-def tuned(
+def _tune(
     method: TournamentMethod,
     cells: Sequence[TournamentCell],
     n_data_sets: int,
-    options: dict[str, Any],
+    make: Callable[..., MonteCarloStudy],
     run: Callable[[MonteCarloStudy, Path], pd.DataFrame],
 ) -> pd.DataFrame:
     """Mean validation VAF of each setting in each group, and which setting is taken.
 
-    ``options`` are the delay, the number of validation runs and the seed; ``run`` runs a study in
-    a folder of this name.
+    Each setting is tried on so many data sets, evenly from all cells of a group; ``make`` makes a
+    study of some cells, ``run`` runs it in a folder.
     """
-    rows = []
-    for number, (group, members) in enumerate(groups_of(cells).items()):
-        scores = np.full(len(method.settings), np.nan)
-        failed = np.zeros(len(method.settings))
-        if len(method.settings) > 1:
-            some, n_replications = spread(members, n_data_sets)
-            study = MonteCarloStudy(
-                partial(tuning_scores, method=method.name, delay=options["delay"]),
-                [cell.row() for cell in some],
-                n_replications,
-                n_validation_runs=options["n_validation"],
-                simulation=simulation_of(some, method),
-                block_size=1,
-                random_state=options["seed"],
-            )
-            table = run(study, Path("tuning") / method.name / f"group {number}")
-            table = table.reindex(columns=["setting", "vaf", "failure", "error"])
-            found = table["vaf"].fillna(LOWEST_VAF).groupby(table["setting"]).mean()
-            scores = found.reindex(range(len(method.settings))).to_numpy(float)
-            lost = (table["failure"].notna() | table["error"].notna()).groupby(table["setting"])
-            failed = 100.0 * lost.mean().reindex(range(len(scores))).fillna(100.0).to_numpy()
-        best = int(np.nanargmax(scores)) if np.isfinite(scores).any() else 0
-        rows += [
+    tables = []
+    settings = range(len(method.settings))
+    for number, (group, members) in enumerate(_groups(cells).items()):
+        found = pd.DataFrame(
             {
                 "method": method.name,
                 "group": group,
                 "knob": method.knob,
-                "setting": str(setting),
-                "vaf": scores[place],
-                "failed": failed[place],
-                "chosen": place == best,
+                "setting": list(map(str, method.settings)),
+                "vaf": np.nan,
+                "failed": 0.0,
+                "chosen": [place == 0 for place in settings],
             }
-            for place, setting in enumerate(method.settings)
-        ]
-    return pd.DataFrame(rows)
+        )
+        if len(settings) > 1:
+            places = np.linspace(0, len(members) - 1, min(n_data_sets, len(members))).round()
+            some = [members[int(place)] for place in places]
+            study = make(some, math.ceil(n_data_sets / len(some)))
+            table = run(study, Path("tuning") / method.name / f"group {number}")
+            table = table.reindex(columns=["setting", "vaf", "failure", "error"])
+            lost = table["failure"].notna() | table["error"].notna()
+            vaf = table["vaf"].fillna(LOWEST_VAF).groupby(table["setting"]).mean().reindex(settings)
+            found["vaf"] = vaf.to_numpy()
+            found["failed"] = (
+                100.0 * lost.groupby(table["setting"]).mean().reindex(settings).fillna(1.0)
+            ).to_numpy()
+            if vaf.notna().any():
+                found["chosen"] = np.arange(len(settings)) == np.nanargmax(vaf)
+        tables.append(found)
+    return pd.concat(tables, ignore_index=True)
 
 
-def simulation_of(cells: Sequence[TournamentCell], method: TournamentMethod) -> dict[str, Any]:
-    """Options of the simulation; a whole task has its own run-in."""
-    whole = any("sampling_rate" not in cell.row() for cell in cells)
-    return {"channels": method.channels} | ({} if whole else SIMULATION)
-
-
-def chosen_settings(
-    method: TournamentMethod, tuning: pd.DataFrame, cells: Sequence[TournamentCell]
-) -> dict[str, Any]:
-    """The setting of a method in each cell, by the cell's name, from the tuning of the method."""
-    by_group = {
-        group: method.settings[int(np.argmax(part["chosen"].to_numpy()))]
-        for group, part in tuning.groupby("group", sort=False)
-    }
-    return {cell.name: by_group[cell.group] for cell in cells}
-
-
-def watching(settings: dict[str, Any], cells: Sequence[TournamentCell]) -> dict[str, Any]:
+def _watching(settings: dict[str, Any], cells: Sequence[TournamentCell]) -> dict[str, Any]:
     """The settings with which changes are watched for: where nothing changes, those that the method
     has where something does, with the same remnant; else its own.
     """
@@ -135,8 +98,6 @@ def watching(settings: dict[str, Any], cells: Sequence[TournamentCell]) -> dict[
 # Replications of fast and slow methods, and data sets that each setting is tried on.
 NUMBERS = {"full": (16, 4, 8), "small": (4, 1, 2)}
 TUNING, EVALUATION = 1, 2  # spawn keys of the seeds
-OF_CELL = ("family", "kind", "group")
-DT = 0.01  # s, of the run whose cost is measured
 AT_ONCE = 4  # replications of a block
 
 
@@ -226,8 +187,8 @@ def run_tournament(
     fast, slow, n_tuning = NUMBERS[size]
     if n_replications is not None:
         fast = slow = n_replications
-    options = {"delay": delay, "n_validation": n_validation, "seed": _seed(random_state, TUNING)}
-    n_studies = sum(1 + len(groups_of(cells)) * (len(m.settings) > 1) for m in chosen)
+    rows = {cell.name: cell for cell in cells}
+    n_studies = sum(1 + len(_groups(cells)) * (len(m.settings) > 1) for m in chosen)
     tables, tunings = [], []
     with progress_bar(progress, n_studies, 0, "tournament") as advance:
 
@@ -237,62 +198,41 @@ def run_tournament(
             advance()
             return found
 
+        tune_on = partial(
+            _study, n_validation_runs=n_validation, random_state=_seed(random_state, TUNING)
+        )
         for method in chosen:
-            tuning = tuned(method, cells, n_tuning, options, run)
-            settings = chosen_settings(method, tuning, cells)
-            study = MonteCarloStudy(
-                partial(
-                    method_figures,
-                    method=method.name,
-                    settings=settings,
-                    watching=watching(settings, cells),
-                    delay=delay,
-                ),
-                [cell.row() for cell in cells],
-                slow if method.slow else fast,
+            scores = partial(tuning_scores, method=method.name, delay=delay)
+            tuning = _tune(method, cells, n_tuning, partial(tune_on, scores, method), run)
+            taken = {
+                group: method.settings[int(np.argmax(part["chosen"]))]
+                for group, part in tuning.groupby("group", sort=False)
+            }
+            settings = {cell.name: taken[cell.group] for cell in cells}
+            n, at_once = (slow, 1) if method.slow else (fast, AT_ONCE)
+            watching = _watching(settings, cells)
+            options = {"settings": settings, "watching": watching, "delay": delay}
+            study = _study(
+                partial(method_figures, method=method.name, **options),
+                method,
+                cells,
+                n,
+                block_size=at_once,
                 n_validation_runs=n_validation,
-                simulation=simulation_of(cells, method),
-                block_size=1 if method.slow else AT_ONCE,
                 random_state=_seed(random_state, EVALUATION),
             )
-            found = run(study, Path("evaluation") / method.name)
-            tables.append(_told(found, method, settings, cells))
+            table = run(study, Path("evaluation") / method.name)
+            for place, name in enumerate(("family", "kind", "group"), 1):
+                table.insert(place, name, [getattr(rows[cell], name) for cell in table["cell"]])
+            table["method"] = method.name  # also of data sets that failed
+            table["setting"] = [str(settings[cell]) for cell in table["cell"]]
+            tables.append(table)
             tunings.append(tuning)
     table = pd.concat(tables, ignore_index=True)
     if table["error"].notna().all():
         raise ValueError(f"Every simulated run failed. The first error: {table['error'].iloc[0]}")
     tuning = pd.concat(tunings, ignore_index=True)
-    return TournamentResult(
-        table=table,
-        tuning=tuning,
-        methods=_table_of_methods(chosen, slow, fast),
-        cost=measured_cost(chosen, tuning),
-        notes=notes,
-    )
-
-
-def _seed(random_state: int, key: int) -> int:
-    sequence = np.random.SeedSequence(int(random_state), spawn_key=(key,))
-    return int.from_bytes(sequence.generate_state(4).tobytes(), "little")
-
-
-def _told(
-    table: pd.DataFrame,
-    method: TournamentMethod,
-    settings: dict[str, Any],
-    cells: Sequence[TournamentCell],
-) -> pd.DataFrame:
-    """The table with what is known of the cells and the method."""
-    of_cells = {cell.name: asdict(cell) | {"group": cell.group} for cell in cells}
-    for name in reversed(OF_CELL):
-        table.insert(1, name, [of_cells[cell][name] for cell in table["cell"]])
-    table["method"] = method.name  # also of data sets that failed
-    table["setting"] = [str(settings[cell]) for cell in table["cell"]]
-    return table
-
-
-def _table_of_methods(methods: Sequence[TournamentMethod], slow: int, fast: int) -> pd.DataFrame:
-    rows = [
+    methods_table = pd.DataFrame(
         {
             "method": method.name,
             "label": method.label,
@@ -303,43 +243,60 @@ def _table_of_methods(methods: Sequence[TournamentMethod], slow: int, fast: int)
             "oracle": method.is_oracle,
             "n_replications": slow if method.slow else fast,
         }
-        for method in methods
-    ]
-    return pd.DataFrame(rows).set_index("method")
+        for method in chosen
+    )
+    return TournamentResult(
+        table=table,
+        tuning=tuning,
+        methods=methods_table.set_index("method"),
+        cost=_measure_cost(chosen, tuning),
+        notes=notes,
+    )
 
 
-def measured_cost(methods: Sequence[TournamentMethod], tuning: pd.DataFrame) -> pd.Series:
+def _study(
+    function: Callable[..., Any],
+    method: TournamentMethod,
+    cells: Sequence[TournamentCell],
+    n_replications: int,
+    block_size: int = 1,
+    **options: Any,
+) -> MonteCarloStudy:
+    """A study of some cells, on channels that the method needs."""
+    whole = any("sampling_rate" not in cell.row() for cell in cells)  # and has its own run-in
+    return MonteCarloStudy(
+        function,
+        [cell.row() for cell in cells],
+        n_replications,
+        simulation={"channels": method.channels} | ({} if whole else SIMULATION),
+        block_size=block_size,
+        **options,
+    )
+
+
+def _seed(random_state: int, key: int) -> int:
+    sequence = np.random.SeedSequence(int(random_state), spawn_key=(key,))
+    return int.from_bytes(sequence.generate_state(4).tobytes(), "little")
+
+
+def _measure_cost(methods: Sequence[TournamentMethod], tuning: pd.DataFrame) -> pd.Series:
     """Microseconds per sample of ``fit``, on this machine: the shortest of three fits of one run.
 
     The setting is the one most often chosen; slow methods are fitted once.
     """
-    X, y, truth = make_tracking_runs(
-        "C4",
-        1,
-        remnant_intensity=0.15,
-        channels=("e", "f_t"),
-        run_in=20.0,
-        random_state=0,
-        return_truth=True,
-    )
+    options: dict[str, Any] = {"remnant_intensity": 0.15, "channels": ("e", "f_t")} | SIMULATION
+    X, y, truth = make_tracking_runs("C4", 1, random_state=0, return_truth=True, **options)
     costs = {}
     for method in methods:
         taken = tuning[tuning["chosen"] & (tuning["method"] == method.name)]["setting"]
         common = taken.mode().iloc[0]
         setting = next(s for s in method.settings if str(s) == common)
-        spent = []
-        for _ in range(1 if method.slow else 3):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                begin = time.perf_counter()
-                try:
-                    method.estimator(DT, truth.nk, setting, truth.parameters).fit(
-                        X[list(method.channels)], y
-                    )
-                except Exception:  # it is in the table
-                    spent.append(np.nan)
-                    continue
-                spent.append(time.perf_counter() - begin)
+        model = method.estimator(0.01, truth.nk, setting, truth.parameters)
+        fit = partial(model.fit, X[list(method.channels)], y)
+        spent = [np.nan]
+        with warnings.catch_warnings(), contextlib.suppress(Exception):  # which is in the table
+            warnings.simplefilter("ignore")
+            spent = timeit.repeat(fit, number=1, repeat=1 if method.slow else 3)
         costs[method.name] = 1e6 * float(np.min(spent)) / len(y)
     return pd.Series(costs, name="cost")
 
@@ -369,13 +326,6 @@ class MethodAdvice(Told):
         Which parameter, if the question is about one.
     result : TournamentResult
         All figures.
-
-    Examples
-    --------
-    >>> from skhoid.lab.studies import recommend_method
-    >>> advice = recommend_method("C4", 0.15, methods=["rls", "arx"], n_replications=2)
-    >>> advice.estimator
-    RecursiveARX(memory_time=5.12, nk=29, store_covariance=True)
     """
 
     method: str
@@ -387,23 +337,15 @@ class MethodAdvice(Told):
     result: TournamentResult
 
     def __repr__(self) -> str:
-        return str(self)
-
-    def __str__(self) -> str:
         return str(self.summary())
 
     def document(self) -> Document:
-        """Which method, how much better it is than others, and the estimator to fit.
-
-        Returns
-        -------
-        document : Document
-        """
+        """Which method, how much better it is than others, and the estimator to fit."""
         question, best = QUESTIONS[self.question], self.ranking.iloc[0]
         label = TOURNAMENT_METHODS[self.method].label
         title = (
-            f"To {question.worded(self.parameter)}: {self.method} ({label}); {question.loss} "
-            f"{best['loss']:.3g} {question.unit}."
+            f"To {question.asks.format(parameter=self.parameter)}: {self.method} ({label}); "
+            f"{question.loss} {best['loss']:.3g} {question.unit}."
         )
         others = [name for name in self.close if name != self.method]
         alike = "All other methods are worse by more than two standard errors."
@@ -429,18 +371,18 @@ class MethodAdvice(Told):
         )
 
     def plot(self, kind: str = "bias", **options: Any) -> Any:
-        """Draw the tournament behind it.
+        """Draw the tournament behind it, as :meth:`TournamentResult.plot` does.
 
         Parameters
         ----------
         kind : {"bias", "settling", "winners"}, default="bias"
-            As for :meth:`TournamentResult.plot`.
+            What to draw.
         **options
             Of the display.
 
         Returns
         -------
-        display : Display
+        display : TournamentDisplay
         """
         return self.result.plot(kind, **options)
 
@@ -466,9 +408,7 @@ def recommend_method(
     remnant_order: Any = 2,
     n_replications: int = 10,
     n_validation: int = 3,
-    delay: str = "true",
     random_state: int = 0,
-    out: str | os.PathLike[str] | None = None,
     n_jobs: int | None = None,
     progress: bool | None = None,
 ) -> MethodAdvice:
@@ -501,12 +441,8 @@ def recommend_method(
         Runs for each intensity.
     n_validation : int, default=3
         Validation runs for each intensity.
-    delay : {"true", "searched"}, default="true"
-        What methods are told that do not estimate the delay, as for :func:`run_tournament`.
     random_state : int, default=0
         Source of all randomness.
-    out : path or None, default=None
-        Folder in which finished blocks are kept; see :meth:`MonteCarloStudy.run`.
     n_jobs : int or None, default=None
         Number of workers, as in joblib.
     progress : bool or None, default=None
@@ -557,9 +493,7 @@ def recommend_method(
         size="small",
         n_replications=n_replications,
         n_validation=n_validation,
-        delay=delay,
         random_state=random_state,
-        out=out,
         n_jobs=n_jobs,
         progress=progress,
     )
@@ -607,10 +541,9 @@ def _advice(
     best = str(order.index[0])
     apart = found[order.index].sub(found[best], axis=0)
     error = _paired_error(apart)
-    taken = result.tuning[result.tuning["chosen"]].drop_duplicates("method", keep="first")
-    if (result.tuning["group"].str.startswith("changing")).any():
-        changing = result.tuning["group"].str.startswith("changing")
-        taken = result.tuning[result.tuning["chosen"] & changing].drop_duplicates("method")
+    taken = result.tuning[result.tuning["chosen"]]
+    changing = taken["group"].str.startswith("changing")
+    taken = (taken[changing] if changing.any() else taken).drop_duplicates("method")
     ranking = pd.DataFrame(
         {
             "loss": order,
@@ -628,7 +561,7 @@ def _advice(
     nk = delay_samples(task.operator, 1 / task.sampling_rate, nearest=True)
     return MethodAdvice(
         method=best,
-        estimator=how.make(1 / task.sampling_rate, nk, setting),
+        estimator=how.estimator(1 / task.sampling_rate, nk, setting),
         close=ranking.index[near].tolist(),
         ranking=ranking,
         question=question,

@@ -25,21 +25,7 @@ _CONDITIONS = {
 
 @dataclass(frozen=True)
 class Points:
-    """A weight with given values at instants, linear between them.
-
-    Parameters
-    ----------
-    times : tuple of float
-        In s, increasing.
-    values : tuple of float
-        From 0 to 1.
-
-    Examples
-    --------
-    >>> from skhoid.lab.studies.tournament_conditions import Points
-    >>> Points((10.0, 20.0), (0.0, 1.0))([5.0, 15.0, 25.0])
-    array([0. , 0.5, 1. ])
-    """
+    """A weight with given values (0 to 1) at instants (s), linear between them."""
 
     times: tuple[float, ...]
     values: tuple[float, ...]
@@ -268,16 +254,10 @@ MARGIN = 1 / 16  # of the duration, at least, from its ends
 
 @dataclass(frozen=True)
 class Change:
-    """When a task's parameters change, in seconds of the run.
+    """From when to when a run is judged (s), and when its task's parameters change.
 
-    Parameters
-    ----------
-    start : float
-        From when on estimates are judged.
-    end : float
-        Duration of the run.
-    times : tuple of float or None
-        When 5, 50 and 95 % of the way of all parameters have been gone; None if nothing changes.
+    ``times`` are those when 5, 50 and 95 % of the way of all parameters have been gone; None if
+    nothing changes.
     """
 
     start: float
@@ -298,18 +278,10 @@ class Change:
         return self.start, max(last, self.start)
 
     def windows(self, time: np.ndarray) -> dict[str, np.ndarray]:
-        """Which instants lie in each window.
+        """Which instants lie in each window: all, and before, around and after a change.
 
-        Parameters
-        ----------
-        time : ndarray of shape (n_instants,)
-
-        Returns
-        -------
-        windows : dict of ndarray of bool
-            ``"all"``, and if something changes ``"before"``, ``"around"`` and ``"after"``:
-            around is an eighth of the duration on either side of the middle between 5 and 95 % of
-            the change, or a sixteenth from these, whichever is longer.
+        Around is an eighth of the duration on either side of the middle between 5 and 95 % of the
+        change, or a sixteenth from these, whichever is longer.
         """
         judged = time >= self.start
         if self.times is None:

@@ -3,17 +3,193 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from ...exceptions import did_you_mean
 from ...io import check_table_format, save_figure, write_tables
-from ...text import Document, Item, Items, Paragraph, TextTable
-from .tournament_scores import FOLLOWED, QUESTIONS, detection_table, losses, question_of, ranked
+from ...text import Document, Item, Items, Paragraph, TextTable, Told
+from .tournament_scores import ALARMS, FOLLOWED, LOWEST_VAF, PARAMETERS, THRESHOLDS
+
+WORST_LOSS = 100.0  # %, of a method without an estimate
+DATA_SET = ["cell", "replication"]
+FALSE_ALARMS = 0.1
+
+
+class Question(NamedTuple):
+    """A question in words, what is smaller in a better method, and the unit of that."""
+
+    asks: str
+    loss: str
+    unit: str
+
+
+QUESTIONS = {
+    "follow": Question("follow {parameter} over time", "RMSE over time", "%"),
+    "final": Question("find {parameter} after the change", "RMSE after the change", "%"),
+    "detect": Question("see from K_edot that something changed", "time to the alarm", "s"),
+    "predict": Question("predict the output", "validation VAF below 100 %", "points"),
+    "delay": Question("follow the delay tau_e", "RMSE over time", "%"),
+}
+
+
+def question_of(name: str) -> Question:
+    """A question by its name."""
+    if name not in QUESTIONS:
+        raise ValueError(
+            f"question must be one of {list(QUESTIONS)}; got {name!r}."
+            f"{did_you_mean(str(name), QUESTIONS)}"
+        )
+    return QUESTIONS[name]
+
+
+def losses(table: pd.DataFrame, question: str, parameter: str = FOLLOWED) -> pd.DataFrame:
+    """Loss of each method on each data set; NaN where a method has not been tried.
+
+    A method that gives no estimate has the largest loss there is: 100 %, a VAF of -100 %, or an
+    alarm at the end of the run. An alarm before 5 % of the change counts as one at the end too.
+    """
+    question_of(question)
+    if parameter not in PARAMETERS:
+        raise ValueError(
+            f"parameter must be one of {list(PARAMETERS)}; got {parameter!r}."
+            f"{did_you_mean(str(parameter), PARAMETERS)}"
+        )
+    shown = {"follow": parameter, "final": parameter, "delay": "tau_e"}.get(question, FOLLOWED)
+    rows = table[table["parameter"] == shown]
+    if question in ("final", "detect"):
+        rows = rows[rows["kind"] == "changing"]
+    if rows.empty:
+        raise ValueError(
+            f"No data set answers the question {question!r}"
+            + (
+                ": nothing changes in them."
+                if question in ("final", "detect")
+                else " (no method does)."
+            )
+        )
+    if question == "predict":
+        vaf = rows["vaf"].fillna(LOWEST_VAF).clip(lower=LOWEST_VAF)
+        rows = rows.assign(loss=100.0 - vaf)
+    elif question == "detect":
+        rows = _alarms(rows, table)
+    else:
+        rows = rows.assign(
+            loss=rows["rmse_after" if question == "final" else "rmse_all"].fillna(WORST_LOSS)
+        )
+    order = [method for method in dict.fromkeys(table["method"]) if method in set(rows["method"])]
+    cells = list(dict.fromkeys(rows["cell"]))
+    wide = rows.pivot(index=DATA_SET, columns="method", values="loss")
+    return wide[order].reindex(cells, level="cell")
+
+
+def _alarms(rows: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
+    """Rows of changed runs with the time to the alarm, at one false alarm in ten."""
+    quiet = table[(table["parameter"] == FOLLOWED) & (table["kind"] == "constant")]
+    if quiet.empty:
+        raise ValueError(
+            "The question 'detect' needs cells in which nothing changes, for its false alarms."
+        )
+    parts = []
+    for method, of_method in rows.groupby("method", sort=False):
+        own = quiet[quiet["method"] == method]
+        for P_n, part in of_method.groupby("group", sort=False):
+            same = own[own["group"] == P_n.replace("changing", "constant")]
+            at = threshold_of((own if same.empty else same)["peak"].to_numpy())
+            times = alarm_times(part, at)
+            with np.errstate(invalid="ignore"):
+                good = times >= part["change_begins"].to_numpy(float)
+            left = part["change_left"].to_numpy(float)
+            wait = np.where(good, np.abs(times - part["change_time"].to_numpy(float)), left)
+            parts.append(part.assign(loss=wait))
+    return pd.concat(parts)
+
+
+def rank(losses: pd.DataFrame) -> pd.DataFrame:
+    """Methods by the median over cells of their median loss in a cell, the best first.
+
+    ``won`` is the share of cells in which a method's median loss is the lowest, in %, ``n`` the
+    number of its data sets.
+    """
+    of_cells = losses.groupby("cell", sort=False).median()
+    winner = of_cells.dropna(how="all").idxmin(axis=1)
+    found = pd.DataFrame(
+        {
+            "loss": of_cells.median(),
+            "mean": of_cells.mean(),
+            "worst": of_cells.max(),
+            "won": 100.0 * winner.value_counts(normalize=True).reindex(losses.columns).fillna(0.0),
+            "n": losses.count(),
+        }
+    )
+    found.index.name = "method"
+    return found.sort_values(["loss", "mean"], kind="stable")
+
+
+def roc_area(changed: np.ndarray, constant: np.ndarray) -> float:
+    """Area under the ROC of peaks: the share of pairs in which the changed run has the larger one.
+
+    Runs without an estimate count as peaks of zero (Mann and Whitney; Hanley and McNeil 1982).
+    """
+    changed, constant = (np.nan_to_num(np.asarray(x, float)) for x in (changed, constant))
+    if not changed.size or not constant.size:
+        return np.nan
+    larger = (changed[:, None] > constant).mean()
+    return float(larger + 0.5 * (changed[:, None] == constant).mean())
+
+
+def threshold_of(constant: np.ndarray) -> int | None:
+    """Position of the first threshold that at most one in ten constant runs exceeds."""
+    constant = np.nan_to_num(np.asarray(constant, float))
+    if not constant.size:
+        return None
+    shares = (constant[:, None] >= THRESHOLDS).mean(axis=0)
+    enough = np.flatnonzero(shares <= FALSE_ALARMS)
+    return int(enough[0]) if enough.size else None
+
+
+def detect(table: pd.DataFrame) -> pd.DataFrame:
+    """Detection by method and remnant intensity, from rows of K_edot.
+
+    ``roc_area``; and at one false alarm in ten ``threshold``, the shares ``found``, ``missed`` and
+    ``too_early`` (before ``change_begins``) of changed runs, and the median ``delay`` of those
+    found after the middle of the change, in s.
+    """
+    rows = []
+    keys = ["method", *(["remnant_intensity"] if "remnant_intensity" in table else [])]
+    for key, part in table.groupby(keys, sort=False, dropna=False):
+        changed, constant = part[part["kind"] == "changing"], part[part["kind"] == "constant"]
+        if changed.empty or constant.empty:
+            continue
+        at = threshold_of(constant["peak"].to_numpy())
+        times = alarm_times(changed, at)
+        early = times < changed["change_begins"].to_numpy(float)
+        missed = np.isnan(times)
+        delay = (times - changed["change_time"].to_numpy(float))[~early & ~missed]
+        rows.append(
+            dict(zip(keys, key, strict=True))
+            | {
+                "roc_area": roc_area(changed["peak"].to_numpy(), constant["peak"].to_numpy()),
+                "threshold": np.nan if at is None else float(THRESHOLDS[at]),
+                "found": float((~early & ~missed).mean()),
+                "missed": float(missed.mean()),
+                "too_early": float(early.mean()),
+                "delay": float(np.median(delay)) if delay.size else np.nan,
+            }
+        )
+    return pd.DataFrame(rows).set_index(keys) if rows else pd.DataFrame()
+
+
+def alarm_times(rows: pd.DataFrame, threshold: int | None) -> np.ndarray:
+    """When each run gives its alarm at a threshold; NaN if it gives none."""
+    if threshold is None:
+        return np.full(len(rows), np.nan)
+    return rows[ALARMS[threshold]].to_numpy(float)
+
 
 TABLES = ("table", "tuning", "methods", "cost", "notes")
 KINDS = {True: "Causal", False: "Offline"}
@@ -22,7 +198,7 @@ PICTURES = ("winners", "bias", "settling")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TournamentResult:
+class TournamentResult(Told):
     """What a tournament of methods found.
 
     Parameters
@@ -51,8 +227,6 @@ class TournamentResult:
     >>> result = run_tournament(["rls", "arx"], cells, size="small", n_replications=2)
     >>> result.best("follow", causal=True)
     'rls'
-    >>> result.ranking("predict").index.tolist()
-    ['rls', 'arx']
     """
 
     table: pd.DataFrame
@@ -83,7 +257,7 @@ class TournamentResult:
             ``mean`` and ``worst`` over cells, ``won``, the share of cells in % in which it is the
             lowest of those ranked, and ``n`` data sets.
         """
-        return ranked(self._losses(question, causal, parameter))
+        return rank(self._losses(question, causal, parameter))
 
     def best(
         self, question: str = "follow", *, causal: bool | None = None, parameter: str = FOLLOWED
@@ -144,9 +318,8 @@ class TournamentResult:
         -------
         text : str
         """
-        asked = question_of(question)
-        of = f" of {parameter}" if question in ("follow", "final") else ""
-        return f"{asked.loss}{of}, {asked.unit}"
+        _, loss, unit = question_of(question)
+        return f"{loss}{f' of {parameter}' if question in ('follow', 'final') else ''}, {unit}"
 
     @property
     def cells(self) -> pd.DataFrame:
@@ -192,17 +365,13 @@ class TournamentResult:
         }
         return pd.DataFrame(found)
 
-    def summary(
-        self, window: str = "all", *, family: str | Sequence[str] | None = None
-    ) -> pd.DataFrame:
+    def by_method(self, window: str = "all") -> pd.DataFrame:
         """The same of each method, over cells.
 
         Parameters
         ----------
         window : {"all", "before", "around", "after"}, default="all"
             Part of the run.
-        family : str, sequence of str or None, default=None
-            Only cells of these families: "condition", "shape", "50 Hz", "element".
 
         Returns
         -------
@@ -211,51 +380,27 @@ class TournamentResult:
             ``failed``, ``coverage`` and ``diverged``.
         """
         found = self.by_cell(window)
-        if family is not None:
-            wanted = [family] if isinstance(family, str) else list(family)
-            cells = self.cells.index[self.cells["family"].isin(wanted)]
-            found = found[found.index.get_level_values("cell").isin(cells)]
-            if found.empty:
-                raise ValueError(
-                    f"No cell is of the family {family!r}; there are "
-                    f"{', '.join(dict.fromkeys(self.cells['family']))}."
-                )
-        means = ["failed", "coverage", "diverged"]
-        found = found.assign(bias=found["bias"].abs())
-        grouped = found.groupby(["method", "parameter"], sort=False)
-        return pd.DataFrame(
-            {
-                name: grouped[name].mean() if name in means else grouped[name].median()
-                for name in found
-            }
+        grouped = found.assign(bias=found["bias"].abs()).groupby(
+            ["method", "parameter"], sort=False
         )
+        means = ["failed", "coverage", "diverged"]
+        return grouped.median().assign(**{name: grouped[name].mean() for name in means})
 
-    def detection(self, by: str | Sequence[str] = "remnant_intensity") -> pd.DataFrame:
+    def detection(self) -> pd.DataFrame:
         """How well changes are seen in K_edot(t), with one detector for all methods.
-
-        Parameters
-        ----------
-        by : str or sequence of str, default="remnant_intensity"
-            Columns of the table within which changed and constant runs are compared.
 
         Returns
         -------
         detection : DataFrame
-            By method: ``roc_area``; with one false alarm in ten ``threshold`` of the change of ln
-            K_edot, shares ``found``, ``missed``, ``too_early``, and the median ``delay`` in s of
-            those found.
+            By method and remnant intensity: ``roc_area``; with one false alarm in ten ``threshold``
+            of the change of ln K_edot, shares ``found``, ``missed``, ``too_early``, and the median
+            ``delay`` in s of those found.
         """
-        by = [by] if isinstance(by, str) else list(by)
-        rows = self.table[self.table["parameter"] == FOLLOWED]
-        found = detection_table(rows, by)
-        return found.set_index(["method", *by]) if len(found) else found
+        return detect(self.table[self.table["parameter"] == FOLLOWED])
 
     def _losses(self, question: str, causal: bool | None, parameter: str) -> pd.DataFrame:
+        """Losses of the methods that are ranked: not those of oracles."""
         question_of(question)
-        return losses(self._ranked_rows(causal), question, parameter)
-
-    def _ranked_rows(self, causal: bool | None) -> pd.DataFrame:
-        """The rows of methods that are ranked: not those of oracles."""
         kept = ~self.methods["oracle"].astype(bool)
         if causal is not None:
             kept &= self.methods["causal"] == causal
@@ -263,16 +408,10 @@ class TournamentResult:
         if rows.empty:
             kind = "" if causal is None else f"{KINDS[causal].lower()} "
             raise ValueError(f"No {kind}method took part that could be ranked.")
-        return rows
+        return losses(rows, question, parameter)
 
     def __repr__(self) -> str:
-        return str(self)
-
-    def __str__(self) -> str:
-        return str(self.document().text())
-
-    def _repr_html_(self) -> str:
-        return self.document().html()
+        return str(self.summary())
 
     def document(self) -> Document:
         """Use this when, in plain words, with the figures behind it.
@@ -298,7 +437,7 @@ class TournamentResult:
                     found = self.ranking(name, causal=causal)
                 except ValueError:
                     continue
-                asked = question.worded(FOLLOWED)
+                asked = question.asks.format(parameter=FOLLOWED)
                 first = found.iloc[0]
                 text = (
                     f"{KINDS[causal]}, to {asked}: {found.index[0]} ({question.loss} "
@@ -313,7 +452,7 @@ class TournamentResult:
 
     def _tables(self) -> list[TextTable]:
         tables = []
-        summary, detected = self.summary(), self.detection()
+        summary, detected = self.by_method(), self.detection()
         for causal in (True, False):
             names = self.methods.index[self.methods["causal"] == causal]
             rows = []
@@ -339,14 +478,14 @@ class TournamentResult:
         return tables
 
     def _remarks(self) -> list[str]:
-        failed = self.table["failure"].notna() if "failure" in self.table else None
+        failed = self.table["failure"].notna()
         remarks = [
             "bias (its size), sd and RMSE in % of the truth, medians over cells; settles: s after "
             "the change; alarm: s after the change with one false alarm in ten; cover: % of the "
             "time in the stated 95 % interval; div.: % of runs that diverged; µs per sample on the "
             "machine that ran it."
         ]
-        if failed is not None and failed.any():
+        if failed.any():
             rows = self.table[failed].drop_duplicates(["method", "cell", "replication"])
             counts = rows["method"].value_counts()
             told = ", ".join(f"{name} {n}" for name, n in counts.items())
@@ -406,7 +545,7 @@ class TournamentResult:
             f"methods.{table_format}": self.methods,
             f"cost.{table_format}": self.cost.rename_axis("method").to_frame(),
             f"notes.{table_format}": pd.DataFrame({"note": self.notes}, dtype=object),
-            f"summary.{table_format}": self.summary(),
+            f"summary.{table_format}": self.by_method(),
             f"by_cell.{table_format}": self.by_cell(),
         }
         files = write_tables(tables, Path(folder))

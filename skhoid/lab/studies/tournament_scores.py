@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ... import ARXRegressor, DelaySearchCV, VAFScorer
-from ...exceptions import did_you_mean
 from .blocks import DataSet
-from .identity import identified_as
 from .tournament_conditions import WINDOWS, Change
 from .tournament_methods import TOURNAMENT_METHODS, TournamentMethod
 
@@ -21,7 +18,6 @@ LAST = 1.28  # s that an alarm looks at
 N_THRESHOLDS = 24
 THRESHOLDS = np.geomspace(0.02, 3.0, N_THRESHOLDS)  # of |Δ ln K_edot|
 ALARMS = [f"alarm_{i:02d}" for i in range(N_THRESHOLDS)]
-FALSE_ALARMS = 0.1
 
 
 def alarms(time: np.ndarray, K_edot: np.ndarray, baseline: tuple[float, float]) -> dict[str, float]:
@@ -50,67 +46,6 @@ def alarms(time: np.ndarray, K_edot: np.ndarray, baseline: tuple[float, float]) 
     return found | dict(zip(ALARMS, instants[first].tolist(), strict=True))
 
 
-def roc_area(changed: np.ndarray, constant: np.ndarray) -> float:
-    """Area under the ROC of peaks: the share of pairs in which the changed run has the larger one.
-
-    Runs without an estimate count as peaks of zero (Mann and Whitney; Hanley and McNeil 1982).
-    """
-    changed, constant = (np.nan_to_num(np.asarray(x, float)) for x in (changed, constant))
-    if not changed.size or not constant.size:
-        return np.nan
-    larger = (changed[:, None] > constant).mean()
-    return float(larger + 0.5 * (changed[:, None] == constant).mean())
-
-
-def threshold_of(constant: np.ndarray) -> int | None:
-    """Position of the first threshold that at most one in ten constant runs exceeds."""
-    constant = np.nan_to_num(np.asarray(constant, float))
-    if not constant.size:
-        return None
-    shares = (constant[:, None] >= THRESHOLDS).mean(axis=0)
-    enough = np.flatnonzero(shares <= FALSE_ALARMS)
-    return int(enough[0]) if enough.size else None
-
-
-def detection_table(table: pd.DataFrame, by: list[str]) -> pd.DataFrame:
-    """Detection by method and the columns of ``by``, from rows of K_edot with ``kind``.
-
-    ``roc_area``; and at one false alarm in ten ``threshold``, the shares ``found``, ``missed`` and
-    ``too_early`` (before ``change_begins``) of changed runs, and the median ``delay`` of those
-    found after the middle of the change, in s.
-    """
-    rows = []
-    for key, part in table.groupby(["method", *by], sort=False, dropna=False):
-        changed, constant = part[part["kind"] == "changing"], part[part["kind"] == "constant"]
-        if changed.empty or constant.empty:
-            continue
-        row = dict(zip(["method", *by], key, strict=True))
-        row["roc_area"] = roc_area(changed["peak"].to_numpy(), constant["peak"].to_numpy())
-        at = threshold_of(constant["peak"].to_numpy())
-        times = alarm_times(changed, at)
-        early = times < changed["change_begins"].to_numpy(float)
-        missed = np.isnan(times)
-        delay = (times - changed["change_time"].to_numpy(float))[~early & ~missed]
-        row |= {
-            "threshold": np.nan if at is None else float(THRESHOLDS[at]),
-            "found": float((~early & ~missed).mean()),
-            "missed": float(missed.mean()),
-            "too_early": float(early.mean()),
-            "delay": float(np.median(delay)) if delay.size else np.nan,
-            "n_changed": len(changed),
-            "n_constant": len(constant),
-        }
-        rows.append(row)
-    return pd.DataFrame(rows)
-
-
-def alarm_times(rows: pd.DataFrame, threshold: int | None) -> np.ndarray:
-    """When each run gives its alarm at a threshold; NaN if it gives none."""
-    if threshold is None:
-        return np.full(len(rows), np.nan)
-    return rows[ALARMS[threshold]].to_numpy(float)
-
-
 PARAMETERS = ("K_e", "K_edot", "omega_nm", "zeta_nm", "tau_e")
 FOLLOWED = "K_edot"  # what changes are detected in
 STEP = 0.16  # s between the instants that are judged
@@ -126,7 +61,6 @@ LEAST_CHANGE = 0.2  # of a parameter, by which lags are measured
 SEARCHED = (0.15, 0.48)  # s, delays that are searched
 
 
-@identified_as("skhoid: tournament", version=1)
 def method_figures(
     data: DataSet,
     *,
@@ -150,7 +84,6 @@ def method_figures(
     return rows_of_path(data, how, path, vaf, path_of_alarms).assign(failure=failure)
 
 
-@identified_as("skhoid: tournament, tuning", version=1)
 def tuning_scores(
     data: DataSet, *, cell: str, method: str, delay: str = "true"
 ) -> list[dict[str, Any]]:
@@ -366,162 +299,3 @@ def lag(
 def _mean(values: np.ndarray) -> float:
     known = values[np.isfinite(values)]
     return float(known.mean()) if known.size else np.nan
-
-
-WORST_LOSS = 100.0  # %, of a method without an estimate
-DATA_SET = ["cell", "replication"]
-
-
-@dataclass(frozen=True)
-class Question:
-    """A question, and how its loss is called.
-
-    Parameters
-    ----------
-    name : str
-        As given to functions.
-    asks : str
-        The question in words.
-    loss : str
-        What is smaller in a better method.
-    unit : str
-        Of the loss.
-    """
-
-    name: str
-    asks: str
-    loss: str
-    unit: str
-
-    def worded(self, parameter: str) -> str:
-        """The question for a parameter.
-
-        Returns
-        -------
-        text : str
-        """
-        return self.asks.format(parameter=parameter)
-
-
-QUESTIONS = {
-    question.name: question
-    for question in (
-        Question("follow", "follow {parameter} over time", "RMSE over time", "%"),
-        Question("final", "find {parameter} after the change", "RMSE after the change", "%"),
-        Question("detect", "see from K_edot that something changed", "time to the alarm", "s"),
-        Question("predict", "predict the output", "validation VAF below 100 %", "points"),
-        Question("delay", "follow the delay tau_e", "RMSE over time", "%"),
-    )
-}
-
-
-def question_of(name: str) -> Question:
-    """A question by its name."""
-    if name not in QUESTIONS:
-        raise ValueError(
-            f"question must be one of {list(QUESTIONS)}; got {name!r}."
-            f"{did_you_mean(str(name), QUESTIONS)}"
-        )
-    return QUESTIONS[name]
-
-
-def losses(table: pd.DataFrame, question: str, parameter: str = FOLLOWED) -> pd.DataFrame:
-    """Loss of each method on each data set; NaN where a method has not been tried.
-
-    A method that gives no estimate has the largest loss there is: 100 %, a VAF of -100 %, or an
-    alarm at the end of the run. An alarm before 5 % of the change counts as one at the end too.
-
-    Parameters
-    ----------
-    table : DataFrame
-        Of a :class:`TournamentResult`.
-    question : str
-        One of ``QUESTIONS``.
-    parameter : str, default="K_edot"
-        For "follow" and "final".
-
-    Returns
-    -------
-    losses : DataFrame
-        A row for each data set (cell, replication), a column for each method that can answer.
-
-    Raises
-    ------
-    ValueError
-        If question or parameter are not known, or no data set answers the question.
-    """
-    name = question_of(question).name
-    if parameter not in PARAMETERS:
-        raise ValueError(
-            f"parameter must be one of {list(PARAMETERS)}; got {parameter!r}."
-            f"{did_you_mean(str(parameter), PARAMETERS)}"
-        )
-    shown = {"follow": parameter, "final": parameter, "delay": "tau_e"}.get(name, FOLLOWED)
-    rows = table[table["parameter"] == shown]
-    if name in ("final", "detect"):
-        rows = rows[rows["kind"] == "changing"]
-    if rows.empty:
-        raise ValueError(
-            f"No data set answers the question {name!r}"
-            + (
-                ": nothing changes in them."
-                if name in ("final", "detect")
-                else " (no method does)."
-            )
-        )
-    if name == "predict":
-        vaf = rows["vaf"].fillna(LOWEST_VAF).clip(lower=LOWEST_VAF)
-        rows = rows.assign(loss=100.0 - vaf)
-    elif name == "detect":
-        rows = _alarms(rows, table)
-    else:
-        rows = rows.assign(
-            loss=rows["rmse_after" if name == "final" else "rmse_all"].fillna(WORST_LOSS)
-        )
-    order = [method for method in dict.fromkeys(table["method"]) if method in set(rows["method"])]
-    cells = list(dict.fromkeys(rows["cell"]))
-    wide = rows.pivot(index=DATA_SET, columns="method", values="loss")
-    return wide[order].reindex(cells, level="cell")
-
-
-def _alarms(rows: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
-    """Rows of changed runs with the time to the alarm, at one false alarm in ten."""
-    quiet = table[(table["parameter"] == FOLLOWED) & (table["kind"] == "constant")]
-    if quiet.empty:
-        raise ValueError(
-            "The question 'detect' needs cells in which nothing changes, for its false alarms."
-        )
-    parts = []
-    for method, of_method in rows.groupby("method", sort=False):
-        own = quiet[quiet["method"] == method]
-        for P_n, part in of_method.groupby("group", sort=False):
-            same = own[own["group"] == P_n.replace("changing", "constant")]
-            at = threshold_of((own if same.empty else same)["peak"].to_numpy())
-            times = alarm_times(part, at)
-            with np.errstate(invalid="ignore"):
-                good = times >= part["change_begins"].to_numpy(float)
-            left = part["change_left"].to_numpy(float)
-            wait = np.where(good, np.abs(times - part["change_time"].to_numpy(float)), left)
-            parts.append(part.assign(loss=wait))
-    return pd.concat(parts)
-
-
-def ranked(losses: pd.DataFrame) -> pd.DataFrame:
-    """Methods by the median over cells of their median loss in a cell, the best first.
-
-    ``won`` is the share of cells in which a method's median loss is the lowest, in %, ``n`` the
-    number of its data sets.
-    """
-    of_cells = losses.groupby("cell", sort=False).median()
-    winner = of_cells.dropna(how="all").idxmin(axis=1)
-    found = pd.DataFrame(
-        {
-            "loss": of_cells.median(),
-            "mean": of_cells.mean(),
-            "worst": of_cells.max(),
-            "won": 100.0 * winner.value_counts(normalize=True).reindex(losses.columns).fillna(0.0),
-            "n": losses.count(),
-        }
-    )
-    found.index.name = "method"
-    return found.sort_values(["loss", "mean"], kind="stable")

@@ -19,7 +19,6 @@ from skhoid import (
     Step,
     VAFScorer,
     arx_to_operator,
-    crossover,
     make_tracking_runs,
     performance_scores,
     read_runs,
@@ -28,8 +27,6 @@ from skhoid import (
     zoh_parameters,
 )
 from skhoid.lab.experiment import analyse_experiment, simulate_experiment
-from skhoid.lab.experiment import simulate as subjects
-from skhoid.lab.experiment.simulate import STANDARD, draw_participant
 
 pytestmark = pytest.mark.slow
 
@@ -84,50 +81,28 @@ def test_the_recording_is_that_of_the_thesis(experiment):
 def test_a_run_does_not_depend_on_the_others(experiment):
     X, y, truth = experiment
     more, y_more, truth_more = simulate_experiment(
-        3, ["C2", "C4"], runs=7, random_state=0, return_truth=True, n_jobs=2
+        1, "c2-c4", runs=2, random_state=0, return_truth=True, n_jobs=2
     )
-    for subject in ("S1", "S2"):
-        for run in (1, 6):
-            key = (subject, "C4", run)
-            pd.testing.assert_frame_equal(more.loc[key], X.loc[key])
-            pd.testing.assert_series_equal(y_more.loc[key], y.loc[key])
-    both = [("S1", "C4"), ("S2", "C4")]
-    pd.testing.assert_frame_equal(truth_more.loc[both], truth.loc[both])
+    assert list(more.index.unique("condition")) == ["C2", "C3", "C4"]
+    for run in (1, 2):
+        key = ("S1", "C4", run)
+        pd.testing.assert_frame_equal(more.loc[key], X.loc[key])
+        pd.testing.assert_series_equal(y_more.loc[key], y.loc[key])
+    pd.testing.assert_series_equal(truth_more.loc[("S1", "C4")], truth.loc[("S1", "C4")])
     other, _ = simulate_experiment(1, "C4", runs=1, random_state=1)
     assert not np.allclose(other["e"].to_numpy(), X["e"].to_numpy()[:9000])
 
 
-def test_people_differ_around_table_2():
-    """Means of 40 logarithms, within 4 of their standard errors; who loses control is left out."""
-    drawn = [draw_participant(number, STANDARD, 3, intensity=0.0) for number in range(1, 41)]
-    states = [participant.subject.states for participant in drawn]
-    names = ("tau_e", "omega_nm", "zeta_nm")
-    spreads = (subjects.DELAY, subjects.FREQUENCY, subjects.DAMPING)
-    for name, value, spread in zip(names, (0.28, 11.25, 0.35), spreads, strict=True):
-        logs = np.log([getattr(one, name) / value for one, _ in states])
-        assert abs(logs.mean()) < 4 * spread / np.sqrt(40)
-        assert 0.5 * spread < logs.std() < 1.6 * spread
-        assert all(getattr(one, name) == getattr(two, name) for one, two in states)
-    samples = np.array([one.tau_e * 100 for one, _ in states])
-    np.testing.assert_allclose(samples, np.rint(samples))
-    for participant in drawn:
-        weak = participant.subject.number % 3 == 1
-        assert (participant.subject.adaptation < 0.2) == weak
-        for name in ("C1", "C2"):
-            condition = participant.subject.condition(name, 40.0)
-            assert crossover(condition.operator, condition.controlled_element)[1] > 15.0
-
-
 def test_without_remnant_the_truth_comes_out():
-    """Gains of a run scatter by 5 %; in the seventh 0.7 % are still to learn."""
+    """Gains of a run scatter by 5 %; that of the first is 0.85, and grows in two runs."""
     X, y, truth = simulate_experiment(
-        1, "C1", remnant_intensity=0.0, random_state=5, return_truth=True
+        1, "C1", runs=4, duration=20.48, remnant_intensity=0.0, random_state=5, return_truth=True
     )
     known = truth.loc[("S1", "C1")]
     operator = HumanOperator(**known[["tau_e", "omega_nm", "zeta_nm"]], K_e=1.0, T_L=1.0)
     a = zoh_parameters(operator, 0.01)[:2]
     ratios = []
-    for run in range(1, 8):
+    for run in range(1, 5):
         X_run, y_run = X.loc[("S1", "C1", [run])], y.loc[("S1", "C1", [run])]
         model = ARXRegressor(inputs=["e"], nk=round(known["tau_e"] / 0.01) + 1)
         model.fit(X_run, y_run)
@@ -135,18 +110,10 @@ def test_without_remnant_the_truth_comes_out():
         values, _, _ = arx_to_operator(model.coef_, 0.01)
         assert values["T_L"] == pytest.approx(known["T_L_initial"], rel=0.02)
         ratios.append(values["K_e"] / known["K_e_initial"])
-    novice = np.exp(-np.arange(7) / subjects.PRACTICE)
-    expected = 1 - (1 - subjects.LEARNT_GAIN) * novice
-    assert (np.abs(np.log(ratios / expected)) < 4 * subjects.RUN_TO_RUN).all()
+    novice = np.exp(-np.arange(4) / 2.0)
+    expected = 1 - (1 - 0.85) * novice
+    assert (np.abs(np.log(ratios / expected)) < 4 * 0.05).all()
     assert (known[["K_n_initial", "remnant_intensity"]] == 0).all()
-
-
-def test_remnant_has_the_intensity_asked_for():
-    """P_n of a run scatters by some 10 %, and its gain by 5 %; 4 sigma of a mean of six."""
-    participant = draw_participant(2, STANDARD, 0, intensity=0.15)
-    found = [participant.run("C1", run).intensity()[0] for run in range(5, 11)]
-    assert np.mean(found) == pytest.approx(0.15, rel=4 * 0.12 / np.sqrt(6))
-    assert participant.run("C1", 1).intensity()[0] > np.mean(found)
 
 
 def test_the_transition_is_at_the_same_part_of_other_recordings():
@@ -161,21 +128,6 @@ def test_the_transition_is_at_the_same_part_of_other_recordings():
         return_truth=True,
     )
     assert truth["transition_time"].item() == pytest.approx(41.92 / 2)
-    *_, truth = simulate_experiment(
-        1, "C3", 1, transition_time=30.0, random_state=0, return_truth=True
-    )
-    assert truth["transition_time"].item() == 30.0
-
-
-@pytest.mark.parametrize(
-    ("conditions", "expected"),
-    [("C1-C3", ["C1", "C2", "C3"]), ("c4", ["C4"]), (["C5", "C2"], ["C5", "C2"])],
-)
-def test_names_of_conditions(conditions, expected):
-    X, _ = simulate_experiment(
-        1, conditions, 1, duration=10.0, run_in=1.0, remnant_intensity=0.0, random_state=0
-    )
-    assert list(X.index.unique("condition")) == expected
 
 
 @pytest.mark.parametrize(
@@ -310,20 +262,6 @@ def test_who_adapts_and_whether_the_matrix_is_justified(result):
     assert repr(result) == "ExperimentResult(2 subjects, 1 conditions)"
 
 
-@pytest.mark.slow
-def test_constant_people_hardly_ever_adapt():
-    """1 % of cells by chance: of 9, at most 2 (p = 0.0001); most who do adapt are found."""
-    false, found = [], []
-    for seed in range(3):
-        X, y = simulate_experiment(3, ["C1", "C4"], runs=5, random_state=seed)
-        rows = analyse_experiment(X, y, delay=0.27).verdicts
-        constant = rows["condition"] != "C4"
-        false += rows["adapts"][constant].tolist()
-        found += rows["adapts"][~constant & (rows["subject"] != "S1")].tolist()
-    assert sum(false) <= 2
-    assert np.mean(found) > 0.7
-
-
 def test_a_muscle_that_changes_speaks_against_the_matrix():
     X, y = make_tracking_runs(
         "C4",
@@ -367,19 +305,18 @@ def test_files_of_recordings(own, tmp_path):
     assert "tracking_score" not in text
 
 
-def test_run_in_by_time_by_length_or_by_what_is_kept(own):
+def test_what_is_kept_of_the_end_is_the_same_as_negative_times(own):
     X, y = own
     index = X.index.to_frame(index=False)
     index["time"] += 8.0
     recorded = pd.MultiIndex.from_frame(index)
     X_later, y_later = X.set_axis(recorded), y.set_axis(recorded)
-    expected = analyse_experiment(X, y, last=None).paths
-    for option in ({"run_in": 8.0}, {"measurement_time": T_M}):
-        found = analyse_experiment(X_later, y_later, last=None, **option)
-        assert found.notes == []
-        np.testing.assert_allclose(found.paths["b0"], expected["b0"], rtol=1e-9)
-        np.testing.assert_allclose(found.paths["time"], expected["time"] + 8.0)
-    (note, *_) = analyse_experiment(X_later, y_later, last=2).notes
+    expected = analyse_experiment(X, y, last=None, delay=0.29).paths
+    found = analyse_experiment(X_later, y_later, last=None, delay=0.29, measurement_time=T_M)
+    assert found.notes == []
+    np.testing.assert_allclose(found.paths["b0"], expected["b0"], rtol=1e-9)
+    np.testing.assert_allclose(found.paths["time"], expected["time"] + 8.0)
+    (note, *_) = analyse_experiment(X_later, y_later, last=2, delay=0.29).notes
     assert note.startswith("nothing was left out as run-in")
 
 
@@ -396,7 +333,7 @@ def test_one_run(own):
 def test_runs_of_different_length(own):
     X, y = own
     short = (X.index.get_level_values("run") == 1) & (X.index.get_level_values("time") > 70)
-    result = analyse_experiment(X[~short], y[~short], last=3)
+    result = analyse_experiment(X[~short], y[~short], last=3, delay=0.29)
     assert "from 0 to 70.01 s, which they share" in result.notes[0]
     assert set(result.batch.loc[result.batch["form"] == "fin", "stop"].round(6)) == {70.01}
     assert not result.paths.isna().any(axis=None)
@@ -420,22 +357,14 @@ def test_missing_subjects_runs_and_values(experiment):
 
 def test_few_runs_tell_little(own):
     X, y = own
-    text = said_by(analyse_experiment(X, y, last=3))
+    text = said_by(analyse_experiment(X, y, last=3, delay=0.29))
     assert "with 3, a mean change counts only above 14 times its standard error" in text
 
 
-def test_options(own):
+def test_with_an_intercept_offsets_do_not_matter(own):
     X, y = own
-    expected = analyse_experiment(X, y, last=2)
-    found = analyse_experiment(X, y, last=2, memory_time=2.56, n_jobs=2)
-    pd.testing.assert_frame_equal(found.paths, expected.paths)
-    assert found.memory_horizon == 256
-    by_condition = analyse_experiment(X, y, last=2, delay={"all": 0.29}, step=1.0)
-    assert by_condition.delays["nk"].item() == 29
-    assert np.diff(by_condition.paths["time"][:3]) == pytest.approx([1.0, 1.0])
-    # Moved off zero and with an intercept, batch models stay the same.
-    at_zero = analyse_experiment(X, y, last=2, delay=0.29, fit_intercept=True)
-    moved = analyse_experiment(X + 1.0, y + 0.5, last=2, delay=0.29, fit_intercept=True)
+    options = {"last": 2, "delay": 0.29, "fit_intercept": True}
+    at_zero, moved = (analyse_experiment(X + d, y + d / 2, **options) for d in (0.0, 1.0))
     np.testing.assert_allclose(moved.batch[ARX], at_zero.batch[ARX], rtol=1e-7)
 
 
@@ -446,8 +375,6 @@ def test_short_runs_are_named(experiment):
     keep = ~cut.to_numpy()
     with pytest.raises(ShortRunError, match=r"S1 C4, run 3 lasts 40.01 s .* need 61.44 s"):
         analyse_experiment(X[keep], y[keep])
-    result = analyse_experiment(X[keep], y[keep], region=15.0)
-    assert result.region == 15.0
 
 
 def test_runs_that_do_not_overlap(own):
@@ -461,18 +388,13 @@ def test_runs_that_do_not_overlap(own):
 
 def test_analysis_refuses(own):
     X, y = own
-    with pytest.raises(RunIndexError, match="needs the index levels 'run' and 'time'"):
+    with pytest.raises(RunIndexError, match="index levels 'run' and 'time'"):
         analyse_experiment(X.to_numpy(), y.to_numpy())
-    sessions = pd.concat({1: X}, names=["session"])
-    with pytest.raises(RunIndexError, match="index level 'session'"):
-        analyse_experiment(sessions, y.to_numpy())
     for options, message in (
         ({"input": "error"}, "no column 'error'.*the columns are e"),
-        ({"run_in": 1.0, "measurement_time": 5.0}, "not both"),
         ({"last": 0}, "last must be a number of runs"),
         ({"region": 0.0}, "region must be a time in s"),
         ({"memory_horizon": 1.0}, "more than one sample"),
-        ({"delay": {"S9": 0.3}}, "delay has no entry"),
     ):
         with pytest.raises(ValueError, match=message):
             analyse_experiment(X, y, **options)
@@ -486,7 +408,7 @@ def test_gaps_and_clocks_that_do_not_begin_at_a_sample(own):
     labels["time"] += 0.004
     index = pd.MultiIndex.from_frame(labels)
     X, y = (table.set_axis(index)[~gone.to_numpy()] for table in (X, y))
-    paths = analyse_experiment(X, y, last=2).paths
+    paths = analyse_experiment(X, y, last=2, delay=0.29).paths
     missing = paths["a1"].isna() & (paths["form"] == "lambda")
     assert paths.loc[missing, "time"].between(40.0, 40.5).all()
     assert set(paths.loc[missing, "run"]) == {1, "mean"}

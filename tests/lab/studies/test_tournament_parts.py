@@ -1,7 +1,6 @@
 """Cells, methods, figures, alarms and losses of the tournament, where answers are known."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -10,30 +9,20 @@ from scipy.stats import mannwhitneyu
 from sklearn.base import clone
 
 from skhoid import CompensatoryTask, MonteCarloStudy, RecursiveARX, operator_parameters
-from skhoid.lab.studies import (
-    TOURNAMENT_METHODS,
-    TournamentCell,
-    TournamentMethod,
-    available_methods,
-    tournament_cells,
-)
+from skhoid.lab.studies import TOURNAMENT_METHODS, TournamentCell, tournament_cells
 from skhoid.lab.studies.tournament_conditions import Change, shapes
+from skhoid.lab.studies.tournament_methods import available_methods
+from skhoid.lab.studies.tournament_result import detect, losses, rank, roc_area
 from skhoid.lab.studies.tournament_scores import (
     ALARMS,
     LAST,
     PARAMETERS,
     THRESHOLDS,
     alarms,
-    at_instants,
-    detection_table,
     lag,
-    losses,
     method_figures,
-    ranked,
-    roc_area,
     rows_of_path,
     settling_time,
-    threshold_of,
     total_delay,
     tuning_scores,
 )
@@ -55,20 +44,6 @@ def test_kinds_are_those_of_the_tasks():
     for cell in tournament_cells(intensities=[0.15], orders=[2]):
         changes = Change.of(cell.task()).times is not None
         assert changes == (cell.kind == "changing"), cell.name
-
-
-def test_every_kind_of_cell_can_be_simulated_with_its_remnant():
-    """P_n of four runs, each of which scatters by some 15 %: within five deviations of the mean."""
-    cells = tournament_cells(intensities=[0.15])[::3]
-    study = MonteCarloStudy(
-        lambda data, cell: {"P_n": float(data.record.intensity().mean())},
-        [cell.row() for cell in cells],
-        4,
-        simulation={"run_in": 20.0},
-        random_state=0,
-    )
-    mean = study.run().groupby("cell", sort=False)["P_n"].mean()
-    np.testing.assert_allclose(mean, [cell.remnant_intensity for cell in cells], rtol=0.4)
 
 
 def test_some_cells_only():
@@ -100,27 +75,6 @@ def change_of(condition):
     return Change.of(CompensatoryTask.of_condition(condition))
 
 
-def test_nothing_changes():
-    change = change_of("C1")
-    time = np.arange(0, 81.92, 0.16)
-    assert change.times is None
-    assert list(change.windows(time)) == ["all"]
-    assert (change.windows(time)["all"] == (time >= 15)).all()
-    assert change.baseline == pytest.approx((15.0, 30.72))
-
-
-def test_a_sudden_change():
-    change = change_of("C4")
-    assert change.times == pytest.approx((40.96,) * 3, abs=0.1)
-    time = np.arange(0, 81.92, 0.16)
-    windows = change.windows(time)
-    parts = np.sum([windows[name] for name in ("before", "around", "after")], axis=0)
-    assert (parts == windows["all"]).all()
-    around = time[windows["around"]]
-    assert around[0] == pytest.approx(30.72, abs=0.2)
-    assert around[-1] == pytest.approx(51.2, abs=0.2)
-
-
 def test_a_sigmoid_has_gone_5_and_95_percent_where_its_formula_says():
     """(1 + exp(-G (t - t_M)))^-1 = 0.05 at t_M - ln 19 / G."""
     early, middle, late = change_of("C3").times
@@ -146,22 +100,13 @@ def test_all_that_have_a_knob_try_as_many_settings():
     assert {m.settings for m in TOURNAMENT_METHODS.values() if not m.knob} == {(None,)}
 
 
-def test_names_are_keys_and_settings_differ():
-    for name, method in TOURNAMENT_METHODS.items():
-        assert method.name == name
-        assert len({str(setting) for setting in method.settings}) == len(method.settings)
-        assert method.told in ("", "start", "delay", "schedule")
-        assert method.estimates_delay == (method.told == "")
-
-
-@pytest.mark.parametrize("method", HERE, ids=lambda m: m.name)
-def test_an_estimator_has_the_setting(method):
-    for setting in method.settings:
-        model = method.make(0.01, 29, setting)
+def test_an_estimator_has_the_setting():
+    for method in HERE:
+        model = method.estimator(0.01, 29, method.settings[-1])
         clone(model)
         if method.knob is not None:
             last = model[-1] if hasattr(model, "steps") else model
-            assert getattr(last, method.knob) == setting
+            assert getattr(last, method.knob) == method.settings[-1]
 
 
 def test_the_oracle_is_told_the_change_and_nothing_without_one():
@@ -175,18 +120,12 @@ def test_the_oracle_is_told_the_change_and_nothing_without_one():
 
 
 def test_what_is_missing_is_said(monkeypatch):
-    lost = TournamentMethod("lost", "a", True, lambda dt, nk, s: None, package="no_such_package")
-    older = TournamentMethod("older", "b", True, lambda dt, nk, s: None, module="no_such_module")
-    monkeypatch.setitem(TOURNAMENT_METHODS, "lost", lost)
-    monkeypatch.setitem(TOURNAMENT_METHODS, "older", older)
-    methods, notes = available_methods(["rls", "lost", "older"])
-    assert [m.name for m in methods] == ["rls"]
-    assert notes == [
-        "lost needs the package no_such_package, which is not installed.",
-        "older is not part of this version of skhoid.",
-    ]
-    with pytest.raises(ValueError, match=r"No method is left to take part\. lost needs"):
-        available_methods(["lost"])
+    monkeypatch.setitem(TOURNAMENT_METHODS, "rls", replace(RLS, package="no_such_package"))
+    methods, notes = available_methods(["rls", "arx"])
+    assert [m.name for m in methods] == ["arx"]
+    assert notes == ["rls needs the package no_such_package, which is not installed."]
+    with pytest.raises(ValueError, match=r"No method is left to take part\. rls needs"):
+        available_methods(["rls"])
 
 
 def test_unknown_names():
@@ -307,18 +246,6 @@ def test_settling_of_an_exponential():
     assert settling_time(TIME, swings, 40.0, after) == pytest.approx(60 - 40, abs=2.0)
 
 
-def test_a_path_at_other_instants():
-    path = pd.DataFrame({"K": [0.0, 1.0, np.nan]}, index=pd.Index([10.0, 20.0, 30.0], name="time"))
-    time = np.array([0.0, 10.0, 14.0, 20.0, 24.0, 40.0])
-    offline = at_instants(path, time, causal=False)["K"].to_numpy()
-    np.testing.assert_allclose(offline, [0, 0, 0.4, 1, np.nan, np.nan])
-    causal = at_instants(path, time, causal=True)["K"].to_numpy()
-    np.testing.assert_allclose(causal, [0, 0, 0, 1, 1, np.nan])
-    constant = at_instants(pd.DataFrame({"K": [5.0]}), time, causal=True)
-    assert (constant["K"] == 5).all()
-    assert list(constant.index) == list(time)
-
-
 def test_figures_are_those_of_the_estimator(data):
     """The study's function, against RecursiveARX and operator_parameters by hand."""
     found = method_figures(
@@ -335,19 +262,11 @@ def test_figures_are_those_of_the_estimator(data):
     assert 70 < found["vaf"].iloc[0] < 95
 
 
-def test_alarms_are_of_the_setting_that_watches(data):
-    call = partial(method_figures, data, cell="c", method="rls", settings={"c": np.inf})
-    same, other = call(watching={"c": np.inf}), call(watching={"c": 2.56})
-    followed = same["parameter"] == "K_edot"
-    assert same.loc[followed, "rmse_all"].item() == other.loc[followed, "rmse_all"].item()
-    assert other.loc[followed, "peak"].item() > 1.5 * same.loc[followed, "peak"].item()
-
-
 def test_a_method_that_fails_is_a_row_with_the_reason(data, monkeypatch):
-    def broken(dt, nk, setting):
+    def broken(**options):
         raise FloatingPointError("lost")
 
-    monkeypatch.setitem(TOURNAMENT_METHODS, "rls", replace(RLS, make=broken))
+    monkeypatch.setitem(TOURNAMENT_METHODS, "rls", replace(RLS, kind=broken))
     rows = tuning_scores(data, cell="c", method="rls")
     assert {row["failure"] for row in rows} == {"FloatingPointError: lost"}
     assert [row["vaf"] for row in rows] == [-100.0] * 5
@@ -393,14 +312,6 @@ def test_the_area_is_that_of_mann_and_whitney():
     assert np.isnan(roc_area(np.array([]), constant))
 
 
-def test_one_in_ten_is_a_false_alarm():
-    peaks = np.linspace(0.01, 1.0, 100)
-    at = threshold_of(peaks)
-    assert (peaks >= THRESHOLDS[at]).mean() <= 0.1 < (peaks >= THRESHOLDS[at - 1]).mean()
-    assert threshold_of(np.full(5, 1e9)) is None
-    assert threshold_of(np.array([])) is None
-
-
 def test_alarms_are_counted():
     """Four changed runs: found after 3 s, too early, missed, found after 5 s."""
     at = 5
@@ -416,13 +327,12 @@ def test_alarms_are_counted():
     for name in ALARMS:
         rows[name] = np.nan
     rows.loc[:3, ALARMS[at]] = [43.0, 30.0, np.nan, 45.0]
-    rows["P"] = 0.15
-    (found,) = detection_table(rows, ["P"]).to_dict("records")
+    rows["remnant_intensity"] = 0.15
+    (found,) = detect(rows).to_dict("records")
     assert found["threshold"] == pytest.approx(THRESHOLDS[at])
     assert (found["found"], found["too_early"], found["missed"]) == (0.5, 0.25, 0.25)
     assert found["delay"] == 4.0
-    assert (found["n_changed"], found["n_constant"]) == (4, 10)
-    assert detection_table(rows[rows["kind"] == "changing"], ["P"]).empty
+    assert detect(rows[rows["kind"] == "changing"]).empty
 
 
 def table(n=3):
@@ -491,7 +401,7 @@ def test_ranking_counts_cells_alike():
     index = pd.MultiIndex.from_tuples(
         [("a", 0), ("a", 1), ("a", 2), ("b", 0), ("c", 0)], names=["cell", "replication"]
     )
-    found = ranked(pd.DataFrame({"x": [1.0, 2, 9, 4, 5], "y": [3.0, 3, 3, 3, np.nan]}, index=index))
+    found = rank(pd.DataFrame({"x": [1.0, 2, 9, 4, 5], "y": [3.0, 3, 3, 3, np.nan]}, index=index))
     assert found["loss"].to_dict() == {"y": 3.0, "x": 4.0}
     assert found["won"].to_dict() == pytest.approx({"x": 200 / 3, "y": 100 / 3})
     assert found["n"].to_dict() == {"x": 5, "y": 4}

@@ -10,8 +10,6 @@ import pytest
 from joblib import parallel_config
 
 from skhoid import MonteCarloStudy
-from skhoid.exceptions import WorkersLostError
-from skhoid.lab.studies import workers as engine
 
 distributed = pytest.importorskip("distributed")
 
@@ -26,7 +24,7 @@ def study(marker=None, rest=0.0):
         return {"u": data.y.std(), "own": data.random_state}
 
     options = {"simulation": {"duration": 5.12, "run_in": 2.0}, "random_state": 5}
-    return MonteCarloStudy(spread, CELLS, 24, block_size=3, **options)
+    return MonteCarloStudy(spread, CELLS, 12, block_size=3, **options)
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +65,7 @@ def test_a_cluster_gives_the_same_table(cluster, table, tmp_path):
     victim = processes(cluster)[0]
 
     def kill():
-        while len(list(seen.iterdir())) < 30:
+        while len(list(seen.iterdir())) < 15:
             time.sleep(0.01)
         os.kill(victim, signal.SIGKILL)
 
@@ -81,17 +79,3 @@ def test_a_cluster_gives_the_same_table(cluster, table, tmp_path):
         block.unlink()
     with parallel_config(backend="sequential"):
         same(study().run(tmp_path / "whole"), table)
-
-
-@pytest.mark.slow
-def test_a_cluster_without_workers(table, tmp_path, monkeypatch):
-    """It would wait for ever."""
-    monkeypatch.setattr(engine, "PATIENCE", 0.0)
-    monkeypatch.setattr(engine, "LOOK", 0.2)
-    with (
-        distributed.LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50) as cluster,
-        distributed.Client(cluster),
-        parallel_config(backend="dask", wait_for_workers_timeout=0.5),
-        pytest.raises(WorkersLostError, match=r"no workers for 0\.5 s"),
-    ):
-        study().run(tmp_path)
