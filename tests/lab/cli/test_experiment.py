@@ -38,7 +38,7 @@ def test_from_files_to_page_and_tables(capsys, recordings):
     page = Path("experiment.html").read_text()
     assert "<title>Friday</title>" in page
     assert "skhoid experiment" in page  # how it was made
-    assert "C2 − C1" in page
+    assert "C2 - C1" in page
     written = {path.name for path in Path("tables").iterdir()}
     assert written >= {"parameters.tsv", "parameters_long.csv", "mixed_models.R", "outlying.tsv"}
     wide = pd.read_csv("tables/parameters_wide.csv")
