@@ -140,8 +140,8 @@ def read_forgetting(
     by_name = isinstance(forgetting, str)
     if by_name and forgetting not in ("auto", "variable"):
         raise ValueError(
-            "forgetting must be a number λ, one per parameter, an array or function over time, "
-            f"'auto' or 'variable'; got {forgetting!r}."
+            "forgetting must be a number λ, one per parameter, a function of time, 'auto' or "
+            f"'variable'; got {forgetting!r}."
         )
     if len(given) > 1 + (forgetting == "variable" if by_name else False):
         raise ValueError(
@@ -166,7 +166,7 @@ def read_forgetting(
         factors = _evaluated(forgetting, time, n_params)
         return Forgetting(factors, diagonal, function=forgetting)
     else:
-        factors = _in_shape(forgetting, time.size, n_params, "forgetting")
+        factors = _checked("forgetting", forgetting, [(), (n_params,)]).reshape(1, -1)
     if by_name:
         if factors.size > 1 or factors[0, 0] == 1.0:
             raise ValueError(
@@ -179,43 +179,30 @@ def read_forgetting(
 
 def _evaluated(function: Callable[[np.ndarray], Any], time: np.ndarray, n_params: int) -> Any:
     """λ of a function; a shape (n_params,) is refused, as it may also mean that many instants."""
+    n, what = time.size, "The function forgetting(t)"
     try:
-        values = np.asarray(function(time.copy()), dtype=np.float64)
+        values = function(time.copy())
     except (TypeError, ValueError, ArithmeticError, LookupError) as error:
         raise ValueError(
-            f"The function forgetting(t) failed for the array t of {time.size} times ({error}). "
-            "It is called with all times at once: choose between values with np.where, not if."
+            f"{what} failed for the array t of {n} times ({error}). It is called with all times at "
+            "once: choose between values with np.where, not if."
         ) from error
-    if values.ndim == 0 or len(values) == time.size:
-        values = values if values.ndim != 1 else values[:, None]
-        return _in_shape(values, time.size, n_params, "The function forgetting(t)")
-    raise ValueError(
-        f"The function forgetting(t) returned the shape {values.shape} for {time.size} instants "
-        f"t. It must return a number, or the shape ({time.size},) or ({time.size}, {n_params})."
-    )
+    factors = _checked(what, values, [(), (n,), (n, 1), (n, n_params)])
+    return factors.reshape(factors.size if factors.ndim < 2 else n, -1)
 
 
-def _in_shape(values: Any, n_instants: int, n_params: int, what: str) -> np.ndarray:
-    """λ in the shape (1 or n_instants, 1 or n_params), checked."""
+def _checked(what: str, values: Any, shapes: list[tuple[int, ...]]) -> np.ndarray:
+    """λ as an array of one of some shapes, between 0 and 1."""
     try:
-        factors = np.asarray(values, dtype=np.float64)
+        factors = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{what} must be a number, or numbers; got {values!r}.") from error
-    if factors.ndim == 0:
-        shaped = factors.reshape(1, 1)
-    elif factors.shape == (n_params,):
-        shaped = factors.reshape(1, -1)
-    elif factors.shape in ((n_instants,), (n_instants, 1), (n_instants, n_params)):
-        shaped = factors.reshape(n_instants, -1)
-    else:
+    if factors.shape not in shapes:
+        wanted = ", ".join(map(str, shapes[1:]))
         raise ValueError(
-            f"{what} has the shape {factors.shape}. It must be a number, one per parameter "
-            f"({n_params},), one per instant ({n_instants},), or both ({n_instants}, {n_params})."
+            f"{what} has the shape {factors.shape}. It must be a number, or of the shape {wanted}."
         )
-    wrong = ~((shaped > 0) & (shaped <= 1))
+    wrong = ~((factors > 0) & (factors <= 1))
     if wrong.any():
-        raise ValueError(
-            f"{what} must be greater than 0 and at most 1; got {shaped[wrong][0]:g}"
-            + (f" at instant {int(np.argwhere(wrong)[0, 0])}." if len(shaped) > 1 else ".")
-        )
-    return np.ascontiguousarray(shaped)
+        raise ValueError(f"{what} must be greater than 0 and at most 1; got {factors[wrong][0]:g}.")
+    return factors

@@ -558,9 +558,9 @@ class RecursiveARX(RecursiveLeastSquares):
     Parameters
     ----------
     {orders, inputs, fit_intercept}
-    forgetting : float, array, callable, "auto", "variable" or None, default=None
-        λ in (0, 1], one number or one per parameter (Λ); over time as an array of shape
-        (n_instants,) or (n_instants, n_params) or as a function that gives it for times in seconds.
+    forgetting : float or one per parameter, callable, "auto", "variable" or None, default=None
+        λ in (0, 1], one number or one per parameter (Λ); over time as a function that gives it for
+        an array of times in seconds, of shape (n_instants,) or (n_instants, n_params).
         ``"auto"`` takes the memory horizon of 2, 4, ... 8192 samples and infinity with the largest
         likelihood of the one-step predictions. ``"variable"`` forgets more when errors are large
         (Fortescue and others 1981), on average with the memory horizon or time given, by default
@@ -836,13 +836,6 @@ class RecursiveARX(RecursiveLeastSquares):
 
     def _take_parameters(self, recursion: Stream | None) -> None:
         super()._take_parameters(recursion)
-        by_name = callable(self.forgetting) or isinstance(self.forgetting, str)
-        if not by_name and np.shape(self.forgetting) not in ((), (self.orders_.n_params,)):
-            raise ValueError(
-                f"partial_fit cannot take forgetting as an array of shape "
-                f"{np.shape(self.forgetting)} over instants, since their number is not known in "
-                "advance. Give it as a function of the time in the run, in seconds."
-            )
         if recursion is None or all(map(np.array_equal, self._asked, self._read_anew())):
             return
         forgetting = self._read_forgetting(np.zeros(1))

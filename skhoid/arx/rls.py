@@ -562,33 +562,21 @@ def _least_squares(table: np.ndarray, scale: np.ndarray, names: list[str]) -> np
 
 
 def _given_P0(p0: Any, n_params: int) -> np.ndarray:
+    refusal = (
+        f"p0 must be a number, {n_params} numbers or a symmetric positive definite matrix of shape "
+        f"({n_params}, {n_params}), with variances from {SMALLEST_P0:g} to {LARGEST_P0:g}; got "
+        f"{p0!r}."
+    )
     try:
         given = np.asarray(p0, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise ValueError(
-            f"p0 must be a number, {n_params} numbers or a matrix of them; got {p0!r}."
-        ) from error
-    P0 = given
-    if given.ndim == 0:
-        P0 = given * np.eye(n_params)
-    elif given.ndim == 1:
-        P0 = np.diag(given)
-    if P0.shape != (n_params, n_params):
-        raise ValueError(
-            f"p0 must be a number, {n_params} numbers or a matrix of shape ({n_params}, "
-            f"{n_params}); got the shape {given.shape}."
-        )
-    scale = np.sqrt(np.abs(np.diag(P0)))
-    if (
-        not (np.isfinite(P0).all() and (np.diag(P0) > 0).all() and np.array_equal(P0, P0.T))
-        or np.linalg.eigvalsh(P0 / np.outer(scale, scale))[0] <= 0
-    ):
-        raise ValueError(f"p0 must make a symmetric positive definite P0; got {p0!r}.")
-    sizes = np.diag(P0)
-    if not (sizes.min() > SMALLEST_P0 and sizes.max() < LARGEST_P0):
-        raise ValueError(
-            f"p0 gives variances from {sizes.min():g} to {sizes.max():g}, outside the range that "
-            f"can be computed with, {SMALLEST_P0:g} to {LARGEST_P0:g}. If nothing is known, 1e4 "
-            "times the expected variances is enough; or use p0=None."
-        )
+        raise ValueError(refusal) from error
+    P0 = given * np.eye(n_params) if given.ndim == 0 else given
+    P0 = np.diag(given) if given.ndim == 1 else P0
+    sizes = np.diag(P0) if P0.shape == (n_params, n_params) else np.zeros(1)
+    # Within these bounds the eigenvalues of the scaled matrix are finite.
+    good = sizes.min() > SMALLEST_P0 and sizes.max() < LARGEST_P0 and np.array_equal(P0, P0.T)
+    scale = np.sqrt(sizes)
+    if not good or np.linalg.eigvalsh(P0 / np.outer(scale, scale))[0] <= 0:
+        raise ValueError(refusal)
     return P0

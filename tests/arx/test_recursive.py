@@ -109,16 +109,15 @@ def forgetting_of(kind, n_instants, n_params, rng):
     shape = {
         "number": (),
         "parameters": (n_params,),
-        "instants": (n_instants,),
-        "both": (n_instants, n_params),
         "function": (n_instants,),
+        "functions": (n_instants, n_params),
     }[kind]
     values = rng.uniform(0.7, 1.0, shape)
-    factors = values[:, None] if kind in ("instants", "function") else values
+    factors = values[:, None] if kind == "function" else values
     return values, np.broadcast_to(factors, (n_instants, n_params))
 
 
-KINDS = st.sampled_from(["number", "parameters", "instants", "both", "function"])
+KINDS = st.sampled_from(["number", "parameters", "function", "functions"])
 FORMS = st.sampled_from(["joint", "diagonal"])
 
 
@@ -131,7 +130,7 @@ def test_any_runs_any_forgetting(recording, kind, form):
     n_params = orders["na"] + sum(orders["nb"]) + intercept
     given_forgetting, factors = forgetting_of(kind, len(instants), n_params, rng)
     numbers = np.unique(sample_numbers(X))
-    if kind == "function":
+    if kind.startswith("function"):
         table = given_forgetting
 
         def given_forgetting(time):
@@ -282,9 +281,13 @@ def test_smoothing(forgetting, n_runs):
     X, y = changing_runs(400, n_runs)
     y.iloc[100:110] = np.nan
     instants = instants_of(X, y)
+    factors = np.reshape(forgetting if forgetting != "over time" else 1.0, (-1, 1))
     if forgetting == "over time":
-        forgetting = np.random.default_rng(0).uniform(0.9, 1.0, len(instants))
-    factors = np.reshape(forgetting, (-1, 1))
+        factors = np.random.default_rng(0).uniform(0.9, 1.0, (len(instants), 1))
+
+        def forgetting(time):
+            return factors
+
     paths = naive.recursive_least_squares(instants, factors, THETA0, P0, "joint")[:3]
     smoothed, covariance = naive.smooth_path(*paths)
     model = recursive(forgetting=forgetting, smooth=True, store_covariance=True).fit(X, y)

@@ -90,7 +90,7 @@ def test_factors_of_their_own_have_a_line_each(data):
 def test_forgetting_over_time_at_an_instant(data):
     path = np.full(300, 0.99)
     path[100:120] = 0.8
-    model = recursive(data, forgetting=path)
+    model = recursive(data, forgetting=lambda t: path)
     display = ForgettingProfileDisplay.from_estimator(model, n_samples=50)
     (label,) = display.lines_
     assert label == "λ = 0.8 to 0.99"

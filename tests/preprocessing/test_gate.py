@@ -1,7 +1,6 @@
 """What is read: containers, masks, sizes of values; the same everywhere."""
 
 import warnings
-from collections import OrderedDict
 
 import numpy as np
 import pandas as pd
@@ -48,8 +47,6 @@ MODELS = {
     "batch": BATCH,
     "instruments": ARXRegressor(nk=15, inputs=[0], method="iv", instruments=[2]),
     "recursive": RecursiveARX(nk=15, inputs=[0], init_window=100),
-    "operator": OperatorRegressor(inputs=[0], delay=0.28, dt=0.02),
-    "delays": DelaySearchCV(BATCH, nk=[14, 15], criterion="vaf"),
     "orders": OrderSearchCV(BATCH, na=[2], nb=[1, 2], nk=[15]),
 }
 each_model = pytest.mark.parametrize("name", MODELS)
@@ -78,12 +75,10 @@ def test_a_mask_says_that_nothing_was_measured(name):
     "same",
     [
         FRAME.astype(pd.SparseDtype(float, 0.0)),
-        FRAME.assign(x=FRAME["x"].astype(pd.SparseDtype(float))),
         FRAME.convert_dtypes(dtype_backend="pyarrow"),
-        FRAME.convert_dtypes(),
         pl.DataFrame(FRAME),
     ],
-    ids=["sparse", "one sparse column", "arrow columns", "masked columns", "polars"],
+    ids=["sparse", "arrow columns", "polars"],
 )
 def test_containers_that_are_read(same):
     model = ARXRegressor(nk=15).fit(FRAME, OUTPUT)
@@ -92,8 +87,6 @@ def test_containers_that_are_read(same):
         other = ARXRegressor(nk=15).fit(same, OUTPUT)
     np.testing.assert_array_equal(other.coef_, model.coef_)
     np.testing.assert_array_equal(other.predict(same), model.predict(FRAME))
-    if isinstance(same, pd.DataFrame):
-        assert compare(model, same, OUTPUT).vaf == compare(model, FRAME, OUTPUT).vaf
 
 
 TWICE = FRAME.set_axis(["e", "x", "x"], axis=1)
@@ -101,7 +94,6 @@ REFUSED = {
     "arrow table": (pa.Table.from_pandas(FRAME), TypeError, r"X is a Table.*X\.to_pandas\(\)"),
     "lazy frame": (pl.DataFrame(FRAME).lazy(), TypeError, r"X is a LazyFrame.*X\.collect\(\)"),
     "dict": (dict(FRAME), TypeError, r"X is a dict.*pandas\.DataFrame\(X\)"),
-    "ordered dict": (OrderedDict(FRAME), TypeError, r"X is a OrderedDict.*DataFrame\(X\)"),
     "the same name twice": (TWICE, ValueError, "2 columns of X are called 'x'"),
     "no columns": (FRAME[[]], ValueError, "X has no columns"),
     "no rows": (FRAME[:0], ValueError, r"0 sample\(s\)"),

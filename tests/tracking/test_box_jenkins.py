@@ -76,6 +76,7 @@ def test_intervals(loop):
     np.testing.assert_allclose(model.covariance_path_[-1], model.covariance_)
 
 
+@pytest.mark.slow
 def test_one_memory_per_parameter(loop):
     X, y = loop
     slow = RecursiveBoxJenkins(nk=29, memory_time=[20.0, 20.0, 5.0, 5.0]).fit(X, y)
@@ -141,6 +142,7 @@ def test_it_ends_at_output_error_least_squares():
     np.testing.assert_allclose(np.mean(spread, axis=0), 1.0, atol=0.08)
 
 
+@pytest.mark.slow
 def test_nothing_diverges():
     """Of 300 runs none has a coefficient of 100 times the largest (truth 0.04 to 0.1)."""
     for order in (1, 4):

@@ -57,6 +57,7 @@ def test_a_constant_operator_is_found_with_honest_errors(quiet, method):
     assert model.n_clamped_ == dict.fromkeys(model.n_clamped_, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_smoothing_is_surer_and_ends_where_the_filter_does(changing, method):
     X, y, truth = changing
@@ -115,6 +116,7 @@ def test_missing_measurements_are_no_information(quiet):
     assert (path.iloc[3999] != path.iloc[3499]).any()
 
 
+@pytest.mark.slow
 def test_a_constant_part_of_the_output_is_told_or_fitted(quiet):
     method = "ekf"
     X, y = one(quiet, rows=6000)
@@ -139,6 +141,7 @@ def test_a_constant_part_of_the_output_is_told_or_fitted(quiet):
     np.testing.assert_allclose(last(stream), last(model), rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_pauses_are_survived(quiet, method):
     X, y = one(quiet, rows=4000)
@@ -157,6 +160,7 @@ def test_pauses_are_survived(quiet, method):
         assert abs(path[name].iloc[-1] / value - 1) < tolerance, name
 
 
+@pytest.mark.slow
 def test_signs_of_gains_are_those_of_the_data(quiet):
     X, y = one(quiet, rows=4000)
     up, down = (OperatorKalman(dt=0.01).fit(X, s * y) for s in (1, -1))

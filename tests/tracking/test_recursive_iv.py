@@ -101,6 +101,7 @@ def test_with_all_memory_it_is_the_batch_estimate():
     np.testing.assert_allclose(np.mean(spread, axis=0), 1.0, atol=0.08)
 
 
+@pytest.mark.slow
 def test_nothing_is_infinite():
     """Measured largest |b| of 300 runs: 1.8 with 5.12 s, 7.6 with 2.56 s, 12.7 with 1.28 s."""
     X, y = make_tracking_runs(

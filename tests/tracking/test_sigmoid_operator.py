@@ -81,6 +81,7 @@ def test_derivatives_of_the_path(which):
         np.testing.assert_allclose(slopes[:, i], difference, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_frequency_may_have_a_sigmoid_too():
     X, y = made(3.0, 22.0, noise=0.002, omega=(8.0, 12.0))
     model = SigmoidOperator(varying=("K_edot", "K_e", "omega_nm"), dt=DT, inputs=[0]).fit(X, y)
@@ -94,6 +95,7 @@ def test_frequency_may_have_a_sigmoid_too():
     assert np.ptp(found["time"]) == 0
 
 
+@pytest.mark.slow
 def test_without_a_change_the_likelihood_hardly_grows():
     X, y = make_tracking_runs("C1", n_runs=1, remnant_intensity=0.15, random_state=5)
     model = SigmoidOperator().fit(X, y)

@@ -168,7 +168,7 @@ def test_dependent_candidates_are_nan_and_not_chosen(data):
 # The orders
 
 
-@pytest.mark.parametrize("slow", [False, True])
+@pytest.mark.parametrize("slow", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_cv_results_equal_explicit_fits(data, slow):
     X, y = data
     model = (SlowARX if slow else ARXRegressor)()
@@ -337,13 +337,12 @@ def test_progress_bars(data, search, capsys):
     assert type(search).__name__ in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("wrap", [lambda m: m, make_pipeline], ids=["bare", "pipeline of one step"])
-def test_instrumental_variables_can_be_searched(wrap):
+def test_instrumental_variables_can_be_searched():
     """The path that fits candidates one by one, with one that cannot be fitted."""
     X, y = loop_runs(2, remnant_gain=0.0109)
     target = X["f_t"] * 0 + np.sin(2 * np.pi * X.index.get_level_values("time") / 81.92 * 22)
     X = X.assign(f_t=target)
-    model = wrap(ARXRegressor(nk=29, method="iv", instruments=["f_t"], inputs=["e"]))
+    model = make_pipeline(ARXRegressor(nk=29, method="iv", instruments=["f_t"], inputs=["e"]))
     search = OrderSearchCV(model, na=[1, 6], nb=[1]).fit(X, y)
     results = search.cv_results_
     assert np.isnan(results["mean_test_score"][1])
