@@ -21,7 +21,7 @@ from ..recordings.channels import check_channels
 from ..recordings.recording import Finding
 from ..text import Document, Note, Told
 from .ceiling import Ceiling, Route, consistent_ceiling, noise_ceiling
-from .findings import WORDS, NextSteps, advise, is_operator
+from .findings import WORDS, NextSteps, advise
 from .leaks import LEAST_DELAY, LeakTest, leak_test
 from .over_amplitude import by_operating_point, level_tests
 from .over_frequency import by_frequency, distortion_tests
@@ -504,7 +504,7 @@ def _gap_test(ceiling: Ceiling) -> list[Test]:
 
 def _domain(signals: Signals) -> str:
     loop = "e" in signals.channels and not {"x", "f_t"}.isdisjoint(signals.channels)
-    return "human" if loop or is_operator(signals.model) else "machine"
+    return "human" if loop or NextSteps(signals.model).is_operator else "machine"
 
 
 def _leak(signals: Signals, domain: str) -> LeakTest | None:

@@ -60,27 +60,12 @@ def test_a_few_parameters_have_not_learnt_the_noise():
     ("effects", "say", "told"),
     [
         ("bias", lambda then: then.bias(), "already has the effect bias:"),
-        ("saturation", lambda then: then.level(), "already has the effect saturation:"),
-        (
-            "saturation",
-            lambda then: then.nonlinearity(False, "x"),
-            "already has the effect saturation:",
-        ),
         (
             "dead_zone",
-            lambda then: then.nonlinearity(True, "x"),
+            lambda then: then.nonlinearity(True),
             "already has the effect dead zone:",
         ),
-        ("asym_gain", lambda then: then.asymmetry(), "already has the effect asymmetric gain:"),
-        ("tv_gain", lambda then: then.change(), "already has the effect time-varying gain:"),
-        ("drift", lambda then: then.drift(), "already has the effect drift:"),
         ("feedforward", lambda then: then.follow("f_t"), "already has the effect feedforward:"),
-        ("preview", lambda then: then.follow("f_t"), "already has the effect preview:"),
-        (
-            "disturbance",
-            lambda then: then.follow("dist"),
-            "already has the effect disturbance response:",
-        ),
     ],
 )
 def test_what_the_model_has_is_not_advised(effects, say, told):
