@@ -114,16 +114,6 @@ def test_a_delay_gives_the_same_bits_beside_others(n):
 # Batch fits
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.1])
-def test_least_squares_are_those_of_the_estimator(noise):
-    e, u = shifted(*short_runs(noise))
-    e = e[:, 1:]
-    theta = fit_runs(e, u)
-    expected = [ARXRegressor().fit(x, y).coef_ for x, y in zip(e[:, :, None], u, strict=True)]
-    np.testing.assert_allclose(theta, expected, rtol=1e-9)
-    np.testing.assert_array_equal(fit_runs(e[::-1], u[::-1]), theta[::-1])
-
-
 # Forgetting
 
 

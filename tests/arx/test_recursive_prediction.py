@@ -58,20 +58,6 @@ def test_predict_follows_the_path(fitted):
     np.testing.assert_allclose(found, twin_of_predict(model, far), rtol=1e-10, atol=1e-12)
 
 
-def test_predict_across_a_gap_and_of_pieces(fitted):
-    model, X, _ = fitted
-    keep = np.ones(len(X), bool)
-    keep[[*range(150, 190), *range(500, 501)]] = False
-    holed = X[keep]
-    np.testing.assert_allclose(
-        model.predict(holed), twin_of_predict(model, holed), rtol=1e-10, atol=1e-12
-    )
-    piece = X.iloc[200:300]
-    np.testing.assert_allclose(
-        model.predict(piece), twin_of_predict(model, piece), rtol=1e-10, atol=1e-12
-    )
-
-
 @pytest.mark.parametrize("horizon", [1, 5])
 @pytest.mark.parametrize("parameters", ["path", "last"])
 def test_predict_ahead(horizon, parameters):

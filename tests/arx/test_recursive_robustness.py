@@ -147,26 +147,6 @@ def test_a_channel_that_comes_alive_is_learnt(kind):
 # Scales
 
 
-@pytest.mark.parametrize(("scales", "other"), [((1e-12, 1e12), 1e12), ((1e12, 1e12), 1e-12)])
-@pytest.mark.parametrize("form", ["joint", "diagonal"])
-def test_scales_of_channels(scales, other, form):
-    """The parameters follow the units, with one scale for each channel."""
-    rng = np.random.default_rng(0)
-    X, white = rng.standard_normal((3000, 2)), 0.01 * rng.standard_normal(3000)
-    u = respond(X[:, 0], white) + lfilter([0.0, 0.4], [1, *A], X[:, 1])
-    params = {
-        "na": 2, "nb": [2, 1], "nk": [3, 1], "init": "zeros", "init_window": 300.0,
-        "forgetting": (0.95, 0.96, 0.97, 0.98, 0.99), "forgetting_form": form,
-    }  # fmt: skip
-    one = RecursiveARX(**params).fit(X, u)
-    c = scales[1]
-    scaled = RecursiveARX(**params, store_covariance=True).fit(X * [scales[0], other], c * u)
-    units = np.array([1.0, 1.0, c / scales[0], c / scales[0], c / other])
-    np.testing.assert_allclose(scaled.coef_path_ / units, one.coef_path_, rtol=0, atol=1e-8)
-    assert_sound(scaled, excited=True)
-    assert scaled.n_held_ == one.n_held_ == 0
-
-
 # Protection is for what is not excited
 
 

@@ -67,24 +67,6 @@ def test_one_row_at_a_time():
     assert_same_bits(bare, whole)
 
 
-@pytest.mark.parametrize(
-    ("orders", "inputs"),
-    [
-        ({"na": 0, "nb": [1, 2], "nk": [0, 2]}, [0, 1]),
-        ({"na": 1, "nb": [1, 1], "nk": [0, 7]}, [1, 0]),
-        ({"na": 2, "nb": 1, "nk": 40}, [1]),
-    ],
-)
-@settings(max_examples=2, deadline=None)
-@given(cuts=cut_places)
-def test_any_orders(orders, inputs, cuts):
-    values, output = (table.to_numpy()[:N] for table in arx_runs(1, N))
-    params = {**orders, "inputs": inputs, "fit_intercept": True, "memory_horizon": 40}
-    whole = RecursiveARX(**params, init="zeros", p0=10.0).fit(values, output)
-    model = RecursiveARX(**params, init="zeros", p0=10.0)
-    assert_same_bits(stream(model, values, output, cuts), whole)
-
-
 # Start
 
 
@@ -156,14 +138,3 @@ def test_orders_cannot_change_in_a_stream():
     for rows in (e[100:101], e[100:101].tolist()):  # by the fast path and past it
         with pytest.raises(ValueError, match="Orders cannot change within a stream"):
             model.partial_fit(rows, u[100:101])
-
-
-def test_another_forgetting_counts_from_the_next_call_on():
-    e, u = ARRAYS
-    changed = RecursiveARX(nk=3, init="zeros", p0=1, forgetting=0.9).partial_fit(e[:100], u[:100])
-    changed.set_params(forgetting=0.97).partial_fit(e[100:], u[100:])
-    steps = RecursiveARX(
-        nk=3, init="zeros", p0=1, forgetting=lambda row: np.where(row < 100, 0.9, 0.97)
-    )
-    np.testing.assert_array_equal(changed.coef_, steps.partial_fit(e, u).coef_)
-    assert changed.forgetting_ == 0.97

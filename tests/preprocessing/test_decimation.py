@@ -68,13 +68,6 @@ def test_factor_one_leaves_container_and_index():
     assert list(Decimator(2).fit_transform(array).index.names)[:2] == ["run", "time"]
 
 
-def test_the_mark_carries_factor_and_method_and_ends():
-    X = signals([20, 30])
-    for factor, method, padding in ((2, "ideal", "odd"), (3, "aggregate", "periodic")):
-        out = Decimator(factor, method=method, padding=padding).fit_transform(X)
-        assert out.index.names[-1] == f"decimation 1/{factor} {method} {padding}"
-
-
 @pytest.mark.parametrize("method", ["ideal", "downsample", "aggregate"])
 def test_y_is_filtered_and_thinned_as_x_is(method):
     X, y = arx_runs(lengths=[120, 97], smooth=1)

@@ -16,7 +16,6 @@ from skhoid import (
     performance_scores,
     resample_runs,
 )
-from skhoid.exceptions import MissingDataWarning
 
 INDEX = pd.MultiIndex.from_product([["a", "b"], 0.02 * np.arange(60)], names=["run", "time"])
 RNG = np.random.default_rng(0)
@@ -53,24 +52,6 @@ def test_an_entry_of_an_array_that_is_no_number_is_named(entry, error, said):
     for model in (ARXRegressor(dt=0.02), DelayShift(0.1, dt=0.02)):
         with pytest.raises(error, match=said):
             model.fit(table, list(Y))
-
-
-@pytest.mark.parametrize("kind", ["string", "string[pyarrow]"])
-def test_text_with_a_gap_is_a_number_with_a_gap(kind):
-    text = X.assign(e=X["e"].astype(str).astype(kind))
-    text.iloc[7, 0] = pd.NA
-    numbers = X.copy()
-    numbers.iloc[7, 0] = np.nan
-    with pytest.warns(MissingDataWarning):
-        found, expected = (ARXRegressor().fit(table, Y).coef_ for table in (text, numbers))
-    np.testing.assert_array_equal(found, expected)
-    shifted = [DelayShift(0.1).fit_transform(table)["e"] for table in (text, numbers)]
-    pd.testing.assert_series_equal(*shifted)
-    output = Y.astype(str).astype(kind)
-    output.iloc[7] = pd.NA
-    with pytest.warns(MissingDataWarning):
-        found, expected = (ARXRegressor().fit(X, y).coef_ for y in (output, output.astype(float)))
-    np.testing.assert_array_equal(found, expected)
 
 
 def test_infinities_of_both_signs():

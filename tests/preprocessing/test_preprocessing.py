@@ -1,25 +1,15 @@
 """Decimator, DelayShift and RunInTrimmer together, on the runs of the thesis."""
 
-import numpy as np
-import pandas as pd
 import pytest
 from sklearn.base import clone
-from sklearn.pipeline import make_pipeline
 from support import closed_loop as cl
-from support.synthetic import DT, as_table, signals
+from support.synthetic import as_table
 
 from skhoid import (
     ARXRegressor,
-    Decimator,
-    DelaySearchCV,
     OrderSearchCV,
     vaf_score,
 )
-
-
-@pytest.fixture(scope="module")
-def monte_carlo_recording():
-    return as_table(cl.simulate("C1"))
 
 
 def test_where_the_free_run_starts():
@@ -37,22 +27,3 @@ def test_where_the_free_run_starts():
     estimated = ARXRegressor(nk=28).fit(X[:4096], y[:4096])
     assert vaf_score(y[4096:], estimated.predict(X[4096:])) > 99.7
     assert estimated.score(X[4096:], y[4096:]) > 99.9
-
-
-def test_remnant_free_delay_after_decimation(monte_carlo_recording):
-    """tau_e and the ZOH sample on each grid: 29 at 100 Hz, 15 at 50 Hz (nk_star.remnant_free)."""
-    X, y = (table.iloc[-8192:] for table in monte_carlo_recording)
-    thinned = make_pipeline(Decimator(2, method="downsample"), ARXRegressor())
-    assert DelaySearchCV(thinned, nk=range(5, 25)).fit(X, y).best_nk_ == 15
-
-
-def test_phase_of_times_on_half_samples_does_not_depend_on_the_slice():
-    X = signals([60], 0)
-    time = X.index.get_level_values("time") + DT / 2
-    X.index = pd.MultiIndex.from_arrays(
-        [X.index.get_level_values("run"), time], names=["run", "time"]
-    )
-    whole = Decimator(3).fit_transform(X).index.get_level_values(-1).to_numpy()
-    for start in range(7):
-        part = Decimator(3).fit_transform(X.iloc[start:]).index.get_level_values(-1).to_numpy()
-        np.testing.assert_array_equal(part, whole[start:])

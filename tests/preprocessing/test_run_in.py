@@ -46,16 +46,6 @@ def test_the_simulation_restarts_after_the_run_in_with_zero_output_and_real_past
     np.testing.assert_allclose(model.coef_, np.linalg.lstsq(phi, output, rcond=None)[0], rtol=1e-9)
 
 
-def test_one_step_predictions_use_the_real_past_of_the_window():
-    X, y = arx_runs(1, 120, seed=5)
-    pipe = make_pipeline(RunInTrimmer(0.5), ARXRegressor(2, 2, 3)).fit(X, y)
-    model = pipe[-1]
-    ahead = model.predict_ahead(pipe[:-1].transform(X), y, 2)
-    e = X[["e"]].to_numpy()
-    twin = naive.predict_ahead(y.to_numpy(), e, [(0, 120)], model.a_, [model.b_], (3,), horizon=2)
-    np.testing.assert_allclose(ahead, twin, rtol=1e-10, atol=1e-12)
-
-
 def test_order_search_trims_before_it_decimates():
     X, y = arx_runs(smooth=1)
     pipe = make_pipeline(RunInTrimmer(0.3), ARXRegressor(2, 2, 1))

@@ -207,22 +207,6 @@ def test_in_the_loop_a_change_of_the_delay_is_followed_roughly():
 # Streams
 
 
-@pytest.mark.parametrize("begun", ["given", "ols"])
-def test_any_cut_of_a_stream_gives_what_fit_gives(begun):
-    X, y = with_gaps(1)
-    params = {} if begun == "given" else {"kind": DelayBankARX, "init_window": 0.9}
-    if begun == "ols":
-        X, y = X[:150], y[:150]
-    whole = bank(**params).fit(X, y)
-    rng = np.random.default_rng(0)
-    for n_cuts in (3, 40):
-        cuts = np.sort(rng.choice(np.arange(1, len(y)), n_cuts, replace=False)).tolist()
-        model = bank(**params)
-        for begin, end in pairwise([0, *cuts, len(y)]):
-            model.partial_fit(X[begin:end], y[begin:end])
-        assert_same(model, whole)
-
-
 def assert_same(one, other):
     for name in ("coef_", "covariance_", "last_probabilities_", "delay_", "delay_sd_", "nk_"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)

@@ -12,8 +12,6 @@ from skhoid import (
     RankDeficiencyError,
     ShortRunError,
     Sigmoid,
-    make_tracking_runs,
-    operator_parameters,
 )
 from skhoid.tracking.lpv_arx import LPVARX
 
@@ -137,28 +135,6 @@ def test_poles_that_do_not_vary():
     names = ["a1", "a2", "b0[0]", "b0[1]", "b1[0]", "b1[1]", "intercept"]
     assert list(fitted.parameters_.index) == names
     np.testing.assert_array_equal(np.ptp(fitted.coef_at([-1.0, 0.3, 2.0])[:, [0, 1, 4]], axis=0), 0)
-
-
-@pytest.mark.parametrize(("condition", "rate"), [("C3", 0.5), ("C4", 100.0)])
-def test_the_truth_behind_simulated_runs(condition, rate):
-    """Against what the batch model finds where nothing changes, and against the operator itself.
-
-    The simulation is in continuous time, and gains change while the neuromuscular system responds:
-    some per cent of the truth remain, also for the batch model.
-    """
-    data = make_tracking_runs(condition, n_runs=2, random_state=0)
-    basis = Sigmoid(0.0, 1.0, rate=rate, time=40.96)
-    fitted = LPVARX(nk=29, basis=basis, varying="inputs").fit(*data)
-    table = operator_parameters(fitted)
-    for row, state, gains in ((0, "C1", (0.09, 0.036)), (-1, "C2", (0.07, 0.084))):
-        steady = ARXRegressor(nk=29).fit(*make_tracking_runs(state, n_runs=2, random_state=0))
-        batch = operator_parameters(steady).iloc[0]
-        for name in ("K_e", "K_edot", "omega_nm", "zeta_nm"):
-            assert table[name].iloc[row] == pytest.approx(batch[name], rel=0.02), name
-        np.testing.assert_allclose(table[["K_e", "K_edot"]].iloc[row], gains, rtol=0.04)
-        assert (table[["sd_K_e", "sd_K_edot", "sd_omega_nm"]].iloc[row] > 0).all()
-    assert table["tau_e"].iloc[0] == pytest.approx(0.28)
-    assert len(table) == 8192
 
 
 # Uncertainty

@@ -1,23 +1,16 @@
 """OperatorPath against the simulator, ARX models and an ordinary differential equation."""
 
-import warnings
-
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicSpline
-from sklearn.pipeline import make_pipeline
 
 from skhoid import (
     ARXRegressor,
-    Decimator,
     HumanOperator,
     make_tracking_runs,
     operator_parameters,
     zoh_parameters,
 )
-from skhoid.exceptions import RunTimeWarning
 from skhoid.tracking.operator_path import ESTIMATED, OperatorPath
 
 TRUE = {"K_e": 0.09, "K_edot": 0.036, "tau_e": 0.28, "omega_nm": 11.25, "zeta_nm": 0.35}
@@ -77,47 +70,6 @@ def test_whole_delays_are_those_of_an_arx_model(runs, tau_e):
     np.testing.assert_allclose(told, arx.simulate(X), atol=1e-11)
 
 
-def slow_change():
-    """An error, and the operator's output while all its parameters change, by an ODE solver."""
-    t = np.arange(2000) * DT
-    rng = np.random.default_rng(1)
-    omega = rng.uniform(0.5, 6.0, 8)
-    e = np.sin(np.outer(t, omega) + rng.uniform(0, 6, 8)).sum(axis=1)
-    share = t / t[-1]
-
-    def at(name, time):
-        s = np.clip(time / t[-1], 0, 1)
-        return np.exp((1 - s) * np.log(TRUE[name]) + s * np.log(OTHER[name]))
-
-    smooth = CubicSpline(t, e)
-
-    def slope(time, x):
-        now = {name: at(name, time) for name in ESTIMATED}
-        late = time - now["tau_e"]
-        drive = 0.0
-        if late > 0:
-            drive = now["K_e"] * smooth(late) + now["K_edot"] * smooth(late, 1)
-        w = now["omega_nm"]
-        return [x[1], w**2 * (drive - x[0]) - 2 * now["zeta_nm"] * w * x[1]]
-
-    found = solve_ivp(slope, (0, t[-1]), [0, 0], t_eval=t, rtol=1e-7, atol=1e-9, max_step=0.02)
-    assert share[-1] == 1
-    return e, found.y[0]
-
-
-def test_logarithms_between_instants_are_an_operator_that_changes_slowly():
-    """The path has two instants; to hold the error between samples costs half a sample of lag."""
-    e, u = slow_change()
-    path = {0: TRUE, 1999: OTHER}
-    early = {n: {**p, "tau_e": p["tau_e"] - DT / 2} for n, p in path.items()}
-    model = Told(early, dt=DT).fit(e[:, None], u)
-    assert model.score(e[:, None], u) > 99.9
-    held_before = Told({0: TRUE}, dt=DT).fit(e[:, None], u)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RunTimeWarning)
-        assert held_before.score(e[:, None], u) < 98
-
-
 def test_each_sample_of_the_error_keeps_the_gains_that_it_met():
     """The recursion written out, with all parameters but the delay other at each instant."""
     rng = np.random.default_rng(2)
@@ -153,19 +105,6 @@ def test_before_and_after_the_path_its_ends_hold(runs):
     inner = Told({1000: TRUE, 1500: OTHER}).fit(X, y)
     outer = Told({0: TRUE, 1000: TRUE, 1500: OTHER, 4095: OTHER}).fit(X, y)
     np.testing.assert_array_equal(inner.predict(X), outer.predict(X))
-
-
-def test_decimated_runs(runs):
-    """At half the rate the path is at the same times, and the operator the same."""
-    X, y = runs
-    chain = make_pipeline(Decimator(2), Told({0: TRUE, 2000: TRUE})).fit(X, y)
-    assert chain[-1].dt_ == pytest.approx(0.02)
-    assert chain[-1].time_path_.tolist() == [0.0, 40.0]
-    assert chain.predict(X).shape == y.shape
-    # The whole hold of the model is half a sample of 20 ms later than that of the runs.
-    early = {n: {**TRUE, "tau_e": 0.275} for n in (0, 2000)}
-    chain = make_pipeline(Decimator(2), Told(early)).fit(X, y)
-    assert chain.score(X, y) == pytest.approx(everywhere(TRUE).fit(X, y).score(X, y), abs=0.2)
 
 
 def test_the_latest_parameters_of_a_stream(runs):

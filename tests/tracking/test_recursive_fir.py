@@ -1,13 +1,10 @@
 """RecursiveFIR against least squares written out, in streams, at rest, and in other units."""
 
-import pickle
 from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from sklearn.pipeline import make_pipeline
 from support import fir_twin
 from support.synthetic import DT, run_time
@@ -171,64 +168,11 @@ def test_lags_do_not_cross_gaps():
     np.testing.assert_allclose(fitted.coef_, theta, rtol=1e-8)
 
 
-@pytest.mark.parametrize(("ridge", "memory"), [(0.001, 10.0), (0.0, 0.1)])
-def test_sixteen_thousand_zeros_change_nothing(ridge, memory):
-    options = {"ridge": ridge, "memory_time": memory}
-    e = np.concatenate([ARRAYS[0][:, 0], np.zeros(16_000), ARRAYS[0][:, 0]])
-    u = np.concatenate([ARRAYS[1], np.zeros(16_000), ARRAYS[1]])
-    fitted = model(every=20, **options).fit(e[:, None], u)
-    before = model(every=20, **options).fit(e[: N + 20, None], u[: N + 20])
-    at = np.searchsorted(fitted.time_path_, (N + 15_000) * DT)
-    np.testing.assert_array_equal(fitted.coef_path_[at], before.coef_)
-    assert np.isfinite(fitted.coef_path_).all()
-    assert np.isfinite(fitted.covariance_).all()
-    assert fitted.n_held_ == 16_000 - TAPS + 1
-    np.testing.assert_allclose(fitted.coef_, H, atol=0.15)
-
-
 def test_an_input_that_never_moves_is_told():
     with pytest.warns(PoorExcitationWarning, match="'x0' never determined all of the 6 taps"):
         fitted = model(ridge=0.0).fit(np.ones((N, 1)), Y.to_numpy())
     assert not fitted.coef_path_.any()
     assert np.isnan(fitted.standard_errors_).all()
-
-
-# Streams
-
-FORMS = {"every": {}, "seldom, with a constant": {"fit_intercept": True, "every": 7}}
-each_form = pytest.mark.parametrize("params", FORMS.values(), ids=FORMS.keys())
-cut_places = st.lists(st.integers(1, N - 1), unique=True, max_size=8).map(sorted)
-
-
-def stream(target, X, y, cuts):
-    for begin, end in pairwise([0, *cuts, len(y)]):
-        target.partial_fit(X[begin:end], y[begin:end])
-    return target
-
-
-def assert_same_bits(one, other):
-    for name in ("coef_", "covariance_", "delta_"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
-    for name in ("noise_variance_", "n_updates_", "n_held_", "dt_", "intercept_"):
-        assert getattr(one, name) == getattr(other, name), name
-
-
-@each_form
-@settings(max_examples=4, deadline=None)
-@given(cuts=cut_places)
-def test_any_cut_of_a_stream(params, cuts):
-    whole = model(**params).fit(*ARRAYS)
-    assert_same_bits(stream(model(**params), *ARRAYS, cuts), whole)
-    assert_same_bits(stream(model(**params), X, Y, cuts), model(**params).fit(X, Y))
-
-
-@each_form
-def test_a_stream_goes_on_after_fit(params):
-    begun = pickle.loads(pickle.dumps(model(**params).fit(ARRAYS[0][:101], ARRAYS[1][:101])))
-    assert_same_bits(
-        begun.partial_fit(ARRAYS[0][101:], ARRAYS[1][101:]), model(**params).fit(*ARRAYS)
-    )
-    assert not hasattr(begun, "coef_path_")
 
 
 # Predictions and the API

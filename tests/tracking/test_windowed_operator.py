@@ -160,23 +160,6 @@ def test_a_fast_change_is_missed_in_the_windows_that_contain_it():
     assert after < 0.15
 
 
-def test_runs_are_pooled(noisy):
-    X, y = noisy
-    both = WindowedOperator(20.0, 5.0).fit(X, y).parameters_path_
-    one, two = (WindowedOperator(20.0, 5.0).fit(X.loc[[r]], y.loc[[r]]) for r in (0, 1))
-    assert (both["sd_K_e"] < one.parameters_path_["sd_K_e"]).all()
-    doubled = pd.concat([X.loc[[0]], X.loc[[0]].rename(index={0: 7}, level=0)])
-    twice = WindowedOperator(20.0, 5.0).fit(
-        doubled, pd.concat([y.loc[[0]], y.loc[[0]].rename(index={0: 7}, level=0)])
-    )
-    for name in TRUE.index:
-        a, b = twice.parameters_path_[name], one.parameters_path_[name]
-        np.testing.assert_allclose(a, b, rtol=5e-3)
-        sd = twice.parameters_path_[f"sd_{name}"] / one.parameters_path_[f"sd_{name}"]
-        np.testing.assert_allclose(sd, 2**-0.5, rtol=0.06)
-    assert two.parameters_path_.shape == (5, 12)
-
-
 @pytest.mark.parametrize(
     ("options", "error", "match"),
     [

@@ -123,17 +123,6 @@ def test_marks_and_scorers_as_on_the_path_that_refits(wrap, scoring):
         np.testing.assert_allclose(fast.cv_results_[key], slow.cv_results_[key], rtol=1e-8)
 
 
-def test_single_folds_have_the_standard_error_of_the_path_that_refits():
-    X, y = arx_runs(3, 150, noise=0.4)
-    cv = [(np.arange(200), np.arange(200, 450))]
-    with pytest.warns(match="cut run 2"):
-        fast, slow = (
-            OrderSearchCV(model(), na=[6], nb=[2], nk=[3], cv=cv).fit(X, y)
-            for model in (ARXRegressor, SlowARX)
-        )
-    assert fast.standard_error_ == pytest.approx(slow.standard_error_, rel=1e-9)
-
-
 # Work
 
 
