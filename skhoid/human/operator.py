@@ -50,20 +50,9 @@ class HumanOperator:
         Neuromuscular frequency in rad/s.
     zeta_nm : float or callable, default=0.35
         Neuromuscular damping ratio.
-    K_t, K_tdot : float or callable, default=0.0
-        Gains on target and target rate (s), for a pursuit display.
-    K_x, K_xdot : float or callable, default=0.0
-        Gains on the controlled element's output and its rate (s), also for a pursuit display. They
+    K_t, K_tdot, K_x, K_xdot : float or callable, default=0.0
+        Gains on target and controlled output and on their rates (s), for a pursuit display. They
         add to u, so feedback of x has negative gains.
-
-    Raises
-    ------
-    ValueError
-        If a parameter is negative or not finite, or both ``T_L`` and ``K_edot`` are given.
-
-    See Also
-    --------
-    operator_parameters : These parameters from an identified ARX model.
 
     Examples
     --------

@@ -12,7 +12,7 @@ from sklearn.base import clone
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_consistent_length
 
-from .._sklearn import Interval, checked
+from .._sklearn import checked
 from ..arx import batch as models  # which imports this package: no class is there yet
 from ..arx.base import BaseARX
 from ..exceptions import MissingDataWarning
@@ -20,13 +20,13 @@ from ..pipelines import final_step, raw_layout, trimmed_rows, unwrapped
 from ..preprocessing.gate import as_output
 from .conversion import NAMES, operator_parameters
 
+LENGTH = 30.72  # s, as in the thesis
 SHARED = ("na", "nb", "nk", "inputs", "fit_intercept", "roles", "dt", "run")
 
 
 @checked(
     y=["array-like"],
     windows=[str, tuple, list, np.ndarray],
-    length=[Interval(Real, 0, None, closed="neither")],
 )
 def reference_fits(
     X: Any,
@@ -34,7 +34,6 @@ def reference_fits(
     windows: Any = ("ini", "fin"),
     *,
     estimator: Any = None,
-    length: float = 30.72,
 ) -> pd.DataFrame:
     """Fit batch ARX models to the parts of runs in which the operator does not change.
 
@@ -47,13 +46,11 @@ def reference_fits(
     y : Series or array of shape (n_rows,)
         Output.
     windows : "ini", "fin", (float, float) or sequence of them, default=("ini", "fin")
-        Parts of each run: its first and its last ``length`` seconds, after a run-in that the
+        Parts of each run: its first and its last 30.72 seconds, after a run-in that the
         estimator leaves out, or ``start <= time < stop`` in seconds of the time index.
     estimator : ARX model, or pipeline or search that ends in one, or None, default=None
         The batch models take its orders, delay, inputs and preprocessing; it need not be fitted.
         None means ``ARXRegressor()``.
-    length : float, default=30.72
-        Seconds of ``"ini"`` and ``"fin"``.
 
     Returns
     -------
@@ -86,7 +83,7 @@ def reference_fits(
         raise ValueError("windows is empty; give at least one.")
     single = isinstance(windows, str) or all(isinstance(edge, Real) for edge in windows)
     for window in [windows] if single else windows:
-        name, start, stop = _choose_bounds(window, layout, measured, length)
+        name, start, stop = _choose_bounds(window, layout, measured)
         slack = 1e-6 * layout.dt
         inside = measured & (layout.time >= start - slack) & (layout.time < stop - slack)
         masked = np.where(inside, output, np.nan)
@@ -122,9 +119,7 @@ def _make_batch(estimator: Any) -> Any:
     return whole
 
 
-def _choose_bounds(
-    window: Any, layout: Any, measured: np.ndarray, length: float
-) -> tuple[Any, ...]:
+def _choose_bounds(window: Any, layout: Any, measured: np.ndarray) -> tuple[Any, ...]:
     """Name, start and stop of a window in seconds."""
     time = layout.time[measured]
     if isinstance(window, str) and window in ("ini", "fin"):
@@ -134,12 +129,12 @@ def _choose_bounds(
             np.append(np.flatnonzero(np.diff(run)), run.size - 1),
         )
         start, stop = float(time[first].max()), float(time[last].min()) + layout.dt
-        if length > stop - start + layout.dt / 2:
+        if stop - start + layout.dt / 2 < LENGTH:
             raise ValueError(
-                f"length={length:g} s is longer than the time that the runs share, "
-                f"{stop - start:g} s."
+                f"The {LENGTH:g} s of {window!r} are longer than the time that the runs share, "
+                f"{stop - start:g} s: give (start, stop)."
             )
-        return window, *((start, start + length) if window == "ini" else (stop - length, stop))
+        return window, *((start, start + LENGTH) if window == "ini" else (stop - LENGTH, stop))
     if isinstance(window, str) or np.size(window) != 2:
         raise ValueError(
             f"A window must be 'ini', 'fin' or (start, stop) in seconds; got {window!r}."

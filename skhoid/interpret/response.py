@@ -73,7 +73,6 @@ def find_crossover_at_lines(
     controlled_element=[HasMethods("frequency_response")],
     dt=DT,
     nk=[Integral, None],
-    na=[Integral],
     time=["array-like", None],
 )
 def crossover_path(
@@ -82,7 +81,6 @@ def crossover_path(
     *,
     dt: float | None = None,
     nk: int | None = None,
-    na: int = 2,
     time: Any = None,
 ) -> pd.DataFrame:
     """Crossover frequency and phase margin over time, from a path of ARX parameters.
@@ -94,17 +92,15 @@ def crossover_path(
     Parameters
     ----------
     theta : array-like of shape (n_instants, n_params), or fitted ARX model
-        [a_1 ... a_na, b_0 ... b_{nb-1}] of the operator at each instant. A model, alone or at the
+        [a_1, a_2, b_0 ... b_{nb-1}] of the operator at each instant. A model, alone or at the
         end of a pipeline or search, supplies its parameters over time (or its constant ones for
-        each of ``time``) and the next three arguments.
+        each of ``time``) and the next two arguments.
     controlled_element : ControlledElement
         Evaluated at the same instants.
     dt : float or None, default=None
         Sampling time of the model in seconds; needed with an array.
     nk : int or None, default=None
         Input delay in samples; needed with an array.
-    na : int, default=2
-        Number of output lags.
     time : array-like of shape (n_instants,) or None, default=None
         Instants in seconds. None means 0, dt, 2 dt ...
 
@@ -126,7 +122,7 @@ def crossover_path(
     0.00      1.57         75.94
     81.92     0.96         82.65
     """
-    delay = 0.0
+    na, delay = 2, 0.0
     if is_arx(theta):
         arx = ARXChannel.of(theta, None, "crossover_path")
         dt, nk, na, delay = arx.dt, arx.nk, arx.na, arx.shift

@@ -88,12 +88,12 @@ class Model:
         inside &= find_felt(self.simulator, self.theta, np.diag(self.fit.normal))
         return self.fit.covariance(inside)
 
-    def at_bound(self, tol: float = AT_BOUND) -> list[str]:
+    def at_bound(self) -> list[str]:
         """Names of parameters at a bound, within a share of their own size."""
         simulator, found = self.simulator, []
         for i, name in enumerate(simulator.names):
             near = [
-                abs(self.theta[i] - bound) <= tol * simulator.size(i, bound)
+                abs(self.theta[i] - bound) <= AT_BOUND * simulator.size(i, bound)
                 for bound in (simulator.low[i], simulator.high[i])
                 if np.isfinite(bound)
             ]
@@ -172,10 +172,7 @@ def find_best(
 
 
 def fit_by_halving(
-    simulator: Simulator,
-    criterion: Criterion,
-    starts: Iterable[np.ndarray],
-    rounds: Sequence[int] = ROUNDS,
+    simulator: Simulator, criterion: Criterion, starts: Iterable[np.ndarray]
 ) -> Model:
     """Minimise from many starts: some iterations from all, more from the better half, and so on.
 
@@ -183,7 +180,7 @@ def fit_by_halving(
     """
     points = [np.asarray(start, dtype=float) for start in starts]
     fits: list[Fit] = []
-    for most in rounds:
+    for most in ROUNDS:
         fits = [minimise(simulator, criterion, point, max_iter=most) for point in points]
         fits.sort(key=lambda fit: fit.sse)
         points = [fit.theta for fit in fits[: -(-len(fits) // 2)]]

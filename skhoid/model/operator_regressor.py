@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import product
 from numbers import Real
 from typing import Any
 
@@ -186,20 +187,18 @@ def list_operator_starts(core: OperatorCore, record: Record, criterion: Criterio
     if core.fixed_delay is None:
         delays = np.maximum(np.arange(0.06, 0.62, 0.08), core.least)
     found = []
-    for delay in delays:
-        for omega in (5.0, 9.0, 15.0):
-            for zeta in (0.25, 0.7):
-                theta = np.array([1.0, 0.0, omega, zeta, delay][: len(core.parameters)])
-                by_gain = []
-                for gains in ((1.0, 0.0), (0.0, 1.0)):
-                    theta[:2] = gains
-                    by_gain.append(simulator.run(theta)[:: criterion.thin])
-                a, b, y = criterion.whitened(np.stack([*by_gain, criterion.y]))
-                solved = np.linalg.lstsq(np.stack([a, b], 1), y, rcond=None)[0]
-                if solved[1] < 0:
-                    solved = np.array([float(a @ y) / max(float(a @ a), 1e-300), 0.0])
-                residual = y - solved[0] * a - solved[1] * b
-                theta[:2] = solved
-                found.append((float(residual @ residual), theta.copy()))
+    for delay, omega, zeta in product(delays, (5.0, 9.0, 15.0), (0.25, 0.7)):
+        theta = np.array([1.0, 0.0, omega, zeta, delay][: len(core.parameters)])
+        by_gain = []
+        for gains in ((1.0, 0.0), (0.0, 1.0)):
+            theta[:2] = gains
+            by_gain.append(simulator.run(theta)[:: criterion.thin])
+        a, b, y = criterion.whitened(np.stack([*by_gain, criterion.y]))
+        solved = np.linalg.lstsq(np.stack([a, b], 1), y, rcond=None)[0]
+        if solved[1] < 0:
+            solved = np.array([float(a @ y) / max(float(a @ a), 1e-300), 0.0])
+        residual = y - solved[0] * a - solved[1] * b
+        theta[:2] = solved
+        found.append((float(residual @ residual), theta.copy()))
     found.sort(key=lambda item: item[0])
     return np.array([theta for _, theta in found[:4]])

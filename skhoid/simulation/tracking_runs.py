@@ -128,16 +128,8 @@ def make_tracking_runs(
     truth : Bunch
         Only with ``return_truth``: ``u_without_remnant`` and ``remnant`` (Series like y);
         ``parameters``, a DataFrame over time of K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm, K_c,
-        omega_b, K_n, and of gains of a pursuit display that are not 0; ``arx_parameters``, the same
-        of a1, a2, b0, b1 under zero-order hold (not with such gains); ``nk``, their delay to the
-        nearest sample; ``task``. If the operator is a fitted model, its physics are missing.
-
-    Raises
-    ------
-    UnstableLoopError, RemnantIntensityError
-        If the loop is unstable, or cannot reach ``remnant_intensity``.
-    ValueError
-        If physics, sampling rate, names or shapes are not valid; the message says what to change.
+        omega_b, K_n, and of gains of a pursuit display; ``arx_parameters``, the same of a1, a2, b0,
+        b1 under zero-order hold (not with such gains); ``nk``, their delay in samples; ``task``.
 
     Examples
     --------

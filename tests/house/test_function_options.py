@@ -37,7 +37,6 @@ MODEL = ARXRegressor().fit(X, Y)
         (skhoid.vaf_score, (Y, Y), "window", "ini"),
         (skhoid.vaf_score, (Y, Y), "average", "median"),
         (skhoid.auto_psd, (X,), "dt", {}),
-        (skhoid.reference_fits, (X, Y), "length", None),
         (skhoid.crossover, (HumanOperator(), ControlledElement()), "t", None),
         (skhoid.make_tracking_runs, ("C1",), "perturbation", ["K_e"]),
         (skhoid.read_runs, ("*.csv",), "units", "deg"),

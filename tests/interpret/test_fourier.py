@@ -12,7 +12,6 @@ from support.closed_loop import MULTIPLES, PERIOD, simulate
 from support.synthetic import recording
 
 from skhoid import (
-    ARXRegressor,
     ControlledElement,
     Decimator,
     HumanOperator,
@@ -247,48 +246,6 @@ def test_stated_deviations_of_two_responses():
 
 
 # The statistics of Appendix H
-
-
-class Ensemble:
-    """100 runs with second-order remnant of intensity 0.15 (K_n of Table G.1)."""
-
-    def __init__(self, state, gain):
-        runs = [
-            simulate(state, remnant_gain=gain, remnant_order=2, rng=seed, periods=3).last()
-            for seed in range(100)
-        ]
-        X, y = recording({i: ([r.e], r.u) for i, r in enumerate(runs)})
-        self.truth = FrequencyResponse.of(OPERATOR[state], LINES)
-        self.fourier = fourier_coefficients(X, y, forcing=TARGET)
-        models = [ARXRegressor(na=2, nb=2, nk=29, dt=DT).fit(r.e[:, None], r.u) for r in runs]
-        fitted = [FrequencyResponse.of(model, LINES) for model in models]
-        self.stated_sd = np.sqrt(np.mean([f.magnitude_sd**2 for f in fitted], axis=0))
-        self.models = FrequencyResponse(LINES, [f.response for f in fitted])
-
-
-@pytest.fixture(scope="module")
-def ensemble():
-    return Ensemble("C1", 0.016)
-
-
-def check_against_appendix(ensemble, bias, sd_rel, ratio, lines=slice(None)):
-    mean = ensemble.fourier.mean()
-    error = mean.magnitude / ensemble.truth.magnitude - 1
-    np.testing.assert_allclose(error[lines], np.array(bias)[lines], atol=0.1)
-    spread = mean.complex_sd / mean.magnitude
-    np.testing.assert_allclose(spread[lines], np.array(sd_rel)[lines], atol=0.1)
-    actual = ensemble.models.magnitude.std(axis=0, ddof=1)
-    np.testing.assert_allclose(ensemble.stated_sd / actual, ratio, atol=0.2)
-
-
-@pytest.mark.slow
-def test_appendix_i_of_c1(ensemble):
-    check_against_appendix(
-        ensemble,  # appI.FC.C1_0.15, appI.H9_over_ensemble.C1_0.15
-        [-0.035, -0.024, -0.007, -0.004, -0.018, -0.003, -0.01, 0.007, 0.026, -0.02],
-        [0.197, 0.127, 0.097, 0.085, 0.086, 0.087, 0.086, 0.092, 0.166, 0.178],
-        [0.78, 0.781, 0.785, 0.797, 0.825, 0.832, 0.813, 0.8, 0.898, 0.877],
-    )
 
 
 def test_ensemble_statistics_by_hand():

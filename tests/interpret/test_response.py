@@ -1,7 +1,6 @@
 """Frequency responses as objects: covariance, phase, crossover, ARX models, tables."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.optimize import brentq
 from scipy.signal import freqz
@@ -19,8 +18,6 @@ from skhoid import (
     HumanOperator,
     RunInTrimmer,
     Sigmoid,
-    crossover,
-    make_tracking_runs,
 )
 from skhoid.interpret import (
     FrequencyResponse,
@@ -154,16 +151,6 @@ def test_crossover_path_against_root_finding():
         assert path["omega_c"].iloc[k] == pytest.approx(exact, rel=1e-9)
         margin = np.degrees(np.angle(-loop(exact)))
         assert path["phase_margin"].iloc[k] == pytest.approx(margin, abs=1e-6)
-
-
-def test_crossover_path_of_a_model():
-    X, y = make_tracking_runs("C1", 1, duration=20.0, run_in=10.0)
-    model = make_pipeline(DelayShift(0.29), ARXRegressor()).fit(X, y)
-    found = crossover_path(model, ELEMENT["C1"], time=[0.0, 5.0])
-    expected = crossover_path([model[-1].coef_] * 2, ELEMENT["C1"], dt=DT, nk=29, time=[0.0, 5.0])
-    pd.testing.assert_frame_equal(found, expected)
-    exact = crossover(HumanOperator(), ELEMENT["C1"])
-    np.testing.assert_allclose(found.iloc[0], exact, rtol=0.03)
 
 
 # ARX models

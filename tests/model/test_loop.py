@@ -14,7 +14,6 @@ from skhoid.effects.record import Record
 from skhoid.model.cores import OperatorCore
 from skhoid.model.fitting import Criterion, minimise
 from skhoid.model.loop import (
-    SAME,
     Loop,
     LoopSimulator,
     choose_pulse_response,
@@ -102,23 +101,6 @@ def test_run_is_the_loop_of_another_person_without_remnant(world, names):
     inside = simulator.record_inside
     np.testing.assert_allclose(inside.input, e, atol=1e-4 * np.std(e))
     np.testing.assert_allclose(inside.channels["x"], world.target - e, atol=1e-4 * np.std(e))
-
-
-@pytest.mark.parametrize("begin", [150])
-def test_run_solves_the_equation_of_the_loop(world, begin):
-    simulator = world.simulator(begin=begin)
-    record = world.record
-    u = simulator.run(theta_of(changed(world.person, "K_e", "omega_nm")))
-    change = u - record.y
-    change[:begin] = 0
-    e = simulator.record_inside.input
-    expected = record.input - lfilter(world.b, world.a, change, axis=0)
-    assert np.sqrt(np.mean((e - expected) ** 2)) < SAME * np.std(record.input)
-    np.testing.assert_allclose(e[:begin], record.input[:begin], atol=1e-12)
-    # and the output is the open answer to that error
-    again = Simulator(world.core, Effects([]), simulator.record_inside)
-    theta = theta_of(changed(world.person, "K_e", "omega_nm"))
-    np.testing.assert_allclose(again.run(theta), u, atol=1e-9)
 
 
 def test_a_loop_that_rings_for_long_is_solved():

@@ -34,23 +34,6 @@ def test_superposition_of_target_disturbance_and_remnant():
     assert min(np.abs(part.u).max() for part in parts) > 1e-3
 
 
-def test_time_shift_of_constant_dynamics():
-    shift = 30
-    task = CompensatoryTask.of_condition(
-        "C2", remnant=Remnant(order=3, gain=0.05), duration=2.0, run_in=0.5
-    )
-    noise, f_t = unit_noise(task), task.target(np.arange(250) / 100)
-    later_noise, later_f_t = np.roll(noise, shift, axis=1), np.roll(f_t, shift)
-    later_noise[:, :shift], later_f_t[:shift] = 0.0, 0.0
-    now = whole(replace(task, target=f_t), noise=noise)
-    later = whole(replace(task, target=later_f_t), noise=later_noise)
-    for name in SIGNALS:
-        np.testing.assert_array_equal(
-            getattr(later, name)[:, shift:], getattr(now, name)[:, :-shift]
-        )
-        np.testing.assert_array_equal(getattr(later, name)[:, :shift], 0.0)
-
-
 @pytest.mark.parametrize("random_phases", [False, True])
 @pytest.mark.parametrize("n_runs", [1, 9])
 def test_a_run_is_the_same_whatever_the_others(n_runs, random_phases):

@@ -3,7 +3,6 @@
 import numpy as np
 import pandas as pd
 import pytest
-from support.closed_loop import ZOH_100HZ
 
 from skhoid import (
     CompensatoryTask,
@@ -135,28 +134,6 @@ def test_perturbation():
 
 
 # The truth
-
-
-@pytest.mark.parametrize(("state", "T_L"), [("C1", 0.4), ("C2", 1.2)])
-def test_true_parameters(state, T_L):
-    truth = make(state, return_truth=True, keep_run_in=1.0, remnant_gain=0.01)[2]
-    parameters = truth.parameters
-    assert list(parameters.columns) == [
-        "K_e", "T_L", "K_edot", "tau_e", "omega_nm", "zeta_nm", "K_c", "omega_b", "K_n",
-    ]  # fmt: skip
-    assert parameters.index.name == "time"
-    np.testing.assert_array_equal(parameters.index, np.arange(-100, 400) / 100)
-    np.testing.assert_array_equal(parameters, np.tile(parameters.iloc[0], (500, 1)))
-    K_c, omega_b, K_e = {"C1": (90.0, 6.0, 0.09), "C2": (30.0, 0.2, 0.07)}[state]
-    expected = [K_e, T_L, K_e * T_L, 0.28, 11.25, 0.35, K_c, omega_b, 0.01]
-    np.testing.assert_allclose(parameters.iloc[0], expected, rtol=1e-13)
-    theta = truth.arx_parameters
-    assert list(theta.columns) == ["a1", "a2", "b0", "b1"]
-    assert theta.index.equals(parameters.index)
-    np.testing.assert_allclose(  # Table IV; facts.json zoh.Ts0.01
-        theta, np.tile(ZOH_100HZ[state], (500, 1)), rtol=1e-10
-    )
-    assert truth.nk == 29
 
 
 def test_true_arx_model_simulates_the_runs():
