@@ -43,7 +43,7 @@ def delays(request):
 def forgetting(request):
     if request.param:
         return paper_study("fig13", 100)
-    return paper_study("fig13", 40, intensities=[0.0, 0.15])
+    return paper_study("fig13", 20, intensities=[0.0, 0.15])
 
 
 @pytest.fixture(scope="module", params=SIZES)
@@ -60,7 +60,7 @@ def paths(request):
 def responses(request):
     if request.param:
         return paper_study("appI", 300)
-    return paper_study("appI", 100, conditions=["C1"], intensities=[0.15])
+    return paper_study("appI", 60, conditions=["C1"], intensities=[0.15])
 
 
 def cells_of(summary):
