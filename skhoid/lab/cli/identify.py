@@ -82,6 +82,8 @@ def add_identify(commands: Any) -> None:
     text = "who controls (default: human where e is given with x or f_t)"
     add("--domain", choices=DOMAINS, help=text)
     add = command.section("Model")
+    text = "decimation factor: of N rows one is fitted; predictions keep all (default: 1)"
+    add("--decimate", type=order, default=1, metavar="N", help=text)
     several = "; one number, or one per input"
     text = f"delay in samples, not searched{several}"
     add("--nk", type=samples, nargs="+", metavar="N", help=text)
@@ -138,6 +140,7 @@ def identify(options: argparse.Namespace) -> int:
         y,
         choice,
         run_in=options.run_in,
+        factor=options.decimate,
         longest_delay=options.longest_delay or LONGEST_DELAY,
         validation_runs=options.validate,
         centered=not options.keep_means,

@@ -54,7 +54,7 @@ def test_json_holds_what_the_api_gives(run_json):
 
 def test_own_files_are_validated_on_a_held_out_run(run_json, run_files):
     words = [*run_files, "--input", "target", "--output", "cursor", "--time", "t"]
-    found = identify(run_json, *words, "--run-in", "2")
+    found = identify(run_json, *words, "--run-in", "2", "--decimate", "2")
     assert found["n_runs"] == 3
     assert found["validation"] == "run 'phase-size-2d'"
     assert found["units"] == {"target": "px", "cursor": "px"}
