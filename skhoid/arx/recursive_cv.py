@@ -62,8 +62,9 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
     cv_results_ : dict
         For each entry ``memory_horizon``, ``forgetting`` (λ), ``mean_test_score``,
         ``std_test_score``, ``split<i>_test_score``, the same for ``train``, ``gain`` over the last
-        infinite horizon (Eqs. 31-32; NaN without one), ``overfit_difference`` and
-        ``overfit_ratio`` of the VAF on training and on validation runs (Eqs. J.1-J.4). VAF is
+        infinite horizon (Eqs. 31-32; NaN without one), ``std_gain`` over splits,
+        ``overfit_difference`` and ``overfit_ratio`` of the VAF on training and on validation runs
+        (Eqs. J.1-J.4). VAF is
         unclipped, at least -1000.
     n_runs_pooled_ : int
         Runs estimated together in each fold (the smallest number). The best horizon is for that
@@ -266,6 +267,8 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
             results[f"std_{kind}_score"] = values.std(axis=0)
         endless = [i for i, setting in enumerate(settings) if (setting.factors == 1.0).all()]
         results["gain"] = test - (test[endless[-1]] if endless else np.nan)
+        gains = scores[:, 0] - (scores[:, 0, endless[-1:]] if endless else np.nan)
+        results["std_gain"] = gains.std(axis=0)
         results["overfit_difference"] = train - test
         with np.errstate(divide="ignore", invalid="ignore"):
             results["overfit_ratio"] = np.where(test > 0, train / test, np.nan)

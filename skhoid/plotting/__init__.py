@@ -8,11 +8,10 @@ from ._axes import legend_entries, names_as_they_are, with_unit
 from ._roles import PALETTE, ROLES
 from .comparison import ComparisonDisplay
 from .effect import EffectDisplay
-from .ensembles import EnsembleDisplay
 from .frequency import BodeDisplay
-from .memory import ForgettingProfileDisplay, MemoryHorizonDisplay
+from .memory import MemoryHorizonDisplay
 from .orders import DelayLossDisplay, VAFContourDisplay
-from .parameters import ParametersDisplay
+from .parameters import EnsembleDisplay, ParametersDisplay
 from .people import GroupEffectsDisplay, GroupMeansDisplay, PeopleDisplay
 from .search import SearchDisplay
 from .study import StudyBoxDisplay, StudyResponseDisplay
@@ -27,7 +26,6 @@ __all__ = [
     "DelayLossDisplay",
     "EffectDisplay",
     "EnsembleDisplay",
-    "ForgettingProfileDisplay",
     "GroupEffectsDisplay",
     "GroupMeansDisplay",
     "MemoryHorizonDisplay",

@@ -17,7 +17,6 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import (
-    FixedLocator,
     LogLocator,
     MaxNLocator,
     NullFormatter,
@@ -25,7 +24,7 @@ from matplotlib.ticker import (
     StrMethodFormatter,
 )
 
-from ._roles import GREY, background, dimmed, scaled, veil
+from ._roles import background, dimmed, veil
 
 LETTER = 0.523  # mean width of a letter, of the size of its font
 HANDLE = 9  # letters that a handle takes in a legend
@@ -33,7 +32,6 @@ TITLE = 1.1  # of the width of a panel before layout, which widens it
 MARKERS = "os^Dv<>"
 FEW_DECADES = 300.0  # from one end of an axis to the other
 KEPT = "\N{NO-BREAK SPACE}"  # for blanks inside of formulas, at which no line breaks
-LINEAR = 1.5  # decades that half of the linear part of a bent axis is as high as
 SYMBOLS = {
     "K_e": "$K_e$",
     "T_L": "$T_L$",
@@ -118,14 +116,6 @@ def parameter_symbol(name: str) -> str:
     return f"${letter}_{{{number}}}$" + (f" ({channel})" if channel else "")
 
 
-def seconds_axis(panel: Axes, dt: float, label: str) -> Any:
-    """An upper axis in seconds to one in samples."""
-    functions: Any = (lambda samples: samples * dt), (lambda seconds: seconds / dt)
-    axis = panel.secondary_xaxis("top", functions=functions)
-    axis.set_xlabel(label)
-    return axis
-
-
 def note_outside(panel: Axes, values: np.ndarray, corner: tuple[str, str]) -> Any:
     """Count the values outside the limits, in a corner of the panel; None if there are none."""
     low, high = panel.get_ylim()
@@ -194,42 +184,12 @@ def phase_ticks(axis: Axis) -> None:
     axis.set_major_locator(MaxNLocator(7, steps=[1.8, 3.6, 4.5, 9]))
 
 
-def bend_axes(panels: Any, bend: float, every: np.ndarray) -> None:
-    """Axes that are linear within ``bend`` of zero."""
-    low, high = min(every.min(), -0.5 * bend), max(every.max(), 0.5 * bend)
-    bottom, top = _further(low, bend), _further(high, bend)
-    inner = bend * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])
-    ticks = np.array([*-_beyond(-bottom, bend)[::-1], *inner, *_beyond(top, bend)])
-    ticks = ticks[(ticks >= bottom) & (ticks <= top)]
-    for panel in panels:
-        panel.set_yscale("symlog", linthresh=bend, linscale=LINEAR)
-        panel.set_ylim(bottom, top)
-        panel.yaxis.set_major_locator(FixedLocator(ticks.tolist()))
-        panel.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        panel.yaxis.set_minor_locator(NullLocator())
-        for edge in (-bend, bend):
-            panel.axhline(edge, color=GREY, lw=scaled(0.6), alpha=0.6, zorder=1)
-
-
 def round_up(value: float) -> float:
     """The next of 1, 2, 5, 10 ... that is not below."""
     if value <= 0:
         return 0.0
     power = 10.0 ** np.floor(np.log10(value))
     return float(next(step * power for step in (1, 2, 5, 10) if step * power >= 0.999 * value))
-
-
-def _further(value: float, bend: float) -> float:
-    """A limit a little beyond a value of a bent axis."""
-    return 1.25 * value if abs(value) > bend else value + 0.15 * float(np.sign(value)) * bend
-
-
-def _beyond(limit: float, bend: float) -> np.ndarray:
-    """Ticks of the logarithmic part: its decades, or one where there is none."""
-    decades = bend * 10.0 ** np.arange(1, 12)
-    if (decades <= limit).any():
-        return decades[decades <= limit]
-    return bend * np.array([step for step in (5.0, 2.0) if step * bend <= limit][:1])
 
 
 def legend_entries(panels: Any) -> dict[str, Any]:

@@ -82,19 +82,36 @@ SHARED = {
     "boxes": """
         group : str, default="remnant_order"
             Column that is shown by colour.
-        x : str, default="remnant_intensity"
-            Column along the axis, a place for each of its values.
-        by : str or sequence of str, default=()
-            One or two columns that make panels: side by side, or for one result and two columns,
-            one row for each value of the first.
+        by : str or None, default=None
+            Column whose values are panels side by side.
         difference : tuple (column, first, second) or None, default=None
             Results where the column is ``first`` less those of the same replication where it is
             ``second``, as ``("delay", "fixed", "estimated")`` for Eq. 29.
-        reference : float, dict or None, default=None
-            Where to draw a dotted line. A dict has one for each row, or each column, of panels:
-            ``{50: 15, 100: 29}``. None means zero for biases and differences.
-        scale : {"auto", "linear", "symlog"}, default="auto"
-            Of the vertical axes.
+        reference : float or None, default=None
+            Where to draw a dotted line. None means zero for biases and differences.
+        """,
+    "delays": """
+        kind : {"loss", "path"}, default="loss"
+            The loss of every candidate, or the delay over time, which needs a search with
+            ``window=``.
+        unit : str or None, default=None
+            Unit of the output, for the axis of the one-step loss.
+        """,
+    "search_options": """
+        kind : {"path", "steps", "ranking"}, default="path"
+            What to draw.
+        run : run label or None, default=None
+            The run of which steps are shown. None takes the one in which the effects help most.
+        window : (float, float) or None, default=None
+            Begin and end of it in seconds of time in the run. None takes the 15 s in which the
+            effects help most.
+        steps : sequence of int or None, default=None
+            Steps to show: 0 is the baseline, 1 the model with the first effect. None takes the
+            baseline and the last.
+        step : int, default=1
+            The step of a ranking, from 1 on.
+        n_candidates : int or None, default=None
+            Rank so many of the best, and none that do not apply. None draws all.
         """,
     "sizes": """
         axes_ : ndarray of Axes, shape (n_rows, n_columns)

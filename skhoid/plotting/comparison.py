@@ -10,16 +10,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from ..diagnosis.comparison import Comparison, compare
 from ..runs import read_layout, run_name
 from ._axes import (
-    LETTER,
     draw_band,
-    legend_above,
     legend_entries,
     legend_inside,
     letters,
@@ -58,17 +55,10 @@ KINDS = (
 # Overview
 AROUND = 1.5  # windows shown to either side of the worst
 SIZE = (8.4, 7.6)  # inches
-# Panels side by side, by the letters across the figure.
-LAYOUTS: dict[int, list[list[str]]] = {
-    90: [["bar"] * 3, ["traces"] * 3, ["time", "frequency", "amplitude"]],
-    62: [["bar"] * 2, ["traces"] * 2, ["time", "frequency"], ["amplitude", "key"]],
-    0: [["bar"], ["traces"], ["time"], ["frequency"], ["amplitude"]],
-}
-HEIGHTS = {"bar": 0.85, "traces": 1.4, "time": 1.9, "amplitude": 1.9, "frequency": 1.9}
+SIDE_BY_SIDE = 90  # letters across the figure, with which three panels are beside each other
+HEIGHTS = {"bar": 0.85, "traces": 1.4, "time": 1.9, "frequency": 1.9, "amplitude": 1.9}
 ABOVE_TRACES = 0.18  # of their height, for the name of the worst window
-ABOVE_BARS = 0.6  # of the panel at most, for the names of changes
 BETWEEN = 0.75  # inches that titles and labels take for each row of panels
-SPEAKS = {"gain change": "gain changes", "mean change": "mean changes"}
 # Ceiling
 SMALL = 1.2  # letters of the small size to one of the medium size
 FROM_THE_TOP = 1.15  # top of the panel; the bar ends at 0.4, the text about the ceiling is above
@@ -76,8 +66,6 @@ FROM_THE_TOP = 1.15  # top of the panel; the bar ends at 0.4, the text about the
 PARTS = {"validation": "simulated", "estimation": "remnant"}
 MOST_NAMED = 16  # runs that get a tick label each
 MOST_SAID = 4
-MANY = 100  # runs, whose marks are small
-LONG = 4  # letters of a label; longer ones stand upright where there are many
 LOWEST = -20.0  # percent; runs below it are named at the edge
 
 
@@ -113,8 +101,8 @@ class ComparisonDisplay(ResidualPanels):
     frequency
         Above, spectra of the measured output, of the residual and of what does not repeat (noise):
         residual above the noise is structure that a better model could explain. Marks are single
-        lines or harmonics of a periodic target, curves what lies between. Below, magnitude (and
-        phase) of the response from the error to the output, with 95 % intervals. The axis ends
+        lines or harmonics of a periodic target, curves what lies between. Below, magnitude
+        of the response from the error to the output, with 95 % intervals. The axis ends
         where the output holds next to nothing.
     amplitude
         The mean residual over the level of each channel, so much earlier than the residual as its
@@ -141,8 +129,6 @@ class ComparisonDisplay(ResidualPanels):
         Result of :func:`skhoid.compare`, or whatever has the attributes that are drawn.
     kind : str, default="overview"
         One of the kinds above.
-    phase : bool, default=False
-        Draw the phase of the response too (kind "frequency").
 
     Attributes
     ----------
@@ -151,24 +137,8 @@ class ComparisonDisplay(ResidualPanels):
         Lines by name: ``"measured"`` and ``"simulated"``; ``"validation"`` and ``"estimation"``;
         the power of ``"all"`` runs and of each; spectra (``"output"``, ``"residual"``, ``"noise"``)
         and responses (``"measured gain"``, ``"model gain"``); one for each channel or signal.
-    bands_ : dict of FillBetweenPolyCollection
-        What chance gives, by the same.
-    exceeding_ : list of Line2D
-        Marks of what exceeds chance.
-    parts_ : dict of Rectangle
-        The parts of the bar (overview, ceiling).
-    ceiling_, interval_ : Artist or None
-        The noise ceiling (ceiling, runs), and its interval (ceiling).
-    run_, window_ : str, and (float, float) or None
-        The run shown in the overview, and its worst window in s.
-    bars_, misfit_ : BarContainer or None
-        VAF points lost over time, and the part of them that is misfit.
-    changes_ : dict {str: float}
-        Instants marked, in s, by the name of the test (time).
-    levels_ : dict {str: list of float}
-        Levels marked, by channel (amplitude).
-    mesh_, colorbar_ : QuadMesh and Colorbar, or None
-        The ratio in dB, and its scale (map).
+    run_ : str
+        The run shown in the overview.
 
     Examples
     --------
@@ -192,7 +162,6 @@ class ComparisonDisplay(ResidualPanels):
         comparison: Comparison,
         kind: str = "overview",
         *,
-        phase: bool = False,
         ax: Any = None,
         **kwargs: Any,
     ) -> Self:
@@ -204,8 +173,6 @@ class ComparisonDisplay(ResidualPanels):
             Result of :func:`skhoid.compare`.
         kind : str, default="overview"
             What to draw: overview, ceiling, runs, time, frequency, amplitude, map or correlation.
-        phase : bool, default=False
-            Draw the phase of the response too (kind "frequency").
         %(keywords)
 
         %(display)
@@ -215,7 +182,7 @@ class ComparisonDisplay(ResidualPanels):
                 f"{cls.__name__}.from_comparison draws a result of skhoid.compare; got "
                 f"{type(comparison).__name__}. from_estimator(model, X, y) compares first."
             )
-        return cls(comparison=comparison, kind=kind, phase=phase).plot(ax, **kwargs)
+        return cls(comparison=comparison, kind=kind).plot(ax, **kwargs)
 
     @classmethod
     def from_estimator(
@@ -260,7 +227,7 @@ class ComparisonDisplay(ResidualPanels):
         %(self)
         """
         check_option("kind", self.kind, KINDS)
-        self._forget()
+        self.lines_: dict[Any, Any] = {}
         main = getattr(self, f"_draw_{self.kind}")(ax)
         self._restyle(kwargs, main)
         if self.kind == "overview":
@@ -272,11 +239,9 @@ class ComparisonDisplay(ResidualPanels):
     # The overview
 
     def _draw_overview(self, ax: Any) -> Any:
-        self._key: Axes | None = None
         own = ax is None
-        if own:
-            ax, self._key = _own_panels()
-        self._take_axes(ax, "traces, time, frequency, amplitude and the bar", (5, 1))
+        panels = _own_panels() if own else ax
+        self._take_axes(panels, "traces, time, frequency, amplitude and the bar", (5, 1))
         self._own = own
         traces, time, frequency, amplitude, bar = self.axes_
         self._draw_bar(bar)
@@ -298,13 +263,11 @@ class ComparisonDisplay(ResidualPanels):
         if not self._own:
             title = wrapped(title, letters_above(traces))
             traces.set_title(f"{title}\n{finding}", fontsize="small")
-            legend_above(traces)
-            for panel in self.axes_[1:4]:
+            for panel in self.axes_[:4]:
                 entries = legend_entries([panel])
                 legend_inside(panel, list(entries.values()), list(entries))
             return
-        size = "large" if 1.2 * len(title) < letters(self.figure_) else "medium"
-        self.figure_.suptitle(title, fontsize=size)
+        self.figure_.suptitle(title, fontsize="medium")
         traces.set_title(finding, fontsize="medium")
         entries = {
             ROLES[name].word: Line2D([], [], **ROLES[name].style(1.6))
@@ -313,17 +276,12 @@ class ComparisonDisplay(ResidualPanels):
         entries[f"misfit: {beyond(found.false_alarm)}"] = Patch(color=ROLES["misfit"].colour)
         entries["remnant"] = Patch(color=ROLES["remnant"].colour)
         entries[chance(found.false_alarm)] = Patch(color=GREY, alpha=0.35, lw=0)
-        if self._key is None:
-            self._legend(list(entries.values()), list(entries))
-        else:
-            self._key.set_axis_off()
-            place: dict[str, Any] = {"loc": "center", "frameon": False, "fontsize": "medium"}
-            self._key.legend(entries.values(), entries.keys(), **place)
+        entries |= {str(line.get_label()): line for line in self._changes}
+        self._legend(list(entries.values()), list(entries))
 
     def _draw_traces(self, panel: Axes) -> None:
         """Measured and simulated output around the worst window of the worst run."""
         found = self.comparison
-        self.window_: tuple[float, float] | None = None
         layout = read_layout(found.traces)
         validation = found.by_run[found.by_run["data"] == "validation"]
         names = [run_name(label) for label in layout.labels]
@@ -337,13 +295,13 @@ class ComparisonDisplay(ResidualPanels):
         rows = slice(layout.run_starts[number], layout.run_starts[number + 1])
         time, table = layout.time[rows], found.traces.iloc[rows]
         begin, end = time[0], time[-1]
-        if windows["rmse"].notna().any():
+        some = bool(windows["rmse"].notna().any())
+        if some:
             worst = windows.loc[windows["rmse"].idxmax()]
-            self.window_ = (float(worst["start"]), float(worst["stop"]))
-            around = AROUND * (self.window_[1] - self.window_[0])
-            begin, end = max(begin, self.window_[0] - around), min(end, self.window_[1] + around)
-            inside = ((windows["start"] < end) & (windows["stop"] > begin)).to_numpy()
-            self._shade(panel, windows[inside], self.window_)
+            window = float(worst["start"]), float(worst["stop"])
+            around = AROUND * (window[1] - window[0])
+            begin, end = max(begin, window[0] - around), min(end, window[1] + around)
+            self._shade(panel, window)
         shown = (time >= begin) & (time <= end)
         for name, column in (("measured", "measured"), ("simulated", "predicted")):
             look = ROLES[name].style(1.2)
@@ -354,20 +312,19 @@ class ComparisonDisplay(ResidualPanels):
         panel.set_xlabel(f"time in run {self.run_}, s")
         panel.set_ylabel(with_unit(found.output, found.unit))
         panel.grid(alpha=0.3)
-        if self.window_ is not None:  # room for its name
+        if some:  # room for the name of the window
             low, high = panel.get_ylim()
             panel.set_ylim(low, high + ABOVE_TRACES * (high - low))
 
-    def _shade(self, panel: Axes, windows: pd.DataFrame, worst: tuple[float, float]) -> None:
+    def _shade(self, panel: Axes, worst: tuple[float, float]) -> None:
         """The worst window, in the colour of misfit if the model fails there."""
         by_time = self.comparison.by_time
         together = by_time[is_of_all_runs(by_time)]
-        rule = windows
-        if knows_repeats(together):  # over runs, so it is not known of one alone
-            rule = together[together["start"].isin(windows["start"])]
-        raised = rule[failing(rule, self.comparison.false_alarm)]
-        fails = worst in set(zip(raised["start"], raised["stop"], strict=True))
-        panel.axvspan(*worst, color=ROLES["misfit"].colour if fails else GREY, alpha=0.2, lw=0)
+        if not knows_repeats(together):  # over runs, so it is not known of one alone
+            together = by_time[by_time["run"] == self.run_]
+        raised = together[failing(together, self.comparison.false_alarm)]
+        colour = ROLES["misfit"].colour if (raised["start"] == worst[0]).any() else GREY
+        panel.axvspan(*worst, color=colour, alpha=0.2, lw=0)
         place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "top"}
         text, at = f"worst {worst[1] - worst[0]:.2g} s", (sum(worst) / 2, 1.0)
         panel.annotate(text, at, (0, -2), textcoords="offset points", fontsize="medium", **place)
@@ -375,43 +332,12 @@ class ComparisonDisplay(ResidualPanels):
     def _draw_where_in_time(self, panel: Axes) -> None:
         panel.set_title("where in time", fontsize="medium")
         found = self.comparison
+        self._changes: list[Any] = []
         together = found.by_time[is_of_all_runs(found.by_time)]
-        if draw_lost_points(panel, together, found.false_alarm, even=False)[0] is None:
-            return
-        changes = changes_in_time(found.tests)
-        mark_changes(panel, changes)
-        if self._own and changes:
-            self._name_changes(panel, changes)
-        panel.set_xlim(together["start"].min(), together["stop"].max())
-        panel.set_xlabel("time in the run, s")
-
-    def _name_changes(self, panel: Axes, changes: dict[str, float]) -> None:
-        """Names of changes in time beside their lines."""
-        names = {name: SPEAKS.get(name, name) for name in changes}
-        box, points = panel.get_window_extent(), 72.0 / panel.figure.dpi
-        size = FontProperties(size="x-small").get_size_in_points()
-        longest = max(map(len, names.values())) + 4
-        taken = min(size * LETTER * longest / (points * box.height), ABOVE_BARS)
-        low, high = panel.get_ylim()
-        panel.set_ylim(low, low + (high - low) / (1.0 - taken))
-        start, stop = panel.dataLim.intervalx
-        near = 1.5 * size * (stop - start) / (points * box.width)
-        for line, (name, at) in zip(panel.get_lines(), changes.items(), strict=False):
-            line.set_label("_")
-            # Before its line, if the next line is where the name would be.
-            later = [(t, n) for n, t in changes.items() if (t, n) > (at, name)]
-            before = any(t < at + near for t, _ in later)
-            panel.annotate(
-                names[name],
-                (at, 1.0),
-                (-2 if before else 2, -2),
-                xycoords=("data", "axes fraction"),
-                textcoords="offset points",
-                rotation=90,
-                ha="right" if before else "left",
-                va="top",
-                fontsize="x-small",
-            )
+        if draw_lost_points(panel, together, found.false_alarm, even=False):
+            self._changes = mark_changes(panel, changes_in_time(found.tests))
+            panel.set_xlim(together["start"].min(), together["stop"].max())
+            panel.set_xlabel("time in the run, s")
 
     def _draw_strongest(self, panel: Axes) -> None:
         """The mean residual over the channel with the clearest nonlinearity."""
@@ -438,7 +364,7 @@ class ComparisonDisplay(ResidualPanels):
             add_lines(self.figure_, note.count("\n") + 2, mpl.rcParams["font.size"])
         self._draw_bar(self.ax_, note if self.comparison.ceiling_note else "")
         self.ax_.set_title(_ceiling_text(self.comparison), fontsize="medium")
-        return self.parts_
+        return self._parts
 
     def _draw_bar(self, panel: Axes, note: str = "") -> None:
         """The bar, its parts named in it, or below the panel where they are too small for that."""
@@ -447,11 +373,11 @@ class ComparisonDisplay(ResidualPanels):
         panel.set_yticks([])
         panel.xaxis.set_major_formatter("{x:g} %")
         panel.spines[["left", "right", "top"]].set_visible(False)
-        self.parts_: dict[str, Any] = {}
+        self._parts: list[Any] = []
         small = []
         room = letters_above(panel) / 100.0
         for name, colour, low, high, size in _spans(self.comparison):
-            (self.parts_[name],) = panel.barh(0, high - low, left=low, height=0.8, color=colour)
+            self._parts += panel.barh(0, high - low, left=low, height=0.8, color=colour)
             if max(len(name), len(size)) + 1 > room * (high - low):
                 small += [f"{name} {size}"] if size else []
                 continue
@@ -466,15 +392,11 @@ class ComparisonDisplay(ResidualPanels):
     def _draw_ceiling_line(self, panel: Axes) -> None:
         """The ceiling as a line across the bar, named above it, and its interval."""
         ceiling, role = self.comparison.noise_ceiling, ROLES["ceiling"]
-        self.ceiling_: Any = None
-        self.interval_: Any = None
         if np.isnan(ceiling):
             _write_above(panel, 100.0, "noise ceiling not known")
             return
         at = float(np.clip(ceiling, 0.0, 100.0))
-        (self.ceiling_,) = panel.plot(
-            [at, at], [-0.5, 0.62], **role.style(2.4), solid_capstyle="butt", zorder=3
-        )
+        panel.plot([at, at], [-0.5, 0.62], **role.style(2.4), solid_capstyle="butt", zorder=3)
         low, high = np.clip(self.comparison.noise_ceiling_interval, 0.0, 100.0)
         text = f"{role.word} {percent(ceiling)}"
         if np.isfinite([low, high]).all():
@@ -482,14 +404,13 @@ class ComparisonDisplay(ResidualPanels):
             inside = float(np.clip(at, low, high))
             ends = [[inside - low], [high - inside]]
             look: dict[str, Any] = {"lw": scaled(1.4), "capsize": 3, "capthick": scaled(1.4)}
-            self.interval_ = panel.errorbar(inside, 0.52, xerr=ends, color=foreground(), **look)
+            panel.errorbar(inside, 0.52, xerr=ends, color=foreground(), **look)
         _write_above(panel, at, text)
 
     # The runs
 
     def _draw_runs(self, ax: Any) -> Any:
         self._take_axes(ax, "the VAF of the runs", figsize=(6.4, 4.2))
-        self.ceiling_ = None
         by_run = self.comparison.by_run
         parts = [by_run[by_run["data"] == name] for name in PARTS]
         table = pd.concat(parts, ignore_index=True)
@@ -503,7 +424,7 @@ class ComparisonDisplay(ResidualPanels):
         self._draw_vaf(table, at)
         names = table["run"].tolist()
         every = -(-len(names) // MOST_NAMED)
-        upright = len(names) > 6 and max(map(len, names)) > LONG
+        upright = len(names) > 6 and max(map(len, names)) > 4
         self.ax_.set_xticks(at[::every], names[::every], rotation=90 if upright else 0)
         self.ax_.set_xlim(at[0] - 0.7, at[-1] + 0.7)
         self.ax_.set_xlabel("run")
@@ -521,7 +442,7 @@ class ComparisonDisplay(ResidualPanels):
             if np.isfinite([low, high]).all():
                 draw_band(self.ax_, span, low, high, role.colour, alpha=veil(0.2))
             label = f"noise ceiling {percent(ceiling)}, 95 % interval"
-            (self.ceiling_,) = self.ax_.plot(span, [ceiling] * 2, **role.style(1.6), label=label)
+            self.ax_.plot(span, [ceiling] * 2, **role.style(1.6), label=label)
         look: dict[str, Any] = {"color": ROLES["simulated"].colour, "lw": scaled(1.2), "ls": "--"}
         label = f"validation runs together {percent(vaf)}"
         self.ax_.plot(span, [vaf] * 2, label=label, **look)
@@ -529,7 +450,7 @@ class ComparisonDisplay(ResidualPanels):
     def _draw_vaf(self, table: pd.DataFrame, at: np.ndarray) -> None:
         vaf = table["vaf"].to_numpy(dtype=float)
         below, raised = vaf < LOWEST, exceeding(table)
-        size = 6.0 if len(table) <= MANY else 2.5
+        size = 6.0 if len(table) <= 100 else 2.5
         for name, role in PARTS.items():
             rows = (table["data"] == name).to_numpy()
             if rows.any():
@@ -572,21 +493,17 @@ def _strongest(bins: pd.DataFrame, tests: pd.DataFrame) -> str | None:
     return None if in_bands.empty else str(in_bands.idxmax())
 
 
-def _own_panels() -> tuple[list[Axes], Axes | None]:
-    """Traces, time, frequency, amplitude and the bar in a new figure, and a place for the key.
-
-    Narrow figures have fewer panels side by side.
-    """
+def _own_panels() -> list[Axes]:
+    """Traces, time, frequency, amplitude and the bar in a new figure."""
     width, height = figure_size(SIZE, 3)
-    across = letters_across(width)
-    rows: Any = next(rows for least, rows in LAYOUTS.items() if across >= least)
+    rows: list[list[str]] = [["bar"] * 3, ["traces"] * 3, ["time", "frequency", "amplitude"]]
+    if letters_across(width) < SIDE_BY_SIDE:
+        rows = [[name] for name in HEIGHTS]
     heights = [HEIGHTS[row[0]] for row in rows]
     least = letter_size() * (sum(heights) * 0.85 + BETWEEN * len(rows))
     figure = plt.figure(figsize=(width, max(height, least)), layout=FittingLayout())
-    panels = figure.subplot_mosaic(rows, height_ratios=heights)
-    key = panels.pop("key", None)
-    names = ("traces", "time", "frequency", "amplitude", "bar")
-    return [panels[name] for name in names], key
+    panels: Any = figure.subplot_mosaic(rows, height_ratios=heights)
+    return [panels[name] for name in ("traces", "time", "frequency", "amplitude", "bar")]
 
 
 def _ceiling_text(comparison: Any) -> str:

@@ -30,6 +30,7 @@ WITHOUT = "without the effect"
 BANDS = {"shape": "95 % band, of the whole curve"}
 BAND = "95 % band"
 BINS = 60
+N_DRAWS = 300  # of the parameters, that bands are made of
 LEAST_GAIN = 1.5  # up and down on the axis, so that a small effect looks small
 LINE = 0.17  # inches of a line of the text below, of a font of 10 points
 CURVE, DENSITY = 2.3, 0.8  # inches that the panels take at least
@@ -67,12 +68,8 @@ class EffectDisplay(Display):
         The effect in a sentence.
     parameters : str, default=""
         Its parameters as text.
-    knots : sequence of float, default=()
-        Where a curve without a name is given.
-    nearest : Series or None, default=None
-        Curve of a named effect, over the abscissa.
-    nearest_title : str, default=""
-        What it is called.
+    shape : Shape or None, default=None
+        Of an effect without a name: its knots and the nearest named effect are drawn too.
 
     Attributes
     ----------
@@ -82,14 +79,8 @@ class EffectDisplay(Display):
         The first of them.
     figure_ : Figure
         The figure that holds them.
-    lines_, bands_ : dict of Artist
-        The curves, which are the main artists, and their bands, where the uncertainty is known.
-    without_ : Line2D
-        What there would be without the effect.
-    density_ : StepPatch or None
-        The density.
-    nearest_, knots_ : Line2D or None
-        The named effect, and the ticks at the knots.
+    lines_ : dict of Line2D
+        The curves: the main artists.
 
     See Also
     --------
@@ -111,9 +102,7 @@ class EffectDisplay(Display):
     curves: EffectCurves
     physics: str = ""
     parameters: str = ""
-    knots: Any = ()
-    nearest: Any = None
-    nearest_title: str = ""
+    shape: Shape | None = None
 
     @classmethod
     def from_estimator(
@@ -123,8 +112,6 @@ class EffectDisplay(Display):
         X: Any = None,
         y: Any = None,
         *,
-        n_draws: int = 300,
-        random_state: Any = 0,
         ax: Any = None,
         **kwargs: Any,
     ) -> Self:
@@ -141,18 +128,9 @@ class EffectDisplay(Display):
             amplitudes and the duration of the runs of the fit, and draws no density.
         y : Series or array of shape (n_rows,) or None, default=None
             Measured output, for the density of its values. None takes what the model predicts.
-        n_draws : int, default=300
-            Draws of the parameters that bands are made of; 0 draws no bands.
-        random_state : int, Generator or None, default=0
-            Of these draws.
         %(keywords)
 
         %(display)
-
-        Raises
-        ------
-        ValueError
-            If the model has no such effect.
         """
         model = getattr(model, "best_estimator_", model)
         check_is_fitted(model)
@@ -170,7 +148,7 @@ class EffectDisplay(Display):
         title = title_of(name)
         return cls(
             title=title[:1].upper() + title[1:],
-            curves=effect_curves(model, name, X, y, n_draws=n_draws, random_state=random_state),
+            curves=effect_curves(model, name, X, y, n_draws=N_DRAWS, random_state=0),
             physics=effects[name].physics_in("human"),
             parameters=parameter_text(model.parameters_, name),
         ).plot(ax, **kwargs)
@@ -186,11 +164,6 @@ class EffectDisplay(Display):
         %(keywords)
 
         %(display)
-
-        Raises
-        ------
-        ValueError
-            If the search has no shape.
         """
         if not isinstance(shape, Shape):
             check_search(shape, EffectSearchCV, cls.__name__)
@@ -205,7 +178,6 @@ class EffectDisplay(Display):
         value, low, high = (shape.curve[n].to_numpy(dtype=float) for n in ("value", "low", "high"))
         sentence = shape.sentence[:1].upper() + shape.sentence[1:]
         gain = f"\n{shape.gain:+.1f} points of held-out VAF" if np.isfinite(shape.gain) else ""
-        named = shape.nearest_curve is not None and shape.is_near
         return cls(
             title=sentence + gain,
             curves=EffectCurves(
@@ -215,9 +187,7 @@ class EffectDisplay(Display):
                 shape.y_label,
                 Curve(x, np.full(x.size, shape.effect.at_rest)),
             ),
-            knots=shape.effect.knots or (),
-            nearest=shape.nearest_curve if named else None,
-            nearest_title=str(shape.nearest["title"].iloc[0]) if named else "",
+            shape=shape,
         ).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
@@ -243,10 +213,9 @@ class EffectDisplay(Display):
             height_ratios=[3.2, 1.0] if with_density else None,
         )
         self.lines_: dict[str, Any] = {}
-        self.bands_: dict[str, Any] = {}
-        self.density_: Any = None
         self._draw_curves(self.ax_)
-        self._draw_nearest(self.ax_)
+        if self.shape is not None:
+            self._draw_nearest(self.ax_, self.shape)
         self._restyle(kwargs, self.lines_)
         if with_density and len(self.axes_) == 2:
             self._draw_density(self.axes_[1])
@@ -276,7 +245,7 @@ class EffectDisplay(Display):
         width = letters(self.figure_)
         text = "\n".join(wrapped(line, width) for line in lines if line)
         (legend,) = self.figure_.legends
-        n_lines = text.count("\n") + 1 + 1.4 * len(legend.get_texts()) / legend._ncols
+        n_lines = text.count("\n") + 1 + len(legend.get_texts())
         least = CURVE + DENSITY * (len(self.axes_) - 1) + LINE * (n_lines + 2)
         self.figure_.set_figheight(max(self.figure_.get_figheight(), least * letter_size()))
         legend.set_title(text, {"size": "small"})
@@ -284,15 +253,12 @@ class EffectDisplay(Display):
 
     def _draw_curves(self, panel: Axes) -> None:
         found = self.curves
-        (self.without_,) = panel.plot(
-            found.without.x, found.without.y, color=GREY, lw=scaled(1.2), ls="--", label=WITHOUT
-        )
+        look: dict[str, Any] = {"color": GREY, "lw": scaled(1.2), "ls": "--", "label": WITHOUT}
+        panel.plot(found.without.x, found.without.y, **look)
         for (label, curve), colour in zip(found.curves.items(), PALETTE, strict=False):
             if curve.low is not None and curve.high is not None:
-                meaning = None if self.bands_ else BANDS.get(found.kind, BAND)
-                self.bands_[label] = draw_band(
-                    panel, curve.x, curve.low, curve.high, colour, meaning
-                )
+                meaning = BANDS.get(found.kind, BAND)
+                draw_band(panel, curve.x, curve.low, curve.high, colour, meaning)
             symbols = SYMBOL.sub(lambda known: SYMBOLS[known[0]], label)
             (self.lines_[label],) = panel.plot(
                 curve.x, curve.y, color=colour, lw=scaled(1.8), label=symbols
@@ -313,19 +279,15 @@ class EffectDisplay(Display):
         panel.set_ylabel(wrapped(found.ylabel, letters_along(panel)))
         panel.grid(alpha=0.3)
 
-    def _draw_nearest(self, panel: Axes) -> None:
+    def _draw_nearest(self, panel: Axes, shape: Shape) -> None:
         """The named effect that comes nearest to one without a name, and the knots of that."""
-        self.nearest_: Any = None
-        self.knots_: Any = None
-        if self.nearest is not None:
+        if shape.nearest_curve is not None and shape.is_near:
             look: dict[str, Any] = {"color": series_colour(1), "ls": "--", "lw": scaled(1.4)}
-            label = f"nearest name: {self.nearest_title}"
-            (self.nearest_,) = panel.plot(self.nearest.index, self.nearest, label=label, **look)
-        knots = np.asarray(self.knots, dtype=float)
-        if knots.size:
-            x, y = np.repeat(knots, 3), np.tile([0.0, KNOT, np.nan], knots.size)
-            look = {"color": dimmed(), "lw": scaled(1.0), "label": "knots"}
-            (self.knots_,) = panel.plot(x, y, transform=panel.get_xaxis_transform(), **look)
+            look["label"] = f"nearest name: {shape.nearest['title'].iloc[0]}"
+            panel.plot(shape.nearest_curve.index, shape.nearest_curve, **look)
+        knots = np.asarray(shape.effect.knots or (), dtype=float)
+        look = {"color": dimmed(), "lw": scaled(1.0), "label": "knots" if knots.size else None}
+        panel.vlines(knots, 0.0, KNOT, transform=panel.get_xaxis_transform(), **look)
 
     def _draw_density(self, panel: Axes) -> None:
         values = np.asarray(self.curves.measured, dtype=float)
@@ -333,6 +295,6 @@ class EffectDisplay(Display):
         heights, edges = np.histogram(
             values[np.isfinite(values)], np.linspace(low, high, BINS + 1), density=True
         )
-        self.density_ = panel.stairs(heights, edges, fill=True, color=GREY, alpha=0.7)
+        panel.stairs(heights, edges, fill=True, color=GREY, alpha=0.7)
         panel.set_yticks([])
         panel.set_ylabel("density\nin the runs", fontsize="small")

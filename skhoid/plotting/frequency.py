@@ -21,6 +21,7 @@ from ._roles import GREY, PALETTE, ROLES, scaled, sized, veil
 SYMBOLS = "osD^vPX"
 MAX_MARKERS = 40  # responses with more lines than this are curves
 N_POINTS = 300
+CONFIDENCE = 0.95
 HIGHEST = 60.0  # rad/s, of continuous-time models
 LOWEST_PHASE = -540.0  # deg; below it a curve is only the delay, which turns without end
 
@@ -30,7 +31,7 @@ class BodeDisplay(Display):
     """Magnitude and phase over frequency, of one or several frequency responses.
 
     Responses at no more than 40 lines are markers with error bars, others curves with bands. The
-    runs of a response that holds several are averaged, and the bars are those of the mean. The
+    runs of a response that holds several are averaged, and the bars are those of the mean. The 95 %
     intervals of the magnitude are symmetric on its logarithmic axis. The phase axis ends at -540
     degrees or the lowest marker. A response called "truth" has the colour and line of the truth.
 
@@ -42,17 +43,12 @@ class BodeDisplay(Display):
         What to draw, each of shape (n_lines,).
     view : {"operator", "open_loop"}, default="operator"
         ``"open_loop"`` marks crossover frequency and phase margin.
-    %(confidence)
 
     Attributes
     ----------
     %(panels)
     magnitude_, phase_ : dict {label: Line2D}
         The curves or markers: the main artists.
-    intervals_ : dict {label: list of artists}
-        Bands or error bars, of magnitude and phase.
-    nyquist_ : dict {label: float}
-        Nyquist frequencies that are marked, in rad/s.
     crossover_ : DataFrame or None
         Crossover frequency and phase margin by label, in the open-loop view.
 
@@ -74,7 +70,6 @@ class BodeDisplay(Display):
 
     responses: Mapping[str, FrequencyResponse]
     view: str = "operator"
-    confidence: float = 0.95
 
     @classmethod
     def from_responses(
@@ -83,7 +78,6 @@ class BodeDisplay(Display):
         *,
         controlled_element: Any = None,
         view: str = "operator",
-        confidence: float = 0.95,
         ax: Any = None,
         **kwargs: Any,
     ) -> Self:
@@ -97,7 +91,6 @@ class BodeDisplay(Display):
             Multiplies every response, for ``view="open_loop"``. None takes them as they are.
         view : {"operator", "open_loop"}, default="operator"
             ``"open_loop"`` marks crossover frequency and phase margin.
-        %(confidence)
         %(keywords)
 
         %(display)
@@ -123,7 +116,7 @@ class BodeDisplay(Display):
                 else:
                     response = response.select_run(response.labels[0])
             named[label] = response
-        return cls(responses=named, view=view, confidence=confidence).plot(ax, **kwargs)
+        return cls(responses=named, view=view).plot(ax, **kwargs)
 
     @classmethod
     def from_estimator(
@@ -135,7 +128,6 @@ class BodeDisplay(Display):
         input: str | None = None,
         label: str | None = None,
         compare: Any = None,
-        confidence: float = 0.95,
         ax: Any = None,
         **kwargs: Any,
     ) -> Self:
@@ -155,7 +147,6 @@ class BodeDisplay(Display):
             Name in the legend. None means the name of the class.
         compare : FrequencyResponse, list or dict of them, or None, default=None
             Other responses of the operator, or models of it, drawn first.
-        %(confidence)
         %(keywords)
 
         %(display)
@@ -175,7 +166,6 @@ class BodeDisplay(Display):
             {**named, label or type(last).__name__: found},
             controlled_element=controlled_element,
             view="operator" if controlled_element is None else "open_loop",
-            confidence=confidence,
             ax=ax,
             **kwargs,
         )
@@ -190,12 +180,9 @@ class BodeDisplay(Display):
         %(self)
         """
         check_option("view", self.view, ("operator", "open_loop"))
-        if not 0 < self.confidence < 1:
-            raise ValueError(f"confidence must lie between 0 and 1; got {self.confidence!r}.")
         self._take_axes(ax, "magnitude and phase", (2, 1), sharex=True, figsize=(6.4, 7.0))
         self.magnitude_: dict[str, Any] = {}
         self.phase_: dict[str, Any] = {}
-        self.intervals_: dict[str, list[Any]] = {}
         top, bottom = self.axes_
         for panel in (top, bottom):
             panel.set_xscale("log")
@@ -218,8 +205,8 @@ class BodeDisplay(Display):
             top.tick_params(labelbottom=False)
         self._restyle(kwargs, self.magnitude_, self.phase_)
         entries = legend_entries(self.axes_)
-        if any(self.intervals_.values()):
-            what = f"{100 * self.confidence:g} % intervals"
+        if any(r.phase_sd is not None for r in self.responses.values()):
+            what = f"{100 * CONFIDENCE:g} % intervals"
             entries[what] = Patch(color=GREY, alpha=0.4, lw=0)
         self._legend(list(entries.values()), list(entries))
         return self
@@ -243,7 +230,7 @@ class BodeDisplay(Display):
             # A curve moves as a whole; markers, which may be noise, each on its own.
             phase = phase - 360 * (turns if self._sparse(response) else np.nanmedian(turns))
         freedom = np.inf if response.dof is None else max(response.dof, 1)
-        z = student.ppf(0.5 + self.confidence / 2, freedom)
+        z = student.ppf(0.5 + CONFIDENCE / 2, freedom)
         bounds = []
         if response.magnitude_sd is not None and response.phase_sd is not None:
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -251,7 +238,6 @@ class BodeDisplay(Display):
                 bounds.append((magnitude / factor, magnitude * factor))
             spread = np.minimum(z * response.phase_sd, 180.0)
             bounds.append((phase - spread, phase + spread))
-        self.intervals_[label] = []
         lines = []
         for panel, values, bound in zip(
             self.axes_, (magnitude, phase), bounds or (None, None), strict=True
@@ -259,14 +245,12 @@ class BodeDisplay(Display):
             if self._sparse(response):
                 style = {"ls": "none", "marker": SYMBOLS[number % len(SYMBOLS)], "ms": sized(5)}
                 if bound is not None:
-                    bars = panel.vlines(omega, *bound, color=colour, lw=scaled(1.2), alpha=0.6)
-                    self.intervals_[label].append(bars)
+                    panel.vlines(omega, *bound, color=colour, lw=scaled(1.2), alpha=0.6)
             else:
                 true = label == ROLES["truth"].word
                 style = {"ls": ROLES["truth"].line if true else "-", "lw": scaled(1.4)}
                 if bound is not None:
-                    band = draw_band(panel, omega, *bound, colour, alpha=veil(0.2))
-                    self.intervals_[label].append(band)
+                    draw_band(panel, omega, *bound, colour, alpha=veil(0.2))
             lines += panel.plot(omega, values, color=colour, label=label, **style)
         self.magnitude_[label], self.phase_[label] = lines
 
@@ -286,42 +270,29 @@ class BodeDisplay(Display):
 
     def _limit(self) -> None:
         """Keep the responses in view, whatever the size of their intervals."""
-        for panel, lines in zip(self.axes_, (self.magnitude_, self.phase_), strict=True):
-            values = np.concatenate([line.get_ydata() for line in lines.values()])
-            values = values[np.isfinite(values)]
-            if values.size == 0:
-                continue
-            low, high = values.min(), values.max()
-            if panel is self.axes_[0]:
-                panel.set_ylim(low / 2.5, high * 2.5)
-            else:
-                low = max(low, min(LOWEST_PHASE, self._lowest_marker()))
-                panel.set_ylim(90 * np.floor(low / 90 - 0.1), 90 * np.ceil(high / 90 + 0.1))
-
-    def _lowest_marker(self) -> float:
-        phases = [line.get_ydata() for line in self.phase_.values() if line.get_marker() != "None"]
-        return float(np.nanmin(np.concatenate(phases), initial=0.0)) if phases else 0.0
+        values, phases = (
+            np.concatenate([line.get_ydata() for line in lines.values()])
+            for lines in (self.magnitude_, self.phase_)
+        )
+        values, phases = values[np.isfinite(values)], phases[np.isfinite(phases)]
+        if values.size:
+            self.ax_.set_ylim(values.min() / 2.5, values.max() * 2.5)
+            marks = [v.get_ydata() for v in self.phase_.values() if v.get_marker() != "None"]
+            lowest = np.nanmin(np.concatenate([[LOWEST_PHASE], *marks]))
+            low = max(phases.min(), lowest)
+            ends = 90 * np.floor(low / 90 - 0.1), 90 * np.ceil(phases.max() / 90 + 0.1)
+            self.axes_[1].set_ylim(*ends)
 
     def _draw_nyquist(self) -> None:
-        self.nyquist_ = {k: r.nyquist for k, r in self.responses.items() if r.nyquist is not None}
-        for frequency in sorted(set(self.nyquist_.values())):
+        known = [r.nyquist for r in self.responses.values() if r.nyquist is not None]
+        for frequency in set(known):
             for panel in self.axes_:
                 panel.axvline(frequency, color=GREY, ls="--", lw=scaled(1.0))
-            if frequency < max(self.nyquist_.values()):
-                continue  # the others stand below it, their lines say enough
-            self.axes_[1].annotate(
-                "Nyquist",
-                (frequency, 0.97),
-                xycoords=("data", "axes fraction"),
-                xytext=(-3, 0),
-                textcoords="offset points",
-                rotation=90,
-                ha="right",
-                va="top",
-                fontsize="small",
-                color=GREY,
-                annotation_clip=True,
-            )
+        if known:  # the others stand below it, their lines say enough
+            look: dict[str, Any] = {"rotation": 90, "ha": "right", "va": "top", "color": GREY}
+            look |= {"textcoords": "offset points", "fontsize": "small", "annotation_clip": True}
+            place = ("data", "axes fraction")
+            self.axes_[1].annotate("Nyquist", (max(known), 0.97), (-3, 0), xycoords=place, **look)
 
     def _draw_crossovers(self) -> Any:
         rows = {}
@@ -337,15 +308,10 @@ class BodeDisplay(Display):
                 continue
             for panel in (top, bottom):
                 panel.axvline(omega_c, color=colour, ls=":", lw=scaled(1.0))
-            bottom.plot(
-                [omega_c, omega_c],
-                [-180.0, -180.0 + margin],
-                color=colour,
-                lw=scaled(3.0),
-                alpha=0.6,
-                solid_capstyle="butt",
-                label=f"{label}: $\\omega_c$ = {omega_c:.2f} rad/s, $\\varphi_m$ = {margin:.0f}°",
-            )
+            text = f"{label}: $\\omega_c$ = {omega_c:.2f} rad/s, $\\varphi_m$ = {margin:.0f}°"
+            look: dict[str, Any] = {"color": colour, "lw": scaled(3.0), "alpha": 0.6}
+            ends = [-180.0, -180.0 + margin]
+            bottom.plot([omega_c] * 2, ends, solid_capstyle="butt", label=text, **look)
         return pd.DataFrame(rows).T
 
 

@@ -11,23 +11,31 @@ import pandas as pd
 
 from ..human import HumanOperator
 from ..interpret.arx_channel import is_arx
-from ..interpret.conversion import NAMES, UNITS, operator_parameters
+from ..interpret.conversion import FROM_POLES, NAMES, UNITS, operator_parameters
 from ._axes import draw_band, limits_of, note_outside, parameter_symbol, with_unit
-from ._display import Display, check_option, check_some_column, fitted_end
+from ._display import Display, check_option, check_some_column, fitted_end, page_width
 from ._roles import BLUE, GREEN, GREY, ORANGE, PALETTE, ROLES, scaled, sized
+from ._study import REPLICATION, cell_text, check_table, ordered
 
 SHOWN = (2.0, 98.0)  # percentiles of the estimates that limits always hold
 FEW = 20  # estimates, below which limits hold all
 MUCH = 2.0  # times the range of these percentiles, up to which limits hold all
 MARGIN = 0.12  # of the range, above and below
 DEVIATION = "± 1 standard deviation"
-MOST_LINES = 10  # single runs that are drawn one by one
-MEAN = 1.8  # width of the line of a mean over single runs
 ONE_COLUMN = 5  # panels below each other, before there are two columns
-UNEVEN = 3  # panels that one of the columns may have more than the other
 EXACT = 1e-9  # s; a delay known better is no estimate
 CROWDED = 50  # letters in one row of labels
 FINE = 1000  # instants at which a true operator is drawn
+# Of many runs
+ARX = ("a1", "a2", "b0", "b1")
+FORMS = {
+    "lambda": "λ, $N_0$ = {N0}",
+    "Lambda": "Λ, $N_0$ = ∞ for $a_1$ and $a_2$, {N0} for $b_0$ and $b_1$",
+}
+MEAN = "mean"  # the run that is the mean of the others
+BATCH_TIME = 30.72  # s; first and last part of a run, as in the thesis's Section IV-D
+CENTRAL = (0.16, 0.84)  # as much as ± 1 standard deviation holds of a normal distribution
+SINGLES = 3  # replications of a study that are drawn one by one
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -37,9 +45,9 @@ class ParametersDisplay(Display):
     The path of each recursive model with one standard deviation to either side, where it is known:
     of ARX parameters where the model keeps its covariances (``store_covariance=True``). Of a model
     that averages estimates of single runs (``combine="average_estimates"``) these are thin lines
-    under their mean; of more than ten runs the band is their standard deviation. The truth is green
-    and dashed, and references are orange. Batch models among the recursive ones are dashed levels;
-    where there are only batch models, parameters of the operator are points side by side.
+    under their mean. The truth is green and dashed, and references are orange. Batch models among
+    the recursive ones are dashed levels; where there are only batch models, parameters of the
+    operator are points side by side.
 
     The operator's are K_e, T_L, K_edot, omega_nm and zeta_nm. Its delay is in the title, or in a
     panel where it varies or has a standard deviation.
@@ -73,14 +81,6 @@ class ParametersDisplay(Display):
     lines_, bands_ : dict of Artist
         Estimates, the main artists, and standard deviations, by (label, parameter): areas, or the
         bars of points.
-    run_lines_ : dict of list of Line2D
-        Estimates of single runs by the same.
-    truth_ : dict of Line2D
-        True values by parameter.
-    references_ : dict of Line2D
-        References by (window, parameter).
-    notes_ : dict of Text
-        Counts of estimates outside the panel, by parameter.
 
     See Also
     --------
@@ -132,11 +132,9 @@ class ParametersDisplay(Display):
         ----------
         model : fitted RecursiveARX, pipeline or search that ends in one, or dict of them by label
             Among them there may be batch models.
-        truth : Bunch, DataFrame, Series, dict, array, HumanOperator or None, default=None
-            True values: the third result of :func:`skhoid.make_tracking_runs`; a frame over time
-            with columns named as the parameters; constants, named or in the order of the
-            parameters (an array has one row per instant, or is one row); or an operator, for its
-            parameters.
+        truth : Bunch, DataFrame, HumanOperator or None, default=None
+            True values: the third result of :func:`skhoid.make_tracking_runs`; a frame over time,
+            or of one row, with columns named as the parameters; or an operator, for its parameters.
         %(references)
         kind : {"arx", "operator"}, default="arx"
             The parameters of the models, or those of the operator that
@@ -148,13 +146,6 @@ class ParametersDisplay(Display):
         %(keywords)
 
         %(display)
-
-        Raises
-        ------
-        TypeError
-            If it is not an ARX model, or truth or references are something else.
-        ValueError
-            If no model keeps a path, or truth or references do not fit the parameters.
         """
         check_option("kind", kind, ("arx", "operator"))
         given = model if isinstance(model, Mapping) else {"estimate": model}
@@ -174,14 +165,16 @@ class ParametersDisplay(Display):
             for label, m in models.items()
             if getattr(m, "coef_paths_", None) is not None
         }
-        for label in [label for label, paths in runs.items() if len(paths) > MOST_LINES]:
-            frames[label] = _over_runs(frames[label], runs.pop(label))
+        if hasattr(truth, "task") or hasattr(truth, "arx_parameters"):
+            truth = _coefficients_of(truth, models)
         names = _names(frames)
-        _check_references(references, names, varying=True)
-        true = _true_coefficients(truth, names, frames, models)
-        return cls(frames=frames, runs=runs, truth=true, references=references, **known).plot(
-            ax, **kwargs
-        )
+        return cls(
+            frames=frames,
+            runs=runs,
+            truth=_checked_table(truth, names, "truth"),
+            references=_checked_table(references, names, "references"),
+            **known,
+        ).plot(ax, **kwargs)
 
     @classmethod
     def from_frame(
@@ -201,10 +194,9 @@ class ParametersDisplay(Display):
         ----------
         frame : DataFrame, or dict of them by label
             Results of :func:`skhoid.operator_parameters`.
-        truth : HumanOperator, DataFrame, Series or None, default=None
-            True values: an operator, whose functions of time are evaluated, or a frame with
-            columns of the same names, such as the ``truth.parameters`` of make_tracking_runs, or a
-            row of one.
+        truth : Bunch, DataFrame, HumanOperator or None, default=None
+            True values: the third result of :func:`skhoid.make_tracking_runs`, a frame with columns
+            of the same names, or an operator, whose functions of time are evaluated.
         %(references)
         %(transition_time)
         parameters : sequence of str or None, default=None
@@ -212,29 +204,17 @@ class ParametersDisplay(Display):
         %(keywords)
 
         %(display)
-
-        Raises
-        ------
-        TypeError
-            If a frame or the truth is something else.
-        ValueError
-            If columns are missing, or truth or references need times and no estimate varies.
         """
         frames = dict(frame) if isinstance(frame, Mapping) else {"estimate": frame}
-        for label, table in frames.items():
-            if not isinstance(table, pd.DataFrame):
-                raise TypeError(
-                    "ParametersDisplay.from_frame draws results of operator_parameters; "
-                    f"{label!r} is a {type(table).__name__}."
-                )
-            missing = [name for name in NAMES if name not in table]
-            if missing:
-                raise ValueError(f"The frame {label!r} has no column {missing[0]!r}.")
-        _check_references(references, NAMES, varying=bool(_times_of(frames.values())))
+        for table in frames.values():
+            check_table(table, NAMES, cls.__name__)
+        truth = getattr(truth, "parameters", truth)  # the third result of make_tracking_runs
+        if isinstance(truth, HumanOperator):
+            truth = _over_time(truth, _times_of(frames.values()))
         return cls(
             frames=frames,
-            truth=_true_operator(truth, frames),
-            references=references,
+            truth=_checked_table(truth, NAMES, "truth"),
+            references=_checked_table(references, NAMES, "references"),
             transition_time=transition_time,
             parameters=parameters,
         ).plot(ax, **kwargs)
@@ -250,30 +230,29 @@ class ParametersDisplay(Display):
         """
         of_operator = any("K_e" in table for table in self.frames.values())
         every = list(NAMES) if of_operator else _names(self.frames)
-        delay = self._delay() if of_operator else None
         for name in self.parameters or ():
             check_option("a name in parameters", name, every)
-        names = [name for name in every if name != "tau_e"]
-        names += ["tau_e"] * (of_operator and delay is None)
-        if self.parameters is not None:
-            names = list(self.parameters)
-        over_time = bool(_times_of(self.frames.values()))
-        bottom = self._begin([names] if of_operator else _columns(names), ax)
+        delay = self._delay() if of_operator else None
+        names = list(self.parameters or (n for n in every if n != "tau_e" or delay is None))
+        times = _times_of(self.frames.values())
+        bottom = self._begin(names, of_operator, ax)
         for name, panel in zip(self.names_, self.axes_, strict=True):
             for position, (label, frame) in enumerate(self.frames.items()):
-                if name not in frame:
-                    continue
-                if over_time:
-                    self._draw_over_time(panel, name, position, label)
-                else:
-                    self._draw_point(panel, name, position, label)
+                if name in frame:
+                    draw = self._draw_path if times else self._draw_point
+                    draw(panel, name, position, label)
             self._draw_known(panel, name)
             self._limit(panel, name)
             panel.set_ylabel(with_unit(parameter_symbol(name), UNITS.get(name)), fontsize="large")
             panel.grid(alpha=0.3)
-        for panel in bottom if over_time else ():
-            panel.set_xlabel("time, s")
-        if not over_time:
+        if times:
+            # All of it and no more, also where a path is NaN at an end.
+            first, last = min(t.min() for t in times), max(t.max() for t in times)
+            for panel in self.axes_ if first < last else []:
+                panel.set_xlim(first, last)
+            for panel in bottom:
+                panel.set_xlabel("time, s")
+        else:
             self._name_points()
         if delay is not None:
             self.ax_.set_title(f"{parameter_symbol('tau_e')} = {delay:.3g} s")
@@ -281,68 +260,56 @@ class ParametersDisplay(Display):
         self._legend_of_panels()
         return self
 
-    def _begin(self, columns: list[list[str]], ax: Any) -> np.ndarray:
+    def _begin(self, names: list[str], of_operator: bool, ax: Any) -> np.ndarray:
         """Panels for the parameters, and nothing in them yet; return those at the bottom."""
-        self.names_ = [name for column in columns for name in column]
+        columns = [names]
+        if len(names) > ONE_COLUMN and not of_operator:  # those of the output, and of the inputs
+            n_outputs = sum(name.startswith("a") for name in names) or -(-len(names) // 2)
+            columns = [names[:n_outputs], names[n_outputs:]]
+        self.names_ = names
         shape = max(map(len, columns)), len(columns)
+        places = [i + shape[1] * row for i, some in enumerate(columns) for row in range(len(some))]
         bottom = self._take_axes(
             ax,
-            f"one for each of {', '.join(self.names_)}",
+            f"one for each of {', '.join(names)}",
             shape,
-            used=[
-                i + shape[1] * row for i, names in enumerate(columns) for row in range(len(names))
-            ],
+            used=places,
             figsize=(6.4, 0.9 + 1.4 * shape[0]),
             sharex=True,
         )
         if self._own:
             self.figure_.align_ylabels(self.axes_)
-            bottom = self.axes_[np.cumsum([len(names) for names in columns]) - 1]
+            bottom = self.axes_[np.cumsum([len(some) for some in columns]) - 1]
             for panel in bottom:
                 panel.tick_params(labelbottom=True)
         self.lines_: dict[tuple[str, str], Any] = {}
         self.bands_: dict[tuple[str, str], Any] = {}
-        self.run_lines_: dict[tuple[str, str], Any] = {}
-        self.truth_: dict[str, Any] = {}
-        self.references_: dict[tuple[str, str], Any] = {}
-        self.notes_: dict[str, Any] = {}
-        if times := _times_of(self.frames.values()):
-            # All of it and no more, also where a path is NaN at an end.
-            first, last = min(t.min() for t in times), max(t.max() for t in times)
-            for panel in self.axes_ if first < last else []:
-                panel.set_xlim(first, last)
         return bottom
 
-    def _colour(self, position: int) -> str:
-        """Colour of an estimate: not those of the truth and, where there are any, of references."""
-        taken = {GREEN} if self.references is None else {GREEN, ORANGE}
-        available = [c for c in PALETTE if c not in taken]
-        return available[position % len(available)]
-
-    def _draw_over_time(self, panel: Any, name: str, position: int, label: str) -> None:
+    def _draw_path(self, panel: Any, name: str, position: int, label: str) -> None:
         """A line and its band; a batch model is level over all of the time that others span."""
-        table, colour = self.frames[label], self._colour(position)
+        taken = {GREEN} if self.references is None else {GREEN, ORANGE}
+        colours = [colour for colour in PALETTE if colour not in taken]
+        table, colour = self.frames[label], colours[position % len(colours)]
         time, value, deviation = table.index, table[name].to_numpy(), _deviation_of(table, name)
-        dashes = "-"
+        dashes, width = "-", 1.0
         if not _is_over_time(table):
             times = _times_of(self.frames.values())
             time = pd.Index([min(t.min() for t in times), max(t.max() for t in times)])
             value, deviation, dashes = np.repeat(value, 2), np.repeat(deviation, 2), "--"
+        if self.runs and label in self.runs:
+            values = self.runs[label][:, :, _names({label: table}).index(name)]
+            look: dict[str, Any] = {"lw": scaled(0.5), "alpha": 0.5, "zorder": 1.8}
+            lines = panel.plot(table.index, values.T, color=colour, **look)
+            lines[0].set_label("single runs")
+            width = 1.8
         (self.lines_[label, name],) = panel.plot(
-            time, value, color=colour, label=label, ls=dashes, lw=scaled(1.0)
+            time, value, color=colour, label=label, ls=dashes, lw=scaled(width)
         )
         if np.isfinite(deviation).any():
             meaning = table.attrs.get("deviation", DEVIATION)
             edges = value - deviation, value + deviation
             self.bands_[label, name] = draw_band(panel, time, *edges, colour, meaning)
-        if self.runs and label in self.runs:
-            # Single runs as thin lines under their mean.
-            values = self.runs[label][:, :, _names({label: table}).index(name)]
-            look: dict[str, Any] = {"lw": scaled(0.5), "alpha": 0.5, "zorder": 1.8}
-            lines = panel.plot(table.index, values.T, color=colour, **look)
-            lines[0].set_label("single runs")
-            self.lines_[label, name].set_linewidth(MEAN)
-            self.run_lines_[label, name] = lines
 
     def _draw_point(self, panel: Any, name: str, position: int, label: str) -> None:
         table = self.frames[label]
@@ -360,10 +327,8 @@ class ParametersDisplay(Display):
         )
         self.lines_[label, name], self.bands_[label, name] = point, bars[0]
         if np.isnan(value):
-            middle = panel.get_xaxis_transform()
-            panel.text(
-                position, 0.5, "none", transform=middle, color=GREY, ha="center", va="center"
-            )
+            middle: dict[str, Any] = {"transform": panel.get_xaxis_transform(), "ha": "center"}
+            panel.text(position, 0.5, "none", color=GREY, va="center", **middle)
 
     def _name_points(self) -> None:
         crowded = sum(map(len, self.frames)) > CROWDED
@@ -374,8 +339,8 @@ class ParametersDisplay(Display):
 
     def _delay(self) -> float | None:
         """The delay that all estimates share and take as exact, in s."""
-        tables = self.frames.values()
-        delays = np.concatenate([table["tau_e"] for table in tables])
+        tables = [table for table in self.frames.values() if "tau_e" in table]
+        delays = np.concatenate([*(table["tau_e"] for table in tables), np.empty(0)])
         delays = delays[np.isfinite(delays)]
         uncertain = any((_deviation_of(table, "tau_e") > EXACT).any() for table in tables)
         if uncertain or delays.size == 0 or np.ptp(delays) > EXACT:
@@ -388,11 +353,11 @@ class ParametersDisplay(Display):
             self._draw_references(panel, name, self.references)
         if self.truth is not None and name in self.truth:
             values = self.truth[name].to_numpy(dtype=float)
-            style = {**ROLES["truth"].style(1.4), "label": "truth", "zorder": 2.4}
-            if _is_over_time(self.truth):
-                (self.truth_[name],) = panel.plot(self.truth.index, values, **style)
+            style = {**ROLES["truth"].style(1.4), "label": "truth", "zorder": 2.6}
+            if len(values) > 1:
+                panel.plot(self.truth.index, values, **style)
             else:
-                self.truth_[name] = panel.axhline(values[0], **style)
+                panel.axhline(values[0], **style)
         if self.transition_time is not None:
             look: dict[str, Any] = {"color": GREY, "lw": scaled(1.2), "ls": ":", "zorder": 1.5}
             panel.axvline(self.transition_time, label="transition", **look)
@@ -401,49 +366,293 @@ class ParametersDisplay(Display):
         deviations = _deviation_of(references, name)
         label = f"batch {DEVIATION}" if np.isfinite(deviations).any() else "batch"
         look: dict[str, Any] = {"lw": scaled(2.0), "solid_capstyle": "butt", "zorder": 2.3}
-        for (window, row), deviation in zip(references.iterrows(), deviations, strict=True):
+        for row, deviation in zip(references.to_dict("records"), deviations, strict=True):
             span, level = [row["start"], row["stop"]], float(row[name])
-            if np.isnan(level):
-                continue
             if np.isfinite(deviation):
                 draw_band(panel, span, level - deviation, level + deviation, ORANGE, zorder=2.2)
-            (self.references_[str(window), name],) = panel.plot(
-                span, [level] * 2, color=ORANGE, label=label, **look
-            )
+            if np.isfinite(level):
+                panel.plot(span, [level] * 2, color=ORANGE, label=label, **look)
 
     def _limit(self, panel: Any, name: str) -> None:
         """Limits that hold what is known and all but extreme estimates, also of single runs."""
-        inner: list[float] = []
-        if name in self.truth_ and self.truth is not None:
-            inner += self.truth[name].tolist()
-        for (_, of), line in self.references_.items():
-            inner += [line.get_ydata()[0]] if of == name else []
-        inner = [value for value in inner if np.isfinite(value)]
-        outer = list(inner)
-        tables = [table for table in self.frames.values() if name in table]
-        estimates = [table[name].to_numpy(dtype=float) for table in tables]
-        deviations = [_deviation_of(table, name) for table in tables]
-        lines = [line for (_, of), some in self.run_lines_.items() if of == name for line in some]
-        of_runs = [np.asarray(line.get_ydata(), dtype=float) for line in lines]
-        every = np.concatenate([*of_runs, np.empty(0)])
-        for value, deviation in zip([*estimates, every], [*deviations, np.zeros(1)], strict=True):
-            finite, deviation = value[np.isfinite(value)], deviation[np.isfinite(deviation)]
-            if finite.size == 0:
-                continue
-            typical = float(np.median(deviation)) if deviation.size else 0.0
-            low, high = typical_range(finite)
-            inner += [low - typical, high + typical]
-            outer += [finite.min() - typical, finite.max() + typical]
-        if not inner:
-            return
-        low, high = limits_of(inner, outer, MUCH, MARGIN, least=0.0)
-        if low < high:
-            panel.set_ylim(low, high)
-            varying = [_is_over_time(table) for table in tables]
-            counted = zip(estimates, varying, strict=True)  # of single runs nothing
-            shown = np.concatenate([e for e, over_time in counted if over_time or not any(varying)])
-            if note := note_outside(panel, shown, ("top", "right")):
-                self.notes_[name] = note
+        known = [
+            table[name]
+            for table in (self.truth, self.references)
+            if table is not None and name in table
+        ]
+        held = _finite(np.concatenate([*known, np.empty(0)])).tolist()
+        outer = list(held)
+        paths = [line.get_ydata() for (_, of), line in self.lines_.items() if of == name]
+        for label, runs in (self.runs or {}).items():
+            paths.append(runs[:, :, _names({label: self.frames[label]}).index(name)])
+        spread = [_finite(_deviation_of(table, name)) for table in self.frames.values()]
+        margins = [float(np.median(s)) for s in spread if s.size]
+        margin = max(margins, default=0.0)
+        for values in map(_finite, paths):
+            if values.size:
+                low, high = _typical_range(values)
+                held += [low - margin, high + margin]
+                outer += [values.min() - margin, values.max() + margin]
+        if held:
+            low, high = limits_of(held, outer, MUCH, MARGIN, least=0.0)
+            if low < high:
+                panel.set_ylim(low, high)
+                note_outside(panel, self._counted(name), ("top", "right"))
+
+    def _counted(self, name: str) -> np.ndarray:
+        """The estimates that are counted where they are outside: not those of single runs."""
+        lines = [line for (_, of), line in self.lines_.items() if of == name]
+        return np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in lines])
+
+
+@dataclass(kw_only=True, eq=False, repr=False)
+class EnsembleDisplay(Display):
+    """Parameters over time of people's runs (Figs. 16, 17), or of replications (Figs. 14, 15).
+
+    A row of panels for each parameter and a column for each person, or for each remnant intensity
+    of a study. Single runs are thin; over them lies their mean, with a band of its spread in a
+    study (of parameters of the operator the median and the central 68 %, because a mean of
+    T_L = K_edot / K_e may be anywhere). Batch fits of the first and last part are orange, the truth
+    is green and dashed. The panels of a parameter have the same limits.
+
+    Make it with :meth:`from_result` or :meth:`from_table`.
+
+    Parameters
+    ----------
+    columns : dict of ParametersDisplay
+        What each column of panels shows, by its title; all have the same ``parameters``.
+    title : str, default=""
+        Of the figure.
+
+    Attributes
+    ----------
+    %(sizes)
+
+    See Also
+    --------
+    ParametersDisplay : Parameters of fitted models.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pandas as pd
+    >>> from skhoid.plotting import EnsembleDisplay
+    >>> time = np.arange(0, 80, 0.5)
+    >>> true = pd.DataFrame({"b0": 0.09 + 0.07 / (1 + np.exp(20 - time / 2))}, index=time)
+    >>> table = pd.MultiIndex.from_product(
+    ...     [["C3"], [0.15], range(3), ["lambda"], time],
+    ...     names=["condition", "remnant_intensity", "replication", "form", "time"],
+    ... ).to_frame(index=False)
+    >>> table["b0"] = np.tile(true["b0"], 3) + 0.01 * (table["replication"] - 1)
+    >>> display = EnsembleDisplay.from_table(table, truth=true, transition_time=40)
+    >>> display.axes_.shape
+    (1, 1)
+    """
+
+    columns: Mapping[str, ParametersDisplay]
+    title: str = ""
+
+    @classmethod
+    def from_result(
+        cls,
+        result: Any,
+        condition: Any = None,
+        *,
+        form: str = "lambda",
+        parameters: str = "arx",
+        subjects: Any = None,
+        ax: Any = None,
+        **kwargs: Any,
+    ) -> Self:
+        """Draw what :func:`skhoid.lab.experiment.analyse_experiment` found.
+
+        Parameters
+        ----------
+        result : ExperimentResult
+            Of the analysis.
+        condition : label or None, default=None
+            Condition; None is the only one.
+        form : {"lambda", "Lambda"}, default="lambda"
+            Forgetting.
+        parameters : {"arx", "operator"}, default="arx"
+            a1, a2, b0, b1, or K_e, T_L, K_edot, omega_nm, zeta_nm.
+        subjects : sequence of labels or None, default=None
+            None means all that have runs in this condition.
+        %(keywords)
+
+        %(display)
+        """
+        check_option("form", form, FORMS)
+        conditions = list(result.conditions)
+        if condition is None and len(conditions) == 1:
+            condition = conditions[0]
+        check_option("condition", condition, conditions)
+        paths, batch = (t[t["condition"] == condition] for t in (result.paths, result.batch))
+        paths = paths[paths["form"] == form]
+        there = list(dict.fromkeys(paths["subject"]))
+        wanted = there if subjects is None else np.atleast_1d(np.asarray(subjects, object)).tolist()
+        for subject in wanted:
+            check_option("a subject", subject, there)
+        columns = {}
+        for subject in wanted:
+            of = paths[paths["subject"] == subject]
+            levels = batch[(batch["subject"] == subject) & (batch["run"] == MEAN)]
+            columns["" if there == ["all"] else str(subject)] = _column(
+                "mean of the runs",
+                of[of["run"] == MEAN].set_index("time"),
+                [rows for _, rows in of[of["run"] != MEAN].groupby("run", sort=False)],
+                parameters,
+                references=levels,
+                transition_time=result.transition_times.get(condition),
+            )
+        title = FORMS[form].format(N0=f"{result.memory_horizon:g}")
+        return cls(
+            columns=columns, title=title if condition == "all" else f"{condition}: {title}"
+        ).plot(ax, **kwargs)
+
+    @classmethod
+    def from_table(
+        cls,
+        table: pd.DataFrame,
+        *,
+        form: str = "lambda",
+        parameters: str = "arx",
+        truth: pd.DataFrame | None = None,
+        transition_time: float | None = None,
+        ax: Any = None,
+        **kwargs: Any,
+    ) -> Self:
+        """Draw the table of a study of paths in one condition.
+
+        Parameters
+        ----------
+        table : DataFrame
+            One row per remnant intensity, replication, form of forgetting and instant:
+            ``condition``, ``remnant_intensity``, ``replication``, ``form``, ``time`` (s) and the
+            parameters; the forms ``"ini"`` and ``"fin"``, if there, are batch fits of the first and
+            last 30.72 s.
+        form : str, default="lambda"
+            The form of forgetting to draw.
+        parameters : {"arx", "operator"}, default="arx"
+            a1, a2, b0, b1, or K_e, T_L, K_edot, omega_nm, zeta_nm.
+        truth : DataFrame or None, default=None
+            True values: columns named as the parameters over the index ``time`` in s, or in one
+            row, as ``arx_parameters`` and ``parameters`` of the third result of
+            :func:`skhoid.make_tracking_runs` are.
+        %(transition_time)
+        %(keywords)
+
+        %(display)
+        """
+        needed = ["condition", "remnant_intensity", REPLICATION, "form", "time"]
+        check_table(table, needed, cls.__name__)
+        check_option("form", form, list(dict.fromkeys(table["form"])))
+        if len(set(table["condition"])) > 1:
+            raise ValueError("EnsembleDisplay draws one condition; choose its rows of the table.")
+        median = parameters == "operator"
+        columns = {}
+        for P_n in ordered(table["remnant_intensity"]):
+            cell = table[table["remnant_intensity"] == P_n]
+            rows = cell[cell["form"] == form]
+            time = np.unique(rows["time"].to_numpy(dtype=float))
+            batch = _average(cell[cell["form"].isin(["ini", "fin"])], "form", median).reset_index()
+            first = batch["form"] == "ini"
+            batch["start"] = np.where(first, time[0], time[-1] - BATCH_TIME)
+            batch["stop"] = np.where(first, time[0] + BATCH_TIME, time[-1])
+            singles = [part for _, part in rows.groupby(REPLICATION)][:SINGLES]
+            number = rows[REPLICATION].nunique()
+            title = f"{cell_text('remnant_intensity', P_n)}, {number} run{'s' * (number != 1)}"
+            columns[title] = _column(
+                f"{'median' if median else 'mean'} over replications",
+                _average(rows, "time", median),
+                singles,
+                parameters,
+                references=batch if len(batch) else None,
+                truth=truth,
+                transition_time=transition_time,
+            )
+        title = f"{table['condition'].iloc[0]}, {cell_text('form', form)}"
+        return cls(columns=columns, title=title).plot(ax, **kwargs)
+
+    def plot(self, ax: Any = None, **kwargs: Any) -> Self:
+        """Draw.
+
+        Parameters
+        ----------
+        %(keywords)
+
+        %(self)
+        """
+        columns = list(self.columns.values())
+        names = list(columns[0].parameters or ())
+        shape = len(names), len(columns)
+        self._take_axes(
+            ax,
+            f"{shape[0]} parameters in {shape[1]} columns, row by row",
+            shape,
+            figsize=(page_width(max(6.4, 1.1 + 2.8 * shape[1]), shape[1]), 1.5 + 1.55 * shape[0]),
+            sharex=True,
+        )
+        self.axes_ = self.axes_.reshape(shape)
+        for (title, column), panels in zip(self.columns.items(), self.axes_.T, strict=True):
+            column.plot(panels, **kwargs)
+            if legend := panels[0].get_legend():
+                legend.remove()
+            panels[0].set_title(title, fontsize="medium")
+            for panel in panels[:-1]:
+                panel.set_xlabel("")
+        for name, row in zip(names, self.axes_, strict=True):
+            limits = np.array([panel.get_ylim() for panel in row])
+            for column, panel in zip(columns, row, strict=True):
+                panel.set_ylim(limits[:, 0].min(), limits[:, 1].max())
+                for text in list(panel.texts):
+                    text.remove()
+                lines = [line for (_, of), line in column.lines_.items() if of == name]
+                note_outside(
+                    panel, np.concatenate([x.get_ydata() for x in lines]), ("top", "right")
+                )
+            for panel in row[1:]:
+                panel.set_ylabel("")
+                panel.tick_params(labelleft=not self._own)
+        if self._own:
+            self.figure_.suptitle(self.title, fontsize="medium")
+            self.figure_.align_ylabels(self.axes_[:, 0])
+        self._legend_of_panels()
+        return self
+
+
+def _column(
+    label: str,
+    average: pd.DataFrame,
+    singles: list[pd.DataFrame],
+    parameters: str,
+    **known: Any,
+) -> ParametersDisplay:
+    """The average of runs, and some of them under it."""
+    check_option("parameters", parameters, ("arx", "operator"))
+    wanted = ARX if parameters == "arx" else tuple(FROM_POLES)
+    names = [name for name in wanted if name in average]
+    if not names:
+        raise ValueError(f"The table has no columns of {parameters} parameters.")
+    deviations = [f"sd_{name}" for name in names if f"sd_{name}" in average]
+    frame = average[[*names, *deviations]].sort_index()
+    frame.attrs["deviation"] = average.attrs.get("deviation", DEVIATION)
+    paths = [one.set_index("time")[names].reindex(frame.index).to_numpy() for one in singles]
+    runs = {label: np.array(paths)} if paths else None
+    return ParametersDisplay(frames={label: frame}, runs=runs, parameters=names, **known)
+
+
+def _average(rows: pd.DataFrame, by: str, median: bool) -> pd.DataFrame:
+    """Mean and standard deviation over replications, or median and half of the central 68 %."""
+    names = [name for name in map(str, rows.columns) if name in (*ARX, *FROM_POLES)]
+    groups = rows.groupby(by)[names]
+    centre, spread = groups.mean(), groups.std()
+    if median:
+        centre, low, high = groups.median(), *(groups.quantile(q) for q in CENTRAL)
+        spread = (high - low) / 2
+    table: pd.DataFrame = centre.join(spread.add_prefix("sd_"))
+    table.attrs["deviation"] = "half of the central 68 %" if median else DEVIATION
+    return table
 
 
 def _is_over_time(table: pd.DataFrame) -> bool:
@@ -461,14 +670,13 @@ def _deviation_of(table: pd.DataFrame, name: str) -> np.ndarray:
     return table[f"sd_{name}"].to_numpy(dtype=float)
 
 
-def _in_one_row(truth: pd.DataFrame) -> pd.DataFrame:
-    """True values in one row without a time where they do not vary."""
-    if (truth == truth.iloc[0]).all(axis=None):
-        return truth[:1].reset_index(drop=True)
-    return truth
+def _finite(values: Any) -> np.ndarray:
+    values = np.ravel(np.asarray(values, dtype=float))
+    finite: np.ndarray = values[np.isfinite(values)]
+    return finite
 
 
-def typical_range(values: np.ndarray) -> tuple[float, float]:
+def _typical_range(values: np.ndarray) -> tuple[float, float]:
     """Percentiles that are values themselves: between two, an outlier would pull them."""
     if values.size < FEW:
         return float(values.min()), float(values.max())
@@ -476,26 +684,17 @@ def typical_range(values: np.ndarray) -> tuple[float, float]:
     return float(low), float(np.percentile(values, SHOWN[1], method="lower"))
 
 
-def _check_references(references: Any, names: Sequence[str], *, varying: bool) -> None:
-    """Refuse anything but a result of reference_fits, and where no estimate varies in time."""
-    if references is None:
-        return
-    if not isinstance(references, pd.DataFrame):
-        raise TypeError(
-            f"references is the result of reference_fits; got {type(references).__name__}."
-        )
-    missing = [name for name in ("start", "stop") if name not in references]
-    if missing:
-        raise ValueError(
-            f"references has no column {missing[0]!r}: each of its rows is an estimate from the "
-            "window from start to stop, in s."
-        )
-    check_some_column(references, names, "references")
-    if not varying:
-        raise ValueError(
-            "references stand at times, and no estimate varies in time: draw batch models among "
-            "the estimates."
-        )
+def _checked_table(table: Any, names: Sequence[str], what: str) -> pd.DataFrame | None:
+    """The columns of these names; one row of true values that do not vary."""
+    if table is None:
+        return None
+    if not isinstance(table, pd.DataFrame):
+        raise TypeError(f"{what} is a DataFrame with columns named as the parameters; got {table}.")
+    check_some_column(table, names, what)
+    if what == "truth":
+        table = table[[name for name in names if name in table]].astype(float)
+        return table[:1] if (table == table.iloc[0]).all(axis=None) else table
+    return table
 
 
 def _arx_model(estimator: Any) -> Any:
@@ -530,51 +729,12 @@ def _frame(model: Any) -> pd.DataFrame:
     return frame
 
 
-def _over_runs(frame: pd.DataFrame, runs: np.ndarray) -> pd.DataFrame:
-    """The frame with standard deviations over its runs, which are too many for lines."""
-    names = _names({"": frame})
-    known = (~np.isnan(runs)).sum(axis=0)
-    squares = np.nansum((runs - frame[names].to_numpy()) ** 2, axis=0)
-    deviations = np.sqrt(np.where(known > 1, squares / np.maximum(known - 1, 1), np.nan))
-    frame = frame.assign(**{f"sd_{n}": d for n, d in zip(names, deviations.T, strict=True)})
-    frame.attrs["deviation"] = f"{DEVIATION} over {len(runs)} runs"
-    return frame
-
-
 def _names(frames: Mapping[str, pd.DataFrame]) -> list[str]:
     """Parameters of all frames, in order."""
     columns = [str(name) for frame in frames.values() for name in frame]
     names = dict.fromkeys(name for name in columns if not name.startswith("sd_"))
     kinds = {"a": 0, "b": 1}
     return sorted(names, key=lambda name: kinds.get(name[0], 2))
-
-
-def _columns(names: list[str]) -> list[list[str]]:
-    """Few parameters below each other; of more, output and input coefficients side by side."""
-    n_outputs = sum(name.startswith("a") for name in names)
-    if len(names) <= ONE_COLUMN:
-        return [names]
-    if abs(len(names) - 2 * n_outputs) > UNEVEN:
-        n_outputs = -(-len(names) // 2)
-    return [names[:n_outputs], names[n_outputs:]]
-
-
-def _true_coefficients(
-    truth: Any, names: list[str], frames: dict[str, pd.DataFrame], models: dict[str, Any]
-) -> pd.DataFrame | None:
-    """True values over time, or in one row where they do not vary."""
-    if truth is None:
-        return None
-    if hasattr(truth, "task") or hasattr(truth, "arx_parameters"):
-        truth = _coefficients_of(truth, models)
-    if isinstance(truth, (pd.Series, Mapping)):
-        truth = pd.DataFrame([dict(truth)])
-    if not isinstance(truth, pd.DataFrame):
-        truth = _with_names(truth, names, frames)
-    check_some_column(truth, names, "truth")
-    known = [name for name in names if name in truth]
-    truth = _in_one_row(truth[known].astype(float))
-    return truth.rename_axis("time") if len(truth) > 1 else truth
 
 
 def _coefficients_of(truth: Any, models: dict[str, Any]) -> pd.DataFrame:
@@ -596,48 +756,13 @@ def _coefficients_of(truth: Any, models: dict[str, Any]) -> pd.DataFrame:
     return table
 
 
-def _with_names(truth: Any, names: list[str], frames: dict[str, pd.DataFrame]) -> pd.DataFrame:
-    """An array with the names of the parameters and the instants of the estimates."""
-    values = np.atleast_2d(np.asarray(truth, dtype=float))
-    times = {len(time): time for time in _times_of(frames.values())}
-    if values.ndim != 2 or values.shape[1] != len(names) or len(values) not in {1, *times}:
-        rows = " or ".join(map(str, times))
-        raise ValueError(
-            f"An array of true values has {len(names)} columns ({', '.join(names)}) and a row for "
-            f"each of {rows} instants, or one; got the shape {values.shape}. A DataFrame over time "
-            "may have instants of its own."
-        )
-    return pd.DataFrame(values, index=times.get(len(values)), columns=names)
-
-
-def _true_operator(truth: Any, frames: dict[str, pd.DataFrame]) -> pd.DataFrame | None:
+def _over_time(operator: HumanOperator, times: list[np.ndarray]) -> pd.DataFrame:
     """True values over the times of the estimates, or in one row where they do not vary."""
-    truth = getattr(truth, "parameters", truth)  # the third result of make_tracking_runs
-    if isinstance(truth, pd.Series):
-        truth = truth.to_frame().T
-    times = _times_of(frames.values())
-    varying = (
-        "The truth varies in time and no estimate does, so its values have no place here. Give it "
-        "at one instant: truth=operator.at(t), or truth=frame.loc[t]."
-    )
-    if truth is None:
-        return None
-    if isinstance(truth, pd.DataFrame):
-        truth = _in_one_row(truth[[name for name in NAMES if name in truth]])
-        if len(truth) > 1 and not times:
-            raise ValueError(varying)
-        return truth
-    if not isinstance(truth, HumanOperator):
-        raise TypeError(
-            "truth must be a HumanOperator, a DataFrame or a row of one; got "
-            f"{type(truth).__name__}."
+    if not times and any(callable(getattr(operator, name)) for name in NAMES):
+        raise ValueError(
+            "The truth varies in time and no estimate does, so its values have no place here. Give "
+            "it at one instant: truth=operator.at(t)."
         )
-    index = pd.Index([0])
-    if times:
-        instants = np.concatenate(times)
-        fine = np.linspace(instants.min(), instants.max(), FINE)
-        index = pd.Index(np.union1d(instants, fine), name="time")
-    elif any(callable(getattr(truth, name)) for name in NAMES):
-        raise ValueError(varying)
-    instants = index.to_numpy(dtype=float)
-    return pd.DataFrame(truth.over_time(instants), index=index)
+    instants = np.concatenate(times or [np.zeros(1)])
+    fine = np.union1d(instants, np.linspace(instants.min(), instants.max(), FINE))
+    return pd.DataFrame(operator.over_time(fine), index=pd.Index(fine, name="time"))

@@ -1,18 +1,16 @@
 """People: how well each is modelled, who has which effect, and the means of a group.
 
-Open it to change a picture of several people in several conditions; parameters of people over time
-are in ``ensembles``.
+Parameters of people over time are in ``parameters``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
-from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.patches import Polygon
 from matplotlib.ticker import MaxNLocator
@@ -43,29 +41,19 @@ from ._roles import (
     sized,
 )
 
-KEY = ["subject", "condition"]
 ALL = "all"  # the condition of what is of all conditions, or of the only one
+LONGEST = 14  # letters of a person's name
 # How well each person is modelled
 MOST_COLUMNS = 5
 ROW = 1.45  # inches for each row of panels
 LOWEST = -20.0  # % VAF, of panels
-FAR = 4.0  # ranges of the middle half, beyond which a run makes no room for itself
 SPREAD = 0.3  # of the place of a condition, over which its runs are spread
-NAME = 11  # letters of a name above a panel
-LEVEL = 18  # letters of the names of all conditions, that can lie below a panel
-TICK = 12  # letters of a condition
 # Who has which effect
 CELL = 0.22  # inches for each row of cells
-LONGEST = 14  # letters of a person's name
-LONG = 3  # letters, from which names stand upright where there are many
-LEVEL_PEOPLE = 8  # whose names can lie
 # Means of a group
 STEP = 0.085  # of the range of what is drawn, from bracket to bracket
-END = 0.02  # of it, the ends of a bracket
 MOST_BRACKETS = 8
 SIGNIFICANT = 0.05
-DIAMOND = 0.32  # rows, half its height
-LARGEST = 2.2  # times the smallest marker
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -82,25 +70,16 @@ class PeopleDisplay(Display):
 
     Parameters
     ----------
-    runs : DataFrame
-        Columns ``subject``, ``condition``, ``run``, ``vaf``, ``vaf_group``.
-    groups : DataFrame
-        Columns ``subject``, ``condition``, ``vaf``, ``ceiling``, ``failure``.
-    outlying : DataFrame
-        Columns ``subject``, ``condition``, ``run``.
+    result : PeopleResult
+        Of :func:`skhoid.identify_people`; its ``runs``, ``groups`` and ``outlying`` are drawn.
+    people : sequence of labels or None, default=None
+        Whom to draw; None draws all.
 
     Attributes
     ----------
     %(panels)
     people_, conditions_ : list
         The person of each panel, and the conditions from the left.
-    dots_ : dict of Line2D
-        VAF of the runs, by person: the main artists.
-    levels_, ceilings_ : dict of LineCollection
-        VAF of the fits of all runs, and noise ceilings, by person.
-    outlying_, failed_ : dict of Line2D
-        Rings around runs that look wrong, and crosses where a fit failed, by person; only those of
-        whom there are any.
 
     See Also
     --------
@@ -118,12 +97,13 @@ class PeopleDisplay(Display):
     (['S1', 'S2'], ['C1'])
     """
 
-    runs: pd.DataFrame
-    groups: pd.DataFrame
-    outlying: pd.DataFrame
+    result: Any
+    people: Sequence[Any] | None = None
 
     @classmethod
-    def from_result(cls, result: Any, *, people: Any = None, ax: Any = None, **kwargs: Any) -> Self:
+    def from_result(
+        cls, result: Any, *, people: Sequence[Any] | None = None, ax: Any = None, **kwargs: Any
+    ) -> Self:
         """Draw what :func:`skhoid.identify_people` found.
 
         Parameters
@@ -136,15 +116,7 @@ class PeopleDisplay(Display):
 
         %(display)
         """
-        known = list(dict.fromkeys(result.groups["subject"]))
-        chosen = known if people is None else list(people)
-        for who in chosen:
-            check_option("a name in people", who, known)
-        tables = {
-            name: getattr(result, name).loc[lambda t: t["subject"].isin(chosen)]
-            for name in ("runs", "groups", "outlying")
-        }
-        return cls(**tables).plot(ax, **kwargs)
+        return cls(result=result, people=people).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
         """Draw.
@@ -155,14 +127,18 @@ class PeopleDisplay(Display):
 
         %(self)
         """
-        self.people_ = list(dict.fromkeys(self.groups["subject"]))
-        self.conditions_ = list(dict.fromkeys(self.groups["condition"]))
+        groups, runs = self.result.groups, self.result.runs
+        known = list(dict.fromkeys(groups["subject"]))
+        self.people_ = known if self.people is None else list(self.people)
+        for who in self.people_:
+            check_option("a name in people", who, known)
+        self.conditions_ = list(dict.fromkeys(groups["condition"]))
         n = max(len(self.people_), 1)
         columns = min(n, MOST_COLUMNS)
         rows = -(-n // columns)
-        names = short_names(self.conditions_, TICK)
-        self._upright = sum(len(name) + 2 for name in names) > LEVEL
-        height = 1.0 + 0.07 * max(map(len, names), default=0) * self._upright + ROW * rows
+        names = short_names(self.conditions_, 12)
+        upright = sum(len(name) + 2 for name in names) > 18
+        height = 1.0 + 0.07 * max(map(len, names), default=0) * upright + ROW * rows
         self._take_axes(
             ax,
             "one for each person",
@@ -173,123 +149,75 @@ class PeopleDisplay(Display):
             sharex=True,
             sharey=True,
         )
-        self.dots_: dict[Any, Any] = {}
-        self.levels_: dict[Any, Any] = {}
-        self.ceilings_: dict[Any, Any] = {}
-        self.outlying_: dict[Any, Any] = {}
-        self.failed_: dict[Any, Any] = {}
         if not self.people_:
             say_instead(self.ax_, "Nobody.")
             return self
-        low, high = self._limits()
-        for number, (panel, who) in enumerate(zip(self.axes_, self.people_, strict=True)):
-            self._draw(panel, who, low)
-            self._name(panel, who, bottom=number + columns >= n)
-            panel.set_ylim(low, high)
-            place = panel.get_subplotspec()
-            if place is None or place.is_first_col():
+        values = pd.concat([runs["vaf"], runs["vaf_group"], groups["vaf"]]).astype(float)
+        lowest = values[np.isfinite(values)].min()
+        low = max(float(np.nan_to_num(lowest)), LOWEST)
+        low -= 0.12 * (100.0 - low)
+        dots = []
+        titles = short_names(self.people_, 11)
+        for number, (panel, who, title) in enumerate(
+            zip(self.axes_, self.people_, titles, strict=True)
+        ):
+            dots.append(self._draw(panel, who, low))
+            odd = (self.result.outlying["subject"] == who).any()
+            colour = ROLES["misfit"].colour if odd else foreground()
+            title += " (!)" if odd else ""
+            panel.set_title(title, fontsize="medium", color=colour, pad=3)
+            panel.set_xticks(range(len(names)), [""] * len(names) if names == [ALL] else names)
+            panel.tick_params(axis="x", length=0, labelsize="small", rotation=90 * upright)
+            panel.tick_params(axis="x", labelbottom=number + columns >= n)
+            panel.set_xlim(-0.6, len(names) - 0.4)
+            panel.yaxis.set_major_locator(MaxNLocator(4))
+            panel.grid(alpha=0.3, axis="y")
+            panel.spines[["top", "right"]].set_visible(False)
+            panel.set_ylim(low, 102.0)
+            if not self._own or number % columns == 0:
                 panel.set_ylabel("VAF, %")
-        self._restyle(kwargs, self.dots_)
+        self._restyle(kwargs, dots)
         self._legend_of_panels()
         return self
 
-    def _limits(self) -> tuple[float, float]:
-        """Limits of all panels: they hold all but runs far below zero."""
-        parts = [self.runs["vaf"], self.runs["vaf_group"], self.groups["vaf"]]
-        values = np.concatenate([part.to_numpy(dtype=float) for part in parts])
-        values = values[np.isfinite(values)]
-        if not values.size:
-            return 0.0, 102.0
-        quarter, half, three = np.quantile(values, [0.25, 0.5, 0.75])
-        typical = quarter - FAR * max(three - quarter, 2.0)
-        low = max(float(values.min()), min(typical, half - 10.0), LOWEST)
-        low -= 0.12 * (100.0 - low)
-        return low, 102.0
-
-    def _draw(self, panel: Any, who: Any, low: float) -> None:
-        groups = self.groups[self.groups["subject"] == who].drop_duplicates(KEY)
-        places = {name: place for place, name in enumerate(self.conditions_)}
-        levels, ceilings = [], []
-        for row in groups.to_dict("records"):
-            place = places[row["condition"]]
+    def _draw(self, panel: Any, who: Any, low: float) -> Any:
+        """Levels and runs of a person; return the dots."""
+        groups, runs = self.result.groups, self.result.runs
+        for row in groups[groups["subject"] == who].to_dict("records"):
+            place = self.conditions_.index(row["condition"])
             ends = place - 0.4, place + 0.4
             if np.isfinite(row["vaf"]):
-                levels.append(tuple((end, max(row["vaf"], low)) for end in ends))
+                look: dict[str, Any] = {"color": BLUE, "label": "all runs in one fit"}
+                panel.plot(ends, [max(row["vaf"], low)] * 2, **look)
             if np.isfinite(row["ceiling"]):
-                ceilings.append(tuple((end, row["ceiling"]) for end in ends))
-        self.levels_[who] = _lines(panel, levels, "all runs in one fit", color=BLUE)
-        style = ROLES["ceiling"].style(1.8)
-        self.ceilings_[who] = _lines(panel, ceilings, ROLES["ceiling"].word, **style)
-        at, vaf, wrong = self._dots_of(who, places)
-        below = vaf < low
-        shown = np.where(below, low + 0.03 * (100.0 - low), vaf)
-        look: dict[str, Any] = {"ls": "none", "color": ROLES["measured"].colour}
-        (self.dots_[who],) = panel.plot(
-            at[~below], shown[~below], marker="o", ms=sized(3.5), label="run", **look
-        )
+                role = ROLES["ceiling"]
+                panel.plot(ends, [row["ceiling"]] * 2, label=role.word, **role.style(1.8))
+            if row["failure"] != "":
+                at = low + 0.06 * (100.0 - low)
+                look = {"marker": "x", "ms": sized(6), "mew": scaled(1.6), "ls": "none"}
+                panel.plot(place, at, color=ROLES["misfit"].colour, label="no fit", **look)
+        runs = runs[runs["subject"] == who]
+        vaf = runs["vaf"].fillna(runs["vaf_group"]).astype(float)
+        runs = runs.assign(vaf=vaf)[np.isfinite(vaf)]
+        of_condition = runs.groupby("condition", sort=False)
+        number, of = of_condition.cumcount(), of_condition["run"].transform("size")
+        places = runs["condition"].map(self.conditions_.index)
+        at = places + np.where(of > 1, SPREAD * (2 * number / (of - 1).clip(lower=1) - 1), 0.0)
+        below = runs["vaf"] < low
+        shown = runs["vaf"].where(~below, low + 0.03 * (100.0 - low))
+        look = {"ls": "none", "color": ROLES["measured"].colour}
+        dots = panel.plot(at[~below], shown[~below], marker="o", ms=sized(3.5), label="run", **look)
         if below.any():
             look |= {"marker": "v", "ms": sized(5), "label": "run below the panel"}
             panel.plot(at[below], shown[below], **look)
-        self._ring(panel, who, at[wrong], shown[wrong])
-        failed = [places[c] for c in groups.loc[groups["failure"] != "", "condition"]]
-        if failed:
-            (self.failed_[who],) = panel.plot(
-                failed,
-                np.full(len(failed), low + 0.06 * (100.0 - low)),
-                marker="x",
-                ms=sized(6),
-                mew=scaled(1.6),
-                ls="none",
-                color=ROLES["misfit"].colour,
-                label="no fit",
-            )
-
-    def _dots_of(self, who: Any, places: dict[Any, int]) -> tuple[np.ndarray, ...]:
-        """Places and VAF of the runs, and which of them look wrong."""
-        runs = self.runs[self.runs["subject"] == who]
-        odd = set(zip(*(self.outlying[n] for n in (*KEY, "run")), strict=True))
-        at, vaf, wrong = [], [], []
-        for condition, table in runs.groupby("condition", sort=False):
-            steps = np.linspace(-SPREAD, SPREAD, len(table)) if len(table) > 1 else [0.0]
-            own = table["vaf"].fillna(table["vaf_group"])
-            for step, run, value in zip(steps, table["run"], own, strict=True):
-                if np.isfinite(value):
-                    at.append(places[condition] + step)
-                    vaf.append(value)
-                    wrong.append((who, condition, run) in odd)
-        return np.array(at, float), np.array(vaf, float), np.array(wrong, bool)
-
-    def _ring(self, panel: Any, who: Any, at: np.ndarray, vaf: np.ndarray) -> None:
-        """Rings around runs; a person as a whole is a red name."""
-        if at.size:
-            look: dict[str, Any] = {
-                "mec": ROLES["misfit"].colour,
-                "mew": scaled(1.6),
-                "mfc": "none",
-            }
-            (self.outlying_[who],) = panel.plot(
-                at, vaf, ls="none", marker="o", ms=sized(8), label="looks wrong", **look
-            )
-
-    def _name(self, panel: Any, who: Any, bottom: bool) -> None:
-        name = short_names(self.people_, NAME)[self.people_.index(who)]
-        odd = (self.outlying["subject"] == who).any()
-        colour = ROLES["misfit"].colour if odd else foreground()
-        panel.set_title(f"{name} (!)" if odd else name, fontsize="medium", color=colour, pad=3)
-        names = short_names(self.conditions_, TICK)
-        panel.set_xticks(range(len(names)), [""] * len(names) if names == [ALL] else names)
-        turn = {"rotation": 90} if self._upright else {}
-        panel.tick_params(axis="x", length=0, labelsize="small", labelbottom=bottom, **turn)
-        panel.set_xlim(-0.6, len(names) - 0.4)
-        panel.yaxis.set_major_locator(MaxNLocator(4))
-        panel.grid(alpha=0.3, axis="y")
-        panel.spines[["top", "right"]].set_visible(False)
-
-
-def _lines(panel: Any, segments: list[Any], label: str, **style: Any) -> Any:
-    return panel.add_collection(
-        LineCollection(segments, label=label if segments else None, **style)
-    )
+        key = ["subject", "condition", "run"]
+        odd = pd.MultiIndex.from_frame(runs[key]).isin(
+            pd.MultiIndex.from_frame(self.result.outlying[key])
+        )
+        if odd.any():
+            look = {"mec": ROLES["misfit"].colour, "mew": scaled(1.6), "mfc": "none", "ls": "none"}
+            panel.plot(at[odd], shown[odd], marker="o", ms=sized(8), label="looks wrong", **look)
+        return dots
 
 
 class Row(NamedTuple):
@@ -327,14 +255,6 @@ class GroupEffectsDisplay(Display):
     %(panels)
     rows_ : list of (effect, condition)
         The rows, from the top; the condition is ``"all"`` in those over all conditions.
-    cells_ : QuadMesh or None
-        The cells, with the probabilities as their array (NaN where there is none).
-    named_ : Line2D or None
-        Dots where a person's own search named the effect.
-    intervals_, shares_ : dict of Line2D
-        Intervals of prevalence, the main artists, and prevalences, by (effect, condition).
-    line_ : Line2D or None
-        The least prevalence.
 
     See Also
     --------
@@ -388,11 +308,6 @@ class GroupEffectsDisplay(Display):
 
         %(display)
         """
-        if not hasattr(search, "least_prevalence"):
-            raise TypeError(
-                f"{cls.__name__}.from_search draws a fitted GroupEffectSearch; got "
-                f"{type(search).__name__}."
-            )
         check_is_fitted(search, "prevalence_")
         return cls(
             prevalence=search.prevalence_,
@@ -414,7 +329,7 @@ class GroupEffectsDisplay(Display):
         self.rows_ = [(row.effect, row.condition) for row in rows]
         names = short_names(self.people, LONGEST)
         longest = max(map(len, names), default=1)
-        upright = (len(names) > LEVEL_PEOPLE and longest > LONG) or longest > 2 * LONG
+        upright = len(names) * longest > 30
         height = 1.75 + (0.075 * longest if upright else 0.2) + CELL * len(rows)
         self._take_axes(
             ax,
@@ -424,37 +339,35 @@ class GroupEffectsDisplay(Display):
             least_height=height,
             width_ratios=[max(len(names), 4) / 12 + 0.4, 0.9],
         )
-        self.cells_: Any = None
-        self.named_: Any = None
-        self.line_: Any = None
-        self.intervals_: dict[tuple[str, Any], Any] = {}
-        self.shares_: dict[tuple[str, Any], Any] = {}
+        matrix, forest = self.axes_
         if not rows:
-            for panel, text in zip(self.axes_, ("No effect in anybody.", ""), strict=True):
-                say_instead(panel, text)
+            say_instead(matrix, "No effect in anybody.")
+            say_instead(forest, "")
             return self
-        self._draw_cells(rows)
-        self._draw_prevalence(rows)
-        self._name(rows, names, upright)
-        self._restyle(kwargs, self.intervals_)
+        self._draw_cells(matrix, rows)
+        intervals = self._draw_prevalence(forest, rows)
+        self._name_rows(rows)
+        matrix.set_xticks(range(len(names)), names, rotation=90 if upright else 0, fontsize="small")
+        starts = [n for n, row in enumerate(rows) if n and row.effect != rows[n - 1].effect]
+        for panel in self.axes_:
+            panel.set_ylim(len(rows) - 0.5, -0.5)
+            for start in starts:
+                panel.axhline(start - 0.5, color=dimmed(0.5), lw=scaled(0.8))
+        self._restyle(kwargs, intervals)
         self._legend_of_panels()
         return self
 
-    def _draw_cells(self, rows: list[Row]) -> None:
-        panel = self.axes_[0]
-        places = {who: column for column, who in enumerate(self.people)}
-        at = {(row.effect, row.condition): number for number, row in enumerate(rows)}
-        values = np.full((len(rows), len(self.people)), np.nan)
-        named = []
-        for member in self.members.itertuples(index=False):
-            place = at.get((member.effect, member.condition)), places.get(member.subject)
-            if place[0] is None or place[1] is None:
-                continue
-            values[place] = member.probability
-            if member.named:
-                named.append(place)
+    def _draw_cells(self, panel: Any, rows: list[Row]) -> None:
+        index = pd.MultiIndex.from_tuples(self.rows_, names=["effect", "condition"])
+        table = self.members.pivot_table(
+            index=["effect", "condition"], columns="subject", values=["probability", "named"]
+        ).reindex(index)
+        values, named = (
+            table[name].reindex(columns=self.people).to_numpy(dtype=float)
+            for name in ("probability", "named")
+        )
         edges = [np.arange(n + 1) - 0.5 for n in (len(self.people), len(rows))]
-        self.cells_ = panel.pcolormesh(
+        panel.pcolormesh(
             *edges,
             np.ma.masked_invalid(values),
             cmap=LinearSegmentedColormap.from_list("people", [background(), BLUE]),
@@ -463,72 +376,61 @@ class GroupEffectsDisplay(Display):
             edgecolors=dimmed(0.25),
             linewidth=scaled(0.6),
         )
-        square = {"marker": "s", "ls": "none", "ms": 8, "mec": dimmed(0.25)}
+        square: dict[str, Any] = {"marker": "s", "ls": "none", "ms": 8, "mec": dimmed(0.25)}
         panel.plot([], [], mfc=BLUE, **square, label="probable")
         panel.plot([], [], mfc=background(), **square, label="improbable")
-        for number, row in enumerate(rows):
-            if row.whole:  # has no cells
-                panel.axhspan(number - 0.47, number + 0.47, color=background(), zorder=1.5)
-        unknown = [
-            (column, number)
-            for number, row in enumerate(rows)
-            if not row.whole
-            for column in range(len(self.people))
-            if not np.isfinite(values[number, column])
-        ]
-        if unknown:
-            style = {"color": dimmed(0.45), "marker": "x", "ls": "none", "ms": 4}
-            panel.plot(*zip(*unknown, strict=True), **style, label="cannot be told")
-        if named:
-            (self.named_,) = panel.plot(
-                [column for _, column in named],
-                [number for number, _ in named],
-                marker="o",
-                ms=4.5,
-                ls="none",
-                color=foreground(),
-                markeredgecolor=background(),
-                markeredgewidth=scaled(0.8),
-                label="named in this person alone",
-            )
+        whole = np.array([row.whole for row in rows])
+        for number in np.flatnonzero(whole):  # has no cells
+            panel.axhspan(number - 0.47, number + 0.47, color=background(), zorder=1.5)
+        unknown = np.isnan(values) & ~whole[:, None]
+        marks: tuple[tuple[np.ndarray, dict[str, Any]], ...] = (
+            (unknown, {"color": dimmed(0.45), "marker": "x", "ms": 4, "label": "cannot be told"}),
+            (
+                named > 0,
+                {
+                    "color": foreground(),
+                    "marker": "o",
+                    "ms": 4.5,
+                    "mec": background(),
+                    "mew": scaled(0.8),
+                    "label": "named in this person alone",
+                },
+            ),
+        )
+        for where, look in marks:
+            number, column = np.nonzero(where)
+            if number.size:
+                panel.plot(column, number, ls="none", **look)
 
-    def _draw_prevalence(self, rows: list[Row]) -> None:
-        panel = self.axes_[1]
+    def _draw_prevalence(self, panel: Any, rows: list[Row]) -> list[Any]:
+        intervals = []
         table = self.prevalence.set_index(["effect", "condition"])
         for number, row in enumerate(rows):
-            key = row.effect, row.condition
-            if key not in table.index:
-                continue
-            found = table.loc[[key]].iloc[0]
+            found = table.loc[[(row.effect, row.condition)]].iloc[0]
             colour = VERMILION if found["group"] else GREY
-            (self.intervals_[key],) = panel.plot(
-                [100 * found["low"], 100 * found["high"]],
-                [number, number],
-                color=colour,
-                lw=scaled(2.2 if row.whole else 1.5),
-                solid_capstyle="butt",
+            look: dict[str, Any] = {"color": colour, "solid_capstyle": "butt"}
+            ends = [100 * found["low"], 100 * found["high"]]
+            intervals += panel.plot(
+                ends, [number] * 2, lw=scaled(2.2 if row.whole else 1.5), **look
             )
-            (self.shares_[key],) = panel.plot(
-                [100 * found["share"]],
-                [number],
-                label="an effect of the group" if found["group"] else "no effect of the group",
-                lw=0,
-                color=colour,
-                marker="D" if row.whole else "o",
-                ms=5,
-                markeredgecolor=foreground(),
-                markeredgewidth=scaled(0.5),
-            )
-        self.line_ = panel.axvline(
-            100 * self.least_prevalence,
-            color=dimmed(),
-            ls="--",
-            lw=scaled(1.0),
-            label=f"least of the group, {100 * self.least_prevalence:g} %",
-        )
+            look = {"color": colour, "mec": foreground(), "mew": scaled(0.5), "ls": "none"}
+            label = "an effect of the group" if found["group"] else "no effect of the group"
+            marker = "D" if row.whole else "o"
+            panel.plot(100 * found["share"], number, marker=marker, ms=5, label=label, **look)
+        least = 100 * self.least_prevalence
+        look = {"color": dimmed(), "ls": "--", "lw": scaled(1.0)}
+        panel.axvline(least, label=f"least of the group, {least:g} %", **look)
+        panel.set_title("Prevalence", fontsize="medium")
+        panel.set_xlim(-2, 102)
+        panel.set_xlabel("% of people")
+        panel.set_yticks(range(len(rows)), [""] * len(rows))
+        panel.tick_params(axis="y", length=0)
+        panel.grid(alpha=0.3, axis="x")
+        panel.spines[["top", "right"]].set_visible(False)
+        return intervals
 
-    def _name(self, rows: list[Row], names: list[str], upright: bool) -> None:
-        matrix, forest = self.axes_
+    def _name_rows(self, rows: list[Row]) -> None:
+        matrix = self.axes_[0]
         group = set(self.prevalence.loc[self.prevalence["group"], "effect"])
         room = max(int(0.3 * letters(self.figure_)), 12)
         matrix.set_yticks(range(len(rows)), [cut(row.label, room) for row in rows])
@@ -537,21 +439,8 @@ class GroupEffectsDisplay(Display):
                 label.set_fontweight("bold" if row.effect in group else "normal")
             else:
                 label.set(color=dimmed(0.8), fontsize="small")
-        matrix.set_xticks(range(len(names)), names, rotation=90 if upright else 0, fontsize="small")
         matrix.tick_params(length=0)
         matrix.set_title("Who has it", fontsize="medium")
-        forest.set_title("Prevalence", fontsize="medium")
-        forest.set_xlim(-2, 102)
-        forest.set_xlabel("% of people")
-        forest.set_yticks(range(len(rows)), [""] * len(rows))
-        forest.tick_params(axis="y", length=0)
-        forest.grid(alpha=0.3, axis="x")
-        forest.spines[["top", "right"]].set_visible(False)
-        starts = [n for n, row in enumerate(rows) if n and row.effect != rows[n - 1].effect]
-        for panel in self.axes_:
-            panel.set_ylim(len(rows) - 0.5, -0.5)
-            for start in starts:
-                panel.axhline(start - 0.5, color=dimmed(0.5), lw=scaled(0.8))
 
 
 def _rows(prevalence: pd.DataFrame) -> Iterator[Row]:
@@ -584,34 +473,16 @@ class GroupMeansDisplay(Display):
 
     Parameters
     ----------
-    people : DataFrame
-        ``subject``, ``condition``, ``estimate`` and, for a forest, ``low`` and ``high``.
-    means : DataFrame
-        ``condition``, ``mean``, ``low``, ``high`` over people.
+    result : MixedModelResult
+        Of :func:`skhoid.lab.experiment.mixed_model`.
     kind : {"conditions", "forest"}, default="conditions"
         What to draw.
-    significant : DataFrame or None, default=None
-        ``condition``, ``against``, ``p_adjusted`` of the contrasts to be told.
-    label : str, default=""
-        Label of the axis.
-    note : str, default=""
-        What is said in a corner of the conditions.
-    group : str, default="mean"
-        What the row of the diamond is called.
 
     Attributes
     ----------
     %(panels)
-    conditions_, subjects_ : list
-        Conditions from the left, and people from above.
-    points_ : dict of Line2D
-        The line of each person, or squares by (subject, condition).
-    means_ : dict of Artist
-        The line of the means by ``"all"``, or diamonds by condition.
-    intervals_ : dict of Line2D
-        Intervals of the means by condition, or those of people by (subject, condition).
-    brackets_, texts_ : dict of Line2D, and of Text
-        By (condition, against).
+    conditions_ : list
+        Conditions from the left.
 
     Examples
     --------
@@ -632,17 +503,12 @@ class GroupMeansDisplay(Display):
     ...     }
     ... )
     >>> display = GroupMeansDisplay.from_result(mixed_model(table, "tau_e"))
-    >>> display.conditions_, list(display.brackets_)
-    (['C1', 'C2'], [('C2', 'C1')])
+    >>> display.conditions_
+    ['C1', 'C2']
     """
 
-    people: pd.DataFrame
-    means: pd.DataFrame
+    result: Any
     kind: str = "conditions"
-    significant: pd.DataFrame | None = None
-    label: str = ""
-    note: str = ""
-    group: str = "mean"
 
     @classmethod
     def from_result(
@@ -660,22 +526,7 @@ class GroupMeansDisplay(Display):
 
         %(display)
         """
-        significant = result.contrasts[result.contrasts["p_adjusted"] < SIGNIFICANT]
-        note = ""
-        if len(result.contrasts) and significant.empty:
-            note = f"no contrast with p < {SIGNIFICANT} (Holm)"
-        elif len(significant) > MOST_BRACKETS:
-            note = f"{len(significant) - MOST_BRACKETS} more contrasts are significant"
-            significant = significant.sort_values("p_adjusted").iloc[:MOST_BRACKETS]
-        return cls(
-            people=result.own_means,
-            means=result.effects,
-            kind=kind,
-            significant=significant[["condition", "against", "p_adjusted"]],
-            label=with_unit(parameter_symbol(result.parameter), result.unit),
-            note=note,
-            group="geometric mean" if result.transform == "log" else "mean",
-        ).plot(ax, **kwargs)
+        return cls(result=result, kind=kind).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
         """Draw.
@@ -690,87 +541,69 @@ class GroupMeansDisplay(Display):
         %(self)
         """
         check_option("kind", self.kind, ("conditions", "forest"))
-        self.conditions_ = list(self.means["condition"])
-        self.subjects_ = list(dict.fromkeys(self.people["subject"]))
-        self.points_: dict[Any, Any] = {}
-        self.means_: dict[Any, Any] = {}
-        self.intervals_: dict[Any, Any] = {}
-        self.brackets_: dict[tuple[Any, Any], Any] = {}
-        self.texts_: dict[tuple[Any, Any], Any] = {}
-        if self.kind == "conditions":
-            self._plot_conditions(ax, kwargs)
-        else:
-            self._plot_forest(ax, kwargs)
+        self.conditions_ = list(self.result.effects["condition"])
+        draw = self._plot_conditions if self.kind == "conditions" else self._plot_forest
+        draw(ax, kwargs, with_unit(parameter_symbol(self.result.parameter), self.result.unit))
         return self
 
-    def _plot_conditions(self, ax: Any, kwargs: dict[str, Any]) -> None:
-        n, told = len(self.conditions_), self.significant
-        spans = [] if told is None else [self._span(row) for row in told.to_dict("records")]
-        size = page_width(2.4 + 0.9 * n, 1), 3.4 + 0.14 * len(spans)
+    def _plot_conditions(self, ax: Any, kwargs: dict[str, Any], label: str) -> None:
+        result, n = self.result, len(self.conditions_)
+        significant = result.contrasts[result.contrasts["p_adjusted"] < SIGNIFICANT]
+        told = significant.nsmallest(MOST_BRACKETS, "p_adjusted")
+        size = page_width(2.4 + 0.9 * n, 1), 3.4 + 0.14 * len(told)
         self._take_axes(ax, "people over conditions", figsize=size)
         panel, places = self.ax_, np.arange(n)
-        wide = self.people.pivot_table(
+        wide = result.own_means.pivot_table(
             index="subject", columns="condition", values="estimate", sort=False
         ).reindex(columns=self.conditions_)
         thin: dict[str, Any] = {"lw": scaled(0.7), "marker": "o", "ms": sized(2.0), "zorder": 1.8}
-        for subject, row in wide.iterrows():
-            (self.points_[subject],) = panel.plot(
-                places,
-                row.to_numpy(dtype=float),
-                color=GREY,
-                label="people, mean of runs",
-                **thin,
-            )
-        for place, row in zip(places, self.means.to_dict("records"), strict=True):
-            (self.intervals_[row["condition"]],) = panel.plot(
-                [place] * 2, [row["low"], row["high"]], color=BLUE, lw=scaled(2.4), zorder=2.3
-            )
-        (self.means_[ALL],) = panel.plot(
+        for values in wide.to_numpy(dtype=float):
+            panel.plot(places, values, color=GREY, label="people, mean of runs", **thin)
+        means = result.effects
+        look: dict[str, Any] = {"color": BLUE, "lw": scaled(1.6), "ms": sized(5.0), "zorder": 2.4}
+        around = np.abs(means[["low", "high"]].sub(means["mean"], axis=0)).to_numpy(dtype=float).T
+        drawn = panel.errorbar(
             places,
-            self.means["mean"].to_numpy(dtype=float),
-            color=BLUE,
-            lw=scaled(1.6),
+            means["mean"],
+            around,
             marker="D",
-            ms=sized(5.0),
-            zorder=2.4,
+            elinewidth=scaled(2.4),
             label="mean over people, with interval",
+            **look,
         )
-        self._draw_brackets(spans, wide.to_numpy(dtype=float))
+        every = np.r_[wide.to_numpy(dtype=float).ravel(), means["low"], means["high"]]
+        low, high = float(np.nanmin(every)), float(np.nanmax(every))
+        step = STEP * ((high - low) or abs(high) or 1.0)
+        spans = [
+            (*sorted(map(self.conditions_.index, (row.condition, row.against))), row.p_adjusted)
+            for row in told.itertuples()
+        ]
+        # Brackets above what is drawn, the short ones lowest.
+        for a, b, p in sorted(spans, key=lambda span: (span[1] - span[0], span[0])):
+            high += step
+            ys = [high - step / 4, high, high, high - step / 4]
+            panel.plot([a, a, b, b], ys, color=foreground(), lw=scaled(0.8), zorder=2.0)
+            place: dict[str, Any] = {"ha": "center", "va": "bottom", "fontsize": "x-small"}
+            panel.text(0.5 * (a + b), high, p_text(p), **place)
+        note = ""
+        if len(result.contrasts) and significant.empty:
+            note = f"no contrast with p < {SIGNIFICANT} (Holm)"
+        elif len(significant) > len(told):
+            note = f"{len(significant) - len(told)} more contrasts are significant"
+        panel.set_ylim(low - 0.8 * step, high + (1.4 if note or spans else 0.8) * step)
         panel.set_xticks(places, list(map(str, self.conditions_)))
         panel.set_xlim(-0.4, n - 0.6)
-        panel.set_ylabel(self.label)
+        panel.set_ylabel(label)
         panel.grid(axis="y", alpha=0.3)
-        if self.note:
-            corner_note(panel, self.note, ("top", "right"))
-        self._restyle(kwargs, self.means_, self.intervals_)
+        if note:
+            corner_note(panel, note, ("top", "right"))
+        self._restyle(kwargs, list(drawn.lines))
         self._legend_of_panels()
 
-    def _span(self, row: dict[Any, Any]) -> tuple[int, int, dict[Any, Any]]:
-        """From where to where a bracket goes."""
-        a, b = sorted(map(self.conditions_.index, (row["condition"], row["against"])))
-        return a, b, row
-
-    def _draw_brackets(self, spans: list[tuple[int, int, dict[Any, Any]]], drawn: Any) -> None:
-        """Brackets above what is drawn, the short ones lowest."""
-        ends = self.means[["low", "high"]].to_numpy(dtype=float)
-        low = min(np.nanmin(drawn), ends.min())
-        high = max(np.nanmax(drawn), ends.max())
-        size = (high - low) or abs(high) or 1.0
-        for level, (a, b, row) in enumerate(sorted(spans, key=lambda s: (s[1] - s[0], s[0]))):
-            key = row["condition"], row["against"]
-            y = high + size * STEP * (level + 0.8)
-            ys = [y - END * size, y, y, y - END * size]
-            (self.brackets_[key],) = self.ax_.plot(
-                [a, a, b, b], ys, color=foreground(), lw=scaled(0.8), zorder=2.0
-            )
-            place: dict[str, Any] = {"ha": "center", "va": "bottom", "fontsize": "x-small"}
-            text = p_text(row["p_adjusted"])
-            self.texts_[key] = self.ax_.text(0.5 * (a + b), y, text, **place)
-        top = high + size * (STEP * (len(spans) + 0.9) if spans else 0.12 if self.note else 0.06)
-        self.ax_.set_ylim(low - 0.06 * size, top)
-
-    def _plot_forest(self, ax: Any, kwargs: dict[str, Any]) -> None:
-        n, columns = len(self.subjects_), len(self.conditions_)
+    def _plot_forest(self, ax: Any, kwargs: dict[str, Any], label: str) -> None:
+        people = self.result.own_means
+        subjects = list(dict.fromkeys(people["subject"]))
+        n, columns = len(subjects), len(self.conditions_)
         self._take_axes(
             ax,
             f"one for each of {columns} conditions",
@@ -779,37 +612,32 @@ class GroupMeansDisplay(Display):
             sharex=True,
             sharey=True,
         )
-        narrowest = float((self.people["high"] - self.people["low"]).min())
-        for column, condition in enumerate(self.conditions_):
-            panel, colour = self.axes_[column], series_colour(column)
-            here = self.people[self.people["condition"] == condition]
-            for row in here.to_dict("records"):
-                key, y = (row["subject"], condition), self.subjects_.index(row["subject"])
-                (self.intervals_[key],) = panel.plot(
-                    [row["low"], row["high"]], [y, y], color=colour, lw=scaled(1.3), zorder=2.0
-                )
-                width = row["high"] - row["low"]
-                size = 3.0 * (1.0 + (LARGEST - 1.0) * (narrowest / width if width > 0.0 else 1.0))
-                (self.points_[key],) = panel.plot(
-                    row["estimate"], y, marker="s", ms=sized(size), color=colour, zorder=2.2
-                )
+        width = people["high"] - people["low"]
+        # A square of the most precise estimate is a good two times as large as the least.
+        people = people.assign(size=3.0 + 3.6 * (width.min() / width.where(width > 0)).fillna(1.0))
+        squares = []
+        for column, (panel, condition) in enumerate(zip(self.axes_, self.conditions_, strict=True)):
+            look: dict[str, Any] = {"color": series_colour(column), "zorder": 2.2}
+            for row in people[people["condition"] == condition].itertuples():
+                y = subjects.index(row.subject)
+                panel.plot([row.low, row.high], [y, y], lw=scaled(1.3), **look)
+                squares += panel.plot(row.estimate, y, marker="s", ms=sized(row.size), **look)
             self._draw_diamond(panel, condition, n)
-            panel.set_yticks(range(n + 1), [*map(str, self.subjects_), self.group])
+            group = "geometric mean" if self.result.transform == "log" else "mean"
+            panel.set_yticks(range(n + 1), [*map(str, subjects), group])
             panel.set_ylim(n + 0.6, -0.6)
             panel.grid(axis="x", alpha=0.3)
-            panel.set_xlabel(self.label)
+            panel.set_xlabel(label)
             if columns > 1 or condition != ALL:
                 panel.set_title(str(condition))
-        self._restyle(kwargs, self.points_)
+        self._restyle(kwargs, squares)
 
     def _draw_diamond(self, panel: Any, condition: Any, n: int) -> None:
-        low, mean, high = (
-            self.means.loc[self.means["condition"] == condition, ["low", "mean", "high"]]
-            .iloc[0]
-            .astype(float)
-        )
-        corners = [(low, n), (mean, n - DIAMOND), (high, n), (mean, n + DIAMOND)]
+        means = self.result.effects
+        row = means[means["condition"] == condition].iloc[0]
+        low, mean, high = (float(row[name]) for name in ("low", "mean", "high"))
+        corners = [(low, n), (mean, n - 0.32), (high, n), (mean, n + 0.32)]
         look: dict[str, Any] = {"facecolor": foreground(), "edgecolor": "none", "zorder": 2.2}
-        self.means_[condition] = panel.add_patch(Polygon(corners, closed=True, **look))
+        panel.add_patch(Polygon(corners, closed=True, **look))
         dashes: dict[str, Any] = {"ls": "--", "lw": scaled(0.8), "zorder": 1.5}
         panel.plot([mean] * 2, [-0.6, n], color=foreground(), **dashes)

@@ -20,7 +20,6 @@ from ._axes import (
     draw_band,
     letters_above,
     letters_across,
-    phase_ticks,
     plain_logarithmic,
     say_instead,
     with_unit,
@@ -69,22 +68,14 @@ class ResidualPanels(Display):
 
     comparison: Any
     kind: str = "overview"
-    phase: bool = False
-
-    def _forget(self) -> None:
-        """Nothing is drawn yet."""
-        self.lines_: dict[Any, Any] = {}
-        self.bands_: dict[Any, Any] = {}
-        self.exceeding_: list[Any] = []
 
     def _draw_time(self, ax: Any) -> Any:
         shows = "VAF points lost and relative power"
         top, bottom = self._take_axes(ax, shows, (2, 1), sharex=True, figsize=(6.4, 5.2))
         windows, chance_rate = self.comparison.by_time, self.comparison.false_alarm
         together = windows[is_of_all_runs(windows)]
-        self.bars_, self.misfit_ = draw_lost_points(top, together, chance_rate)
-        self.changes_ = changes_in_time(self.comparison.tests)
-        if self.bars_ is None:
+        bars = draw_lost_points(top, together, chance_rate)
+        if not bars:
             say_instead(bottom, "Relative power is not available.")
             return []
         self._draw_runs_over_time(bottom, windows[~is_of_all_runs(windows)], together)
@@ -92,19 +83,17 @@ class ResidualPanels(Display):
         if set(together) >= CHANCE:
             time, low = _stairs(together, "chance_low")
             _, high = _stairs(together, "chance_high")
-            self.bands_["chance"] = draw_band(
-                bottom, time, low, high, GREY, chance(chance_rate), alpha=0.35
-            )
+            draw_band(bottom, time, low, high, GREY, chance(chance_rate), alpha=0.35)
         look: dict[str, Any] = {"color": ROLES["residual"].colour, "lw": scaled(1.8), "zorder": 3}
         (self.lines_[ALL_RUNS],) = bottom.plot(*_stairs(together), label="all runs", **look)
         bottom.set_ylabel("residual power /\nthat of the run")
         bottom.set_ylim(bottom=0.0)
         bottom.grid(alpha=0.3)
         for panel in (top, bottom):
-            mark_changes(panel, self.changes_)
+            mark_changes(panel, changes_in_time(self.comparison.tests))
         bottom.set_xlabel("time in the run, s")
         bottom.set_xlim(together["start"].min(), together["stop"].max())
-        return [self.lines_[ALL_RUNS], self.bars_]
+        return [self.lines_[ALL_RUNS], bars]
 
     def _draw_runs_over_time(
         self, panel: Axes, alone: pd.DataFrame, together: pd.DataFrame
@@ -138,32 +127,22 @@ class ResidualPanels(Display):
         """Marks of what exceeds chance."""
         default: dict[str, Any] = {"color": ROLES["misfit"].colour, "marker": "o", "ls": "none"}
         label = label or beyond(self.comparison.false_alarm)
-        self.exceeding_ += panel.plot(x, y, label=label, **(default | look))
+        panel.plot(x, y, label=label, **(default | look))
 
     def _draw_frequency(self, ax: Any) -> Any:
-        phase, table = self.phase, self.comparison.by_frequency
-        self._take_axes(
-            ax,
-            "spectra, magnitude and, if wanted, phase",
-            (3 if phase else 2, 1),
-            allowed=(2, 3),
-            sharex=True,
-            figsize=(6.4, 7.6 if phase else 6.0),
-            height_ratios=[2, 1.5, 1.5] if phase else [1.2, 1],
-        )
-        top, *below = self.axes_
+        table = self.comparison.by_frequency
+        shows = "spectra and magnitude"
+        ratios: dict[str, Any] = {"height_ratios": [1.2, 1], "sharex": True}
+        top, bottom = self._take_axes(ax, shows, (2, 1), figsize=(6.4, 6.0), **ratios)
         self._draw_spectra(top)
         if (table["kind"] == "excited").any():
             top.set_title("dots: excited lines, curves: between them", fontsize="small")
         measured = table[table["measured_gain"].notna()]
-        lowest = top if measured.empty else below[-1]
+        lowest = top if measured.empty else bottom
         if measured.empty:
-            for panel in below:
-                say_instead(panel, "Measured response: not available, it needs the target f_t.")
+            say_instead(bottom, "Measured response: not available, it needs the target f_t.")
         else:
-            self._draw_gain(below[0], measured)
-            if len(below) == 2:
-                self._draw_phase(below[1], measured)
+            self._draw_gain(bottom, measured)
         for panel in self.axes_ if self._own else []:
             panel.tick_params(labelbottom=panel is lowest)
         lowest.set_xlabel("frequency, rad/s")
@@ -222,42 +201,28 @@ class ResidualPanels(Display):
         panel.grid(alpha=0.3)
 
     def _draw_gain(self, panel: Axes, measured: pd.DataFrame) -> None:
-        gain = measured["measured_gain"]
+        omega, gain = measured["omega"], measured["measured_gain"]
         # As wide on the logarithmic axis above as below.
         factor = np.exp(norm.ppf(0.5 + CONFIDENCE / 2) * measured["sd_gain"] / gain)
-        lines = self._draw_response(panel, measured, "gain", (gain / factor, gain * factor))
+        panel.set_xscale("log")
         panel.set_yscale("log")
-        both = np.concatenate([line.get_ydata() for line in lines])
+        look: dict[str, Any] = {"color": ROLES["measured"].colour}
+        panel.vlines(omega, gain / factor, gain * factor, lw=scaled(1.2), alpha=0.6, **look)
+        label = f"measured, {100 * CONFIDENCE:g} % interval"
+        look |= {"marker": "o", "ms": sized(5), "ls": "none", "label": label}
+        (self.lines_["measured gain"],) = panel.plot(omega, gain, **look)
+        role = ROLES["simulated"]
+        (self.lines_["model gain"],) = panel.plot(
+            omega, measured["model_gain"], label=role.word, **role.style(1.4)
+        )
+        both = np.concatenate([gain, measured["model_gain"]])
         both = both[np.isfinite(both) & (both > 0)]
         # The responses stay in view, however wide their intervals.
         panel.set_ylim(both.min() / 2.5, both.max() * 2.5)
-        plain_logarithmic(panel.yaxis)
+        for axis in (panel.xaxis, panel.yaxis):
+            plain_logarithmic(axis)
         panel.set_ylabel("response, magnitude")
-
-    def _draw_phase(self, panel: Axes, measured: pd.DataFrame) -> None:
-        spread = norm.ppf(0.5 + CONFIDENCE / 2) * np.minimum(measured["sd_phase"], 180.0)
-        phase = measured["measured_phase"]
-        self._draw_response(panel, measured, "phase", (phase - spread, phase + spread))
-        phase_ticks(panel.yaxis)
-        panel.set_ylabel("response, phase, deg")
-
-    def _draw_response(
-        self, panel: Axes, measured: pd.DataFrame, part: str, interval: Any
-    ) -> list[Any]:
-        panel.set_xscale("log")
-        omega, found, model = measured["omega"], ROLES["measured"], ROLES["simulated"]
-        panel.vlines(omega, *interval, color=found.colour, lw=scaled(1.2), alpha=0.6)
-        mark: dict[str, Any] = {"marker": "o", "ms": sized(5), "ls": "none"}
-        label = f"measured, {100 * CONFIDENCE:g} % interval"
-        lines = panel.plot(
-            omega, measured[f"measured_{part}"], color=found.colour, label=label, **mark
-        )
-        look: dict[str, Any] = {"color": model.colour, "lw": scaled(1.4)}
-        lines += panel.plot(omega, measured[f"model_{part}"], label=model.word, **look)
-        self.lines_[f"measured {part}"], self.lines_[f"model {part}"] = lines
-        plain_logarithmic(panel.xaxis)
         panel.grid(alpha=0.3)
-        return lines
 
     def _draw_amplitude(self, ax: Any) -> Any:
         bins = self.comparison.by_operating_point
@@ -276,7 +241,6 @@ class ResidualPanels(Display):
             figsize=(max(4.2, 0.8 + 2.6 * columns), 0.9 + 2.3 * rows),
             least_height=0.6 + LEAST_ROW * rows,  # labels of two lines, and one beside each row
         )
-        self.levels_: dict[str, list[float]] = {}
         if not tables:
             say_instead(self.ax_, "Mean residual over levels: not available.")
             return []
@@ -289,7 +253,6 @@ class ResidualPanels(Display):
             look = {"color": ROLES["misfit"].colour, "ls": "--", "lw": scaled(1.0)}
             for level in levels:
                 panel.axvline(level, label="level held, measured", **look)
-            self.levels_ |= {name: levels} if levels else {}
             if not self._own or i % columns == 0:
                 panel.set_ylabel(with_unit("mean residual", self.comparison.unit))
         return self.lines_
@@ -299,7 +262,7 @@ class ResidualPanels(Display):
         bins = bins.sort_values("center")
         at, mean, half = (bins[name].to_numpy(dtype=float) for name in ("center", "mean", "band"))
         label = chance(self.comparison.false_alarm)
-        self.bands_[name] = draw_band(panel, at, -half, half, GREY, label, alpha=0.35)
+        draw_band(panel, at, -half, half, GREY, label, alpha=0.35)
         panel.axhline(0.0, color=GREY, lw=scaled(0.8))
         valid = bool(bins["valid"].all())
         look: dict[str, Any] = {"marker": "o", "ms": sized(3.5), "lw": scaled(1.2)}
@@ -328,8 +291,6 @@ class ResidualPanels(Display):
         table = self.comparison.time_frequency
         self._take_axes(ax, "the map", figsize=(6.4, 4.2))
         panel = self.ax_
-        self.mesh_: Any = None
-        self.colorbar_: Any = None
         omega = table.columns.to_numpy(dtype=float)
         time = table.index.to_numpy(dtype=float)
         ratio = table.to_numpy(dtype=float)[:, omega > 0]
@@ -344,7 +305,7 @@ class ResidualPanels(Display):
         highest = float(np.percentile(np.abs(level.compressed()), HELD))
         end = float(np.clip(np.ceil(highest), LEAST, MOST))
         edges = _edges(time), np.exp(_edges(np.log(omega)))
-        self.mesh_ = panel.pcolormesh(
+        mesh = panel.pcolormesh(
             *edges, level.T, cmap="RdBu_r", vmin=-end, vmax=end, rasterized=True
         )
         if len(cells):
@@ -356,10 +317,8 @@ class ResidualPanels(Display):
         plain_logarithmic(panel.yaxis)
         panel.set_xlabel("time in the run, s")
         panel.set_ylabel("frequency, rad/s")
-        self.colorbar_ = self.figure_.colorbar(
-            self.mesh_, ax=panel, label="residual / remnant, dB", extend="both"
-        )
-        return self.mesh_
+        self.figure_.colorbar(mesh, ax=panel, label="residual / remnant, dB", extend="both")
+        return mesh
 
     def _draw_correlation(self, ax: Any) -> Any:
         tests_first = self.comparison.correlations.sort_values(
@@ -384,7 +343,7 @@ class ResidualPanels(Display):
         panel.axhline(0.0, color=foreground(), lw=scaled(0.6))
         panel.axvline(0.0, color=foreground(), lw=scaled(0.6))
         label = chance(self.comparison.false_alarm)
-        self.bands_[name] = draw_band(panel, lag, -half, half, GREY, label, alpha=0.3)
+        draw_band(panel, lag, -half, half, GREY, label, alpha=0.3)
         colour = ROLES["residual"].colour if valid else GREY
         label = "correlation with the residual" if valid else CLOSED_LOOP
         (self.lines_[name],) = panel.plot(lag, value, color=colour, lw=scaled(1.4), label=label)
@@ -401,20 +360,19 @@ class ResidualPanels(Display):
 
 def draw_lost_points(
     panel: Axes, windows: pd.DataFrame, false_alarm: float, *, even: bool = True
-) -> tuple[Any, Any]:
-    """VAF points that each window costs, and the misfit among them; None where there is none.
+) -> list[Any]:
+    """VAF points that each window costs, and the misfit among them; nothing if not known.
 
     ``even`` draws what they would be if the loss were spread evenly over time.
     """
     share = windows["share"].to_numpy(dtype=float)
     if not np.isfinite(share).any():
         say_instead(panel, "Where in time: not available, no window holds scored rows.")
-        return None, None
+        return []
     start, stop = windows["start"].to_numpy(), windows["stop"].to_numpy()
     look: dict[str, Any] = {"width": stop - start, "align": "edge", "edgecolor": background()}
     look["linewidth"] = 0.6
     raised, repeats = failing(windows, false_alarm), knows_repeats(windows)
-    misfit = None
     rest, label = ROLES["residual"], "residual"
     if raised.any() and repeats:
         rest, label = ROLES["remnant"], "remnant: does not repeat"
@@ -425,7 +383,7 @@ def draw_lost_points(
             height = np.clip(windows["explainable"].to_numpy(dtype=float), 0, share)
             label = "misfit: repeats over runs"
         height = np.where(raised, height, 0.0)
-        misfit = panel.bar(start, height, color=ROLES["misfit"].colour, label=label, **look)
+        panel.bar(start, height, color=ROLES["misfit"].colour, label=label, **look)
     if even:
         level = np.nansum(share) * (stop - start) / np.sum((stop - start)[np.isfinite(share)])
         dots: dict[str, Any] = {"color": foreground(), "lw": scaled(0.8), "ls": ":"}
@@ -434,7 +392,7 @@ def draw_lost_points(
     panel.set_ylabel("VAF points lost")
     panel.grid(alpha=0.3, axis="y")
     panel.set_axisbelow(True)
-    return bars, misfit
+    return [bars]
 
 
 def knows_repeats(windows: pd.DataFrame) -> bool:
@@ -463,10 +421,12 @@ def changes_in_time(tests: pd.DataFrame) -> dict[str, float]:
     return dict(zip(found["test"], found["where"].astype(float), strict=True))
 
 
-def mark_changes(panel: Axes, changes: dict[str, float]) -> None:
+def mark_changes(panel: Axes, changes: dict[str, float]) -> list[Any]:
     """A line at each change, of a style of its own."""
-    for style, (name, at) in zip(CHANGE_STYLES, changes.items(), strict=False):
+    return [
         panel.axvline(at, color=foreground(), ls=style, lw=scaled(1.1), label=f"{name}, {at:.1f} s")
+        for style, (name, at) in zip(CHANGE_STYLES, changes.items(), strict=False)
+    ]
 
 
 def _stairs(windows: pd.DataFrame, name: str = "ratio") -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -15,6 +15,7 @@ from ..pipelines import raw_layout, trimmed_rows
 from ..preprocessing.gate import as_output, unmasked
 from ..preprocessing.transformers import run_in_rows
 from ..runs import GAP, RunLayout, check_alignment, output_name, read_layout, run_name
+from ..simulation import change_times
 from ..text import vaf_name
 from ._axes import with_unit
 from ._display import Display
@@ -44,26 +45,17 @@ class SimulationDisplay(Display):
 
     Parameters
     ----------
-    time : list of ndarray
-        Time of the rows of each run in seconds.
-    y_true, y_pred : list of ndarray
-        Measured and simulated output of each run.
-    runs : list of str
-        Names of the runs, for the titles.
-    vaf : ndarray of shape (n_runs,)
-        VAF of the rows shown outside the run-in, in percent, clipped at 0; NaN where undefined.
-    run_in_end : ndarray of shape (n_runs,) or None, default=None
-        Time at which the run-in ends; NaN where there is none.
-    window : (float, float) or None, default=None
-        Part of each run that is shown, in seconds.
+    traces : dict of DataFrame
+        ``measured`` and ``simulated`` output over time in s, and whether each row is ``scored``,
+        by the names of the runs.
     centered : bool, default=False
-        Whether ``vaf`` is taken about the mean of each run.
-    output_name : str, default="output"
+        Take VAF about the mean of each run.
+    output : str, default="output"
         Name of the output.
     unit : str or None, default=None
-        Unit of the output.
-    n_runs_in_data : int or None, default=None
-        Number of runs in the data, if more than are shown.
+        Its unit.
+    note : str, default=""
+        What is said below the panels.
 
     Attributes
     ----------
@@ -92,17 +84,11 @@ class SimulationDisplay(Display):
     'x, px'
     """
 
-    time: Sequence[np.ndarray]
-    y_true: Sequence[np.ndarray]
-    y_pred: Sequence[np.ndarray]
-    runs: Sequence[str]
-    vaf: np.ndarray
-    run_in_end: np.ndarray | None = None
-    window: tuple[float, float] | None = None
+    traces: Mapping[str, pd.DataFrame]
     centered: bool = False
-    output_name: str = "output"
+    output: str = "output"
     unit: str | None = None
-    n_runs_in_data: int | None = None
+    note: str = ""
 
     @classmethod
     def from_estimator(
@@ -148,9 +134,10 @@ class SimulationDisplay(Display):
         layout = raw_layout(estimator, X, dt=dt, run=run)
         check_alignment(X, y)
         check_consistent_length(X, y)
-        both = as_output(y), np.asarray(estimator.predict(X), dtype=float).ravel()
+        simulated = np.asarray(estimator.predict(X), dtype=float).ravel()
         run_in = trimmed_rows(estimator, X)
-        return cls._of(layout, both, run_in, runs, window, centered, y).plot(ax, **kwargs)
+        traces, note = _traces(layout, as_output(y), simulated, run_in, runs, window)
+        return cls(traces=traces, note=note, centered=centered, **_name_of(y)).plot(ax, **kwargs)
 
     @classmethod
     def from_predictions(
@@ -188,56 +175,13 @@ class SimulationDisplay(Display):
         %(display)
         """
         check_consistent_length(y_true, y_pred)
-        prediction = column_or_1d(np.asarray(unmasked(y_pred), dtype=float), warn=False)
-        both = as_output(y_true, "y_true"), prediction
+        simulated = column_or_1d(np.asarray(unmasked(y_pred), dtype=float), warn=False)
         layout = layout_of_output(y_true, dt, run)
         trimmed = run_in_rows(layout, run_in=run_in)
-        return cls._of(layout, both, trimmed, runs, window, centered, y_true).plot(ax, **kwargs)
-
-    @classmethod
-    def _of(
-        cls,
-        layout: RunLayout,
-        both: tuple[np.ndarray, np.ndarray],
-        run_in: np.ndarray,
-        runs: Any,
-        window: tuple[float, float] | None,
-        centered: bool,
-        y: Any,
-    ) -> Self:
-        measured, prediction = both
-        if layout.trimmed is not None:
-            run_in = run_in | layout.trimmed
-        chosen = _chosen_runs(layout, runs)
-        inside = _in_window(layout, window)
-        time, y_true, y_pred, vaf, ends = [], [], [], [], []
-        for number in chosen:
-            rows = np.arange(layout.run_starts[number], layout.run_starts[number + 1])
-            rows = rows[inside[rows]]
-            if rows.size == 0:
-                raise ValueError(
-                    f"Run {layout.labels[number]!r} has no row in the window {window} s."
-                )
-            scored = rows[~run_in[rows]]
-            time.append(layout.time[rows])
-            y_true.append(measured[rows])
-            y_pred.append(prediction[rows])
-            vaf.append(_vaf_or_nan(measured[scored], prediction[scored], centered))
-            shaded = rows[run_in[rows]]
-            ends.append(layout.time[shaded[-1]] + layout.dt if shaded.size else np.nan)
-        name = getattr(y, "name", None)
-        return cls(
-            time=time,
-            y_true=y_true,
-            y_pred=y_pred,
-            runs=[_run_name(layout.labels[number]) for number in chosen],
-            vaf=np.array(vaf),
-            run_in_end=np.array(ends),
-            window=window,
-            centered=centered,
-            output_name="output" if name is None else str(name),
-            unit=(getattr(y, "attrs", None) or {}).get("units", {}).get(name),
-            n_runs_in_data=len(layout.labels) if runs is None else None,
+        measured = as_output(y_true, "y_true")
+        traces, note = _traces(layout, measured, simulated, trimmed, runs, window)
+        return cls(traces=traces, note=note, centered=centered, **_name_of(y_true)).plot(
+            ax, **kwargs
         )
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
@@ -252,7 +196,7 @@ class SimulationDisplay(Display):
 
         %(self)
         """
-        n_runs = len(self.runs)
+        n_runs = len(self.traces)
         panels = self._take_axes(
             ax,
             "one per run for the signals, or two per run for signals and residual",
@@ -265,30 +209,26 @@ class SimulationDisplay(Display):
         self.measured_: list[Any] = []
         self.simulated_: list[Any] = []
         self.residual_: list[Any] = []
-        for number, row in enumerate(self.axes_):
-            self._draw_run(number, row)
-        note = ""
-        if self.n_runs_in_data is not None and self.n_runs_in_data > n_runs:
-            note = f"\n(the first {n_runs} of {self.n_runs_in_data} runs; name others in runs=)"
-        panels[-1].set_xlabel("time, s" + note)
+        for (name, trace), row in zip(self.traces.items(), self.axes_, strict=True):
+            self._draw_run(name, trace, row)
+        panels[-1].set_xlabel(f"time, s{self.note}")
         self._restyle(kwargs, self.simulated_)
         self._legend_of_panels()
         if self._own:
             self.figure_.align_ylabels(panels)
         return self
 
-    def _draw_run(self, number: int, panels: np.ndarray) -> None:
-        time, true, pred = self.time[number], self.y_true[number], self.y_pred[number]
-        top, first, last = panels[0], time[0], time[-1]
-        step = np.diff(time)
-        at_gaps = (
-            np.flatnonzero(step > GAP * np.median(step)) + 1 if step.size else np.array([], int)
-        )
-        time, true, pred = (np.insert(v, at_gaps, np.nan) for v in (time, true, pred))
+    def _draw_run(self, name: str, trace: pd.DataFrame, panels: np.ndarray) -> None:
+        top, first, last = panels[0], trace.index[0], trace.index[-1]
+        step = np.diff(trace.index)
+        gaps = np.flatnonzero(step > GAP * np.median(step)) + 1 if step.size else []
+        columns = (trace.index, trace["measured"], trace["simulated"])
+        time, true, pred = (np.insert(v.to_numpy(dtype=float), gaps, np.nan) for v in columns)
         self.measured_ += top.plot(time, true, label="measured", **ROLES["measured"].style(1.2))
         self.simulated_ += top.plot(time, pred, label="simulated", **ROLES["simulated"].style(1.2))
-        top.set_ylabel(with_unit(self.output_name, self.unit))
-        top.set_title(self._title(number), loc="left", fontsize="medium")
+        top.set_ylabel(with_unit(self.output, self.unit))
+        text = f"{name}: {self._vaf_text(trace[trace['scored']])}{trace.attrs.get('where', '')}"
+        top.set_title(text, loc="left", fontsize="medium")
         if len(panels) == 2:
             bottom = panels[1]
             bottom.axhline(0.0, color=GREY, lw=scaled(0.8))
@@ -296,30 +236,66 @@ class SimulationDisplay(Display):
             self.residual_ += bottom.plot(time, true - pred, label="residual", **look)
             bottom.set_ylabel(with_unit("residual", self.unit))
             top.tick_params(labelbottom=False)
-        end = np.nan if self.run_in_end is None else self.run_in_end[number]
+        run_in = trace.index[~trace["scored"]]
         for panel in panels:
-            if not np.isnan(end):
+            if len(run_in):
+                end = run_in[-1] + (np.median(step) if step.size else 0.0)
                 look = {"color": GREY, "alpha": 0.3, "lw": 0, "zorder": 0}
                 panel.axvspan(first, end, label="run-in, not scored", **look)
             if last > first:
                 panel.set_xlim(first, last)
 
-    def _title(self, number: int) -> str:
-        vaf = self.vaf[number]
-        name = vaf_name(centered=self.centered, clipped=bool(vaf <= 0))
-        text = "VAF undefined" if np.isnan(vaf) else f"{name} {vaf:.1f} %"
-        where = ""
-        if self.window is not None:
-            where = f" from {self.window[0]:.4g} to {self.window[1]:.4g} s"
-        return f"{self.runs[number]}: {text}{where}"
+    def _vaf_text(self, trace: pd.DataFrame) -> str:
+        true, pred = trace["measured"], trace["simulated"]
+        known = true.dropna()
+        still = known.empty or (np.ptp(known) == 0 if self.centered else not known.any())
+        if still or pred.isna().any():
+            return "VAF undefined"
+        vaf = float(vaf_score(true.to_numpy(), pred.to_numpy(), centered=self.centered))
+        return f"{vaf_name(centered=self.centered, clipped=vaf <= 0)} {vaf:.1f} %"
+
+
+def _name_of(y: Any) -> dict[str, Any]:
+    name = getattr(y, "name", None)
+    units = (getattr(y, "attrs", None) or {}).get("units", {})
+    return {"output": "output" if name is None else str(name), "unit": units.get(name)}
+
+
+def _traces(
+    layout: RunLayout,
+    measured: np.ndarray,
+    simulated: np.ndarray,
+    run_in: np.ndarray,
+    runs: Any,
+    window: tuple[float, float] | None,
+) -> tuple[dict[str, pd.DataFrame], str]:
+    """The rows of the window of each chosen run, by its name; and how many runs there are more."""
+    scored = ~run_in if layout.trimmed is None else ~(run_in | layout.trimmed)
+    labels, where = list(layout.labels), ""
+    inside = np.ones(layout.n_rows, dtype=bool)
+    if window is not None:
+        slack = 1e-6 * layout.dt
+        inside = (layout.time >= window[0] - slack) & (layout.time < window[1] - slack)
+        where = f" from {window[0]:.4g} to {window[1]:.4g} s"
+    traces = {}
+    for number in _chosen_runs(labels, runs):
+        rows = np.arange(layout.run_starts[number], layout.run_starts[number + 1])
+        rows = rows[inside[rows]]
+        if rows.size == 0:
+            raise ValueError(f"Run {labels[number]!r} has no row in the window {window} s.")
+        columns = {"measured": measured, "simulated": simulated, "scored": scored}
+        trace = pd.DataFrame({n: v[rows] for n, v in columns.items()}, index=layout.time[rows])
+        trace.attrs["where"] = where
+        traces[_run_name(labels[number])] = trace
+    note = f"\n(the first {MAX_RUNS} of {len(labels)} runs; name others in runs=)"
+    return traces, note if runs is None and len(labels) > MAX_RUNS else ""
 
 
 def _run_name(label: Any) -> str:
     return run_name(label) if isinstance(label, (str, tuple)) else f"run {label}"
 
 
-def _chosen_runs(layout: RunLayout, runs: Any) -> list[int]:
-    labels = list(layout.labels)
+def _chosen_runs(labels: list[Any], runs: Any) -> list[int]:
     if runs is None:
         return list(range(min(len(labels), MAX_RUNS)))
     known = [
@@ -327,28 +303,10 @@ def _chosen_runs(layout: RunLayout, runs: Any) -> list[int]:
         for label in labels
     ]
     wanted = [runs] if np.ndim(runs) == 0 or runs in labels else list(runs)
-    if not wanted:
-        raise ValueError("runs is empty; name at least one run, or None for the first ones.")
     for label in wanted:
         if not any(label in names for names in known):
             raise ValueError(f"There is no run {label!r}; the runs are {labels}.")
     return [i for i, names in enumerate(known) if not names.isdisjoint(wanted)]
-
-
-def _in_window(layout: RunLayout, window: tuple[float, float] | None) -> np.ndarray:
-    if window is None:
-        return np.ones(layout.n_rows, dtype=bool)
-    start, stop = window
-    slack = 1e-6 * layout.dt
-    return (layout.time >= start - slack) & (layout.time < stop - slack)
-
-
-def _vaf_or_nan(y_true: np.ndarray, y_pred: np.ndarray, centered: bool) -> float:
-    known = y_true[~np.isnan(y_true)]
-    undefined = known.size == 0 or (np.ptp(known) == 0 if centered else not np.any(known))
-    if undefined or np.isnan(y_pred).any():
-        return float("nan")
-    return float(vaf_score(y_true, y_pred, centered=centered))
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -379,8 +337,6 @@ class TrackingDisplay(Display):
     %(panels)
     lines_ : dict of Line2D
         The first run's line, by signal: the main artists.
-    runs_, truth_ : list of Line2D
-        The other runs, and the response without remnant.
 
     Examples
     --------
@@ -407,7 +363,6 @@ class TrackingDisplay(Display):
         truth: Any = None,
         window: tuple[float, float] | None = None,
         transition: float | None = None,
-        units: dict[str, str] | None = None,
         ax: Any = None,
         **kwargs: Any,
     ) -> Self:
@@ -416,7 +371,8 @@ class TrackingDisplay(Display):
         Parameters
         ----------
         X : DataFrame of shape (n_rows, n_channels)
-            Channels, with the row index levels ``run`` and ``time``.
+            Channels, with the row index levels ``run`` and ``time``; units are read from
+            ``X.attrs["units"]``.
         y : Series of shape (n_rows,)
             The operator's output.
         truth : Bunch or None, default=None
@@ -426,8 +382,6 @@ class TrackingDisplay(Display):
             Begin and end of the times to draw, in s; the end is left out.
         transition : float or None, default=None
             Instant to mark, in s; known from ``truth`` where it is given.
-        units : dict or None, default=None
-            Units by channel; None takes ``X.attrs["units"]``.
         %(keywords)
 
         %(display)
@@ -455,14 +409,14 @@ class TrackingDisplay(Display):
         if truth is not None:
             if truth.remnant.any():
                 response = truth.u_without_remnant.to_numpy().reshape(n_runs, -1)[0, shown]
-            element = truth.parameters[["K_c", "omega_b"]]
-            transition = _transition_time(element) if transition is None else transition
+            change = change_times(truth.task)
+            transition = change[1] if transition is None and change else transition
         return cls(
             time=time[shown],
             signals=signals,
             response=response,
             transition=transition,
-            units=units or {**X.attrs.get("units", {}), **y.attrs.get("units", {})},
+            units={**X.attrs.get("units", {}), **y.attrs.get("units", {})},
         ).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
@@ -480,18 +434,16 @@ class TrackingDisplay(Display):
         several = any(len(signal) > 1 for signal in self.signals.values())
         first = "first run" if several else ROLES["measured"].word
         self.lines_: dict[str, Any] = {}
-        self.runs_: list[Any] = []
-        self.truth_: list[Any] = []
         for panel, (name, signal) in zip(self.axes_, self.signals.items(), strict=True):
             others = signal[1 : 1 + MOST_SHOWN]
             if len(others):
                 look = {"color": GREY, "lw": scaled(0.4), "alpha": 0.6}
-                self.runs_ += panel.plot(self.time, others.T, zorder=1, label="other runs", **look)
+                panel.plot(self.time, others.T, zorder=1, label="other runs", **look)
             look = ROLES["measured"].style(0.9)
             (self.lines_[name],) = panel.plot(self.time, signal[0], label=first, **look)
             if self.response is not None and name == list(self.signals)[-1]:
                 look = ROLES["truth"].style(1.1)
-                self.truth_ += panel.plot(self.time, self.response, zorder=3, label=TRUTH, **look)
+                panel.plot(self.time, self.response, zorder=3, label=TRUTH, **look)
             if self.transition is not None and self.time[0] < self.transition < self.time[-1]:
                 look = {"color": dimmed(), "ls": ":", "lw": scaled(1.2)}
                 panel.axvline(self.transition, label="change", **look)
@@ -501,13 +453,6 @@ class TrackingDisplay(Display):
         self.axes_[-1].set_xlim(self.time[0], self.time[-1])
         self.figure_.align_ylabels(self.axes_)
         self._restyle(kwargs, self.lines_)
-        if self.runs_ or self.truth_ or self.transition is not None:
+        if several or self.response is not None or self.transition is not None:
             self._legend_of_panels()
         return self
-
-
-def _transition_time(parameters: pd.DataFrame) -> float | None:
-    """Where parameters change most between two instants, in s; None where they do not."""
-    change = parameters.diff().abs() / (parameters.max() - parameters.min()).replace(0.0, np.nan)
-    total = change.max(axis=1)
-    return float(total.idxmax()) if total.max() > 0 else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -12,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from ._axes import parameter_symbol
+from ._axes import parameter_symbol, plain_logarithmic
 from ._display import Display, check_option, figure_size, page_width
 from ._roles import GREY, background, faded, readable_on, scaled, series_colour, sized
 from ._study import cell_text, check_table, ordered
@@ -25,10 +24,8 @@ COLUMNS = {
 MARKS = "os^Dv<>PXhp*d8H"
 # Winners
 CLOSE = 0.05  # of the loss, within which the next method is as good
-INSIDE = 0.75  # of the width of a figure, that panels take
-LEAST_WIDTH = 0.18  # inches of a cell with a number in it
-ROWS = ((0.19, "small"), (0.14, "x-small"), (0.0, "xx-small"))  # inches of a row, and its letters
-LEAST_COLUMN = 0.14  # inches of a cell in panels side by side, for its column's name
+INSIDE = 0.75  # of the size of a figure, that panels take
+LEAST_CELL = 0.18  # inches of a cell with a number in it; with three quarters, rows have names
 HATCHES = ("", "//", "..")  # of methods that share a colour
 TITLES = {True: "causal methods", False: "offline methods"}
 # Bias
@@ -38,7 +35,7 @@ MARGIN = 1.12
 # Settling
 NEVER = 1.5  # times the longest settling time, where methods are that do not settle
 LINEAR = 2.0  # s, up to which the settling time is shown linearly; beyond, by its logarithm
-TICKS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+TICKS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 LARGER = 0.45  # of the size of a mark, by which those of more remnant are larger
 
 
@@ -46,10 +43,10 @@ LARGER = 0.45  # of the size of a mark, by which those of more remnant are large
 class TournamentDisplay(Display):
     """The methods of a tournament: who does best where, and how they err.
 
-    ``kind="winners"`` is a map of conditions, coloured by the method that does best there, with its
-    loss. A cell is pale where the next method is within 5 % of the best. Conditions are rows;
-    columns are the remnant's intensity and the order of its filter. Causal and offline methods have
-    a panel each.
+    ``kind="winners"`` is a map of conditions, coloured by the method that follows K_edot best
+    there, with its loss. A cell is pale where the next method is within 5 % of the best. Conditions
+    are rows; columns are the remnant's intensity and the order of its filter. Causal and offline
+    methods have a panel each.
 
     ``kind="bias"`` is the bias against the standard deviation of each method, a panel for each
     parameter. Arcs are lines of equal RMSE, sqrt(bias² + sd²).
@@ -74,23 +71,16 @@ class TournamentDisplay(Display):
         (s; infinite if it does not).
     kind : {"winners", "bias", "settling"}, default="winners"
         What to draw.
-    loss : str, default="RMSE over time, %"
-        What the numbers of winners are.
 
     Attributes
     ----------
     %(panels)
     methods_ : list of str
         Methods in the order of the legend; of winners, the one that wins most first.
-    points_ : dict of Line2D
-        Marks by (parameter, method) of bias, by (method, intensity) of settling: the main artists.
-    lines_ : dict of Line2D
-        Lines of settling by method.
-    patches_, texts_ : list of dict
-        The coloured cells of each panel, by row and column, the main artists of winners; and their
-        numbers, none where cells are too narrow for them.
-    contours_ : list of ContourSet
-        The arcs of each panel.
+    points_ : list of Line2D
+        Marks of bias and settling: the main artists.
+    patches_ : list of Rectangle
+        The coloured cells, the main artists of winners.
 
     Examples
     --------
@@ -112,21 +102,10 @@ class TournamentDisplay(Display):
 
     table: pd.DataFrame
     kind: str = "winners"
-    loss: str = "RMSE over time, %"
 
     @classmethod
     def from_result(
-        cls,
-        result: Any,
-        kind: str = "winners",
-        *,
-        question: str = "follow",
-        parameter: str = "K_edot",
-        causal: bool | None = None,
-        window: str = "all",
-        parameters: Sequence[str] = SHOWN,
-        ax: Any = None,
-        **kwargs: Any,
+        cls, result: Any, kind: str = "winners", *, ax: Any = None, **kwargs: Any
     ) -> Self:
         """Draw the result of a tournament.
 
@@ -137,37 +116,21 @@ class TournamentDisplay(Display):
         kind : {"winners", "bias", "settling"}, default="winners"
             The best method by cell; bias against standard deviation, medians over cells; noise
             before and settling time after the change, medians over runs with one.
-        question : {"follow", "final", "detect", "predict", "delay"}, default="follow"
-            What winners are judged by; see :meth:`TournamentResult.ranking`.
-        parameter : str, default="K_edot"
-            Of winners, for "follow" and "final".
-        causal : bool or None, default=None
-            Winners of causal methods only, or of offline ones; None means a panel for each.
-        window : {"all", "before", "around", "after"}, default="all"
-            Part of the run, for bias.
-        parameters : sequence of str, default=("K_e", "K_edot", "omega_nm", "zeta_nm")
-            A panel each, for bias; ``"tau_e"`` is possible too.
         %(keywords)
 
         %(display)
-
-        Raises
-        ------
-        ValueError
-            If nothing changes in any of the runs, for settling.
         """
         check_option("kind", kind, COLUMNS)
         if kind == "winners":
-            table = _winners(result, question, parameter, causal)
-            loss = result.describe_loss(question, parameter=parameter)
-            return cls(table=table, loss=loss).plot(ax, **kwargs)
-        if kind == "bias":
-            table = result.by_method(window)[["bias", "sd"]].reset_index()
-            table = table[table["parameter"].isin(list(parameters))]
-            rank = {name: place for place, name in enumerate(parameters)}
-            table = table.sort_values("parameter", key=lambda c: c.map(rank), kind="stable")
+            table = _winners(result)
+        elif kind == "bias":
+            table = result.by_method()[["bias", "sd"]].reset_index()
+            table = table[table["parameter"].isin(SHOWN)]
+            table = table.sort_values(
+                "parameter", key=lambda column: column.map(SHOWN.index), kind="stable"
+            )
         else:
-            table = _settling(result.table)
+            table = result.settling()
         known = result.methods["causal"].reindex(table["method"]).to_numpy()
         return cls(table=table.assign(causal=known), kind=kind).plot(ax, **kwargs)
 
@@ -183,14 +146,11 @@ class TournamentDisplay(Display):
         check_option("kind", self.kind, COLUMNS)
         check_table(self.table, COLUMNS[self.kind], type(self).__name__)
         self.methods_ = list(dict.fromkeys(self.table["method"]))
-        self.points_: dict[Any, Any] = {}
-        self.lines_: dict[str, Any] = {}
-        self.patches_: list[dict[Any, Any]] = []
-        self.texts_: list[dict[Any, Any]] = []
-        self.contours_: list[Any] = []
+        self.points_: list[Any] = []
+        self.patches_: list[Any] = []
         draw = {"winners": self._winners, "bias": self._bias, "settling": self._settling}
         draw[self.kind](ax)
-        self._restyle(kwargs, self.patches_ if self.kind == "winners" else self.points_)
+        self._restyle(kwargs, self.patches_, self.points_)
         handles: list[Any] = [Patch(**self._look(method)) for method in self.methods_]
         if self.kind != "winners":
             kinds = self.table.drop_duplicates("method")["causal"]
@@ -206,19 +166,19 @@ class TournamentDisplay(Display):
         counts = self.table["method"].value_counts(sort=False)
         self.methods_ = counts.sort_values(ascending=False, kind="stable").index.tolist()
         width = page_width(1.6 + len(names) * max(2.6, 0.42 * len(columns)), len(names))
-        inside = INSIDE * figure_size((width, 1.0), 1)[0]
-        side_by_side = inside / len(names) / len(columns) >= LEAST_COLUMN
+        inside = INSIDE * figure_size((width, 1.0), 1)[0] / len(columns)
+        side_by_side = inside / len(names) >= 0.75 * LEAST_CELL
         shape = (1, len(names)) if side_by_side else (len(names), 1)
         size = (width, 1.4 + shape[0] * (0.3 + 0.26 * len(rows)))
         self._take_axes(ax, "one per panel", shape, figsize=size)
         room = INSIDE * self.figure_.get_figwidth() / shape[1] / len(columns)
         height = INSIDE * self.figure_.get_figheight() / shape[0] / len(rows)
-        letters = next(size for least, size in ROWS if height >= least)
         for number, (name, panel) in enumerate(zip(names, self.axes_, strict=True)):
             part = self.table[self.table["panel"] == name]
-            self._draw_cells(panel, part, rows, columns, numbers=room >= LEAST_WIDTH)
+            self._draw_cells(panel, part, rows, columns, numbers=room >= LEAST_CELL)
             panel.set_title(name, fontsize="medium")
             panel.set_xticks(range(len(columns)), columns, rotation=90, fontsize="small")
+            letters = "small" if height >= LEAST_CELL else "xx-small"
             panel.set_yticks(range(len(rows)), rows, fontsize=letters)
             first = number % shape[1] == 0 or not self._own
             panel.tick_params(length=0, labelleft=first)
@@ -226,7 +186,7 @@ class TournamentDisplay(Display):
             panel.set_ylim(len(rows) - 0.5, -0.5)
             panel.set_xlabel("$P_n$, order of the remnant" if "/" in columns[0] else "$P_n$")
         if self._own:
-            self.figure_.suptitle(f"Best method, with {self.loss}", fontsize="medium")
+            self.figure_.suptitle("Best method, with RMSE over time, %", fontsize="medium")
 
     def _look(self, method: str) -> dict[str, Any]:
         place = self.methods_.index(method)
@@ -240,18 +200,15 @@ class TournamentDisplay(Display):
     def _draw_cells(
         self, panel: Any, part: pd.DataFrame, rows: list[str], columns: list[str], *, numbers: bool
     ) -> None:
-        patches: dict[Any, Any] = {}
-        texts: dict[Any, Any] = {}
         panel.set_facecolor(faded(GREY, 0.15))
         for cell in part.to_dict("records"):
-            key = cell["row"], cell["column"]
-            x, y = columns.index(key[1]), rows.index(key[0])
+            x, y = columns.index(cell["column"]), rows.index(cell["row"])
             look = self._look(cell["method"])
             if cell.get("next_loss", np.inf) <= (1 + CLOSE) * cell["loss"]:
                 look["facecolor"] = faded(look["facecolor"], 0.5)
-            patches[key] = panel.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, **look))
+            self.patches_.append(panel.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, **look)))
             if numbers:
-                texts[key] = panel.text(
+                panel.text(
                     x,
                     y,
                     f"{cell['loss']:.{0 if cell['loss'] >= 9.95 else 1}f}",
@@ -261,8 +218,6 @@ class TournamentDisplay(Display):
                     color=readable_on(look["facecolor"]),
                     bbox={"facecolor": look["facecolor"], "edgecolor": "none", "pad": 0.0},
                 )
-        self.patches_.append(patches)
-        self.texts_.append(texts)
 
     def _mark(self, method: str, causal: bool) -> dict[str, Any]:
         """Keywords of a method's mark: filled if it is causal."""
@@ -273,9 +228,9 @@ class TournamentDisplay(Display):
             "ms": sized(6),
             "color": colour,
             "markerfacecolor": colour if causal else background(),
-            "markeredgecolor": colour,
             "markeredgewidth": scaled(1.2),
             "ls": "none",
+            "zorder": 3,
         }
 
     def _bias(self, ax: Any) -> None:
@@ -297,11 +252,10 @@ class TournamentDisplay(Display):
             x, y = np.meshgrid(np.linspace(0, right, 121), np.linspace(0, top, 121))
             levels = MaxNLocator(6).tick_values(0, float(np.hypot(right, top)))[1:]
             look: dict[str, Any] = {"colors": GREY, "linewidths": scaled(0.7), "zorder": 1}
-            self.contours_.append(panel.contour(x, y, np.hypot(x, y), levels=levels, **look))
+            panel.contour(x, y, np.hypot(x, y), levels=levels, **look)
             for row in part.to_dict("records"):
                 mark = self._mark(row["method"], bool(row["causal"]))
-                (point,) = panel.plot(row["bias"], row["sd"], clip_on=False, zorder=3, **mark)
-                self.points_[parameter, row["method"]] = point
+                self.points_ += panel.plot(row["bias"], row["sd"], clip_on=False, **mark)
             panel.set_xlim(0, right)
             panel.set_ylim(0, top)
             panel.set_title(parameter_symbol(parameter), fontsize="medium")
@@ -321,26 +275,20 @@ class TournamentDisplay(Display):
             part = self.table[self.table["method"] == method].sort_values("remnant_intensity")
             height = part["settling"].replace(np.inf, never).to_numpy(float)
             noise = part["noise"].to_numpy(float)
-            (self.lines_[method],) = panel.plot(
-                noise, height, color=series_colour(place), lw=scaled(0.9), zorder=2
-            )
+            panel.plot(noise, height, color=series_colour(place), lw=scaled(0.9), zorder=2)
             mark = self._mark(method, bool(part["causal"].iloc[0]))
             for x, y, P_n in zip(noise, height, part["remnant_intensity"], strict=True):
                 rank = len(intensities) - 1 if pd.isna(P_n) else intensities.index(P_n)
                 size = 1.0 + LARGER * (rank - (len(intensities) - 1) / 2)
-                (point,) = panel.plot(x, y, zorder=3, **(mark | {"ms": mark["ms"] * size}))
-                self.points_[method, P_n] = point
+                self.points_ += panel.plot(x, y, **(mark | {"ms": mark["ms"] * size}))
         panel.set_xscale("log")
         panel.set_yscale("symlog", linthresh=LINEAR, linscale=0.6)
-        ends = panel.get_xlim()
-        across = [t for t in TICKS if ends[0] <= t <= ends[1]]
-        panel.set_xticks(across, [f"{t:g}" for t in across])
-        panel.minorticks_off()
-        up = {t: f"{t:g}" for t in (0.0, *TICKS[1:]) if t <= longest}
+        plain_logarithmic(panel.xaxis, minor_ticks=False)
+        ticks = {t: f"{t:g}" for t in TICKS if t <= longest}
         if np.isinf(self.table["settling"]).any():
-            up[never] = "never"
+            ticks[never] = "never"
             panel.set_ylim(top=1.2 * never)  # whole marks
-        panel.set_yticks([*up], [*up.values()])
+        panel.set_yticks([*ticks], [*ticks.values()])
         panel.grid(alpha=0.3)
         panel.set_ylim(bottom=min(0.0, float(np.nanmin([known.min(), 0.0]))))
         panel.set_xlabel(r"RMSE of $K_{\dot e}$ before the change, %")
@@ -350,14 +298,14 @@ class TournamentDisplay(Display):
             panel.set_title(f"marks from small to large: {', '.join(said)}", fontsize="medium")
 
 
-def _winners(result: Any, question: str, parameter: str, causal: bool | None) -> pd.DataFrame:
+def _winners(result: Any) -> pd.DataFrame:
     """Who wins each cell, with the names of panels, rows and columns."""
     there = set(result.methods.loc[~result.methods["oracle"].astype(bool), "causal"])
-    kinds = [kind for kind in ((True, False) if causal is None else (causal,)) if kind in there]
-    parts = []
-    for kind in kinds or [bool(causal)]:
-        found = result.winners(question, causal=kind, parameter=parameter)
-        parts.append(found.reset_index().assign(panel=TITLES[kind]))
+    parts = [
+        result.winners("follow", causal=causal).reset_index().assign(panel=title)
+        for causal, title in TITLES.items()
+        if causal in there
+    ]
     winners = pd.concat(parts, ignore_index=True)
     # Rows are conditions, without what columns say.
     cells = [str(cell).split(", ") for cell in winners["cell"]]
@@ -372,15 +320,3 @@ def _winners(result: Any, question: str, parameter: str, causal: bool | None) ->
         for P, m in zip(intensity, order, strict=True)
     ]
     return winners
-
-
-def _settling(rows: pd.DataFrame) -> pd.DataFrame:
-    """Median noise and settling time of each method at each intensity."""
-    rows = rows[(rows["parameter"] == "K_edot") & (rows["kind"] == "changing")]
-    if rows.empty:
-        raise ValueError("Nothing changes in the runs of this tournament.")
-    if "remnant_intensity" not in rows:
-        rows = rows.assign(remnant_intensity=np.nan)
-    grouped = rows.groupby(["method", "remnant_intensity"], sort=False, dropna=False)
-    points = grouped[["rmse_before", "settling"]].median().reset_index()
-    return points.rename(columns={"rmse_before": "noise"})

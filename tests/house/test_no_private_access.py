@@ -18,7 +18,6 @@ ALLOWED = {
     ("lab/workbench/jobs.py", "_exit"): "ends a process from a thread; Python documents it",
     ("plotting/_display.py", "_left_title"): "Matplotlib gives the words, but not the artist",
     ("plotting/_display.py", "_suptitle"): "the same",
-    ("plotting/effect.py", "_ncols"): "Matplotlib does not say how many columns a legend has",
 }
 
 

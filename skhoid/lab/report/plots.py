@@ -328,7 +328,7 @@ class ExperimentGallery(Gallery):
         """VAF of everybody's runs against the ceiling."""
         from ...plotting import PeopleDisplay
 
-        display = PeopleDisplay(runs=people.runs, groups=people.groups, outlying=people.outlying)
+        display = PeopleDisplay(result=people)
         return self._display(
             display,
             "How well each person is modelled: VAF of each run and of all runs in one fit, against "

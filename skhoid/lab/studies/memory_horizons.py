@@ -239,7 +239,7 @@ def _figures(table: pd.DataFrame) -> dict[str, Any]:
     def draw(kind: str) -> Any:
         from ...plotting import MemoryHorizonDisplay
 
-        return MemoryHorizonDisplay.from_table(table, kind=kind)
+        return MemoryHorizonDisplay.from_summary(_summary(table), kind=kind)
 
     kinds = {
         "fig13": "gain",
@@ -370,10 +370,7 @@ class ForgettingAdvice:
         """
         from ...plotting import MemoryHorizonDisplay
 
-        cell = ["remnant_intensity", "replication", *SETTING]
-        good = self.table[self.table["error"].isna()].groupby(cell)
-        table = good[["vaf_estimation", "vaf_validation"]].mean().reset_index()
-        return MemoryHorizonDisplay.from_table(table.assign(condition="this task"), kind=kind)
+        return MemoryHorizonDisplay.from_summary(self.summary, kind=kind)
 
 
 def recommend_forgetting(

@@ -135,8 +135,7 @@ def _figures(table: pd.DataFrame) -> dict[str, Any]:
         from ...plotting import EnsembleDisplay
 
         return EnsembleDisplay.from_table(
-            table,
-            condition=condition,
+            table[table["condition"] == condition],
             form=form,
             parameters=parameters,
             truth=true_paths(condition),

@@ -64,15 +64,20 @@ def _summary(table: pd.DataFrame) -> pd.DataFrame:
         }
         omega, mean = part["omega"].to_numpy()[:n_lines], H.mean(axis=0)
         true = task_of(condition, {}).operator.frequency_response(omega)
-        angle = np.angle(H / mean)
+        sds = {"magnitude_sd": _sd(np.abs(H)), "phase_sd": _sd(np.angle(H / mean))}
         with np.errstate(divide="ignore", invalid="ignore"):
             ratios = {
-                "stated_over_ensemble": stated["magnitude_sd"] / _sd(np.abs(H)),
-                "phase_stated_over_ensemble": stated["phase_sd"] / _sd(angle),
+                "stated_over_ensemble": stated["magnitude_sd"] / sds["magnitude_sd"],
+                "phase_stated_over_ensemble": stated["phase_sd"] / sds["phase_sd"],
             }
         found = {
             "omega": omega,
             "magnitude": np.abs(mean),
+            "phase": np.degrees(np.unwrap(np.angle(mean))),
+            "magnitude_sd": sds["magnitude_sd"],
+            "phase_sd": np.degrees(sds["phase_sd"]),
+            "stated_magnitude_sd": stated["magnitude_sd"],
+            "stated_phase_sd": np.degrees(stated["phase_sd"]),
             "bias": np.abs(mean) / np.abs(true) - 1,
             "phase_error": np.degrees(np.angle(mean / true)),
             "relative_sd": np.sqrt(_sd(H.real) ** 2 + _sd(H.imag) ** 2) / np.abs(mean),
@@ -127,13 +132,10 @@ def _figures(table: pd.DataFrame) -> dict[str, Any]:
     def draw(condition: str, P_n: float) -> Any:
         from ...plotting import StudyResponseDisplay
 
-        return StudyResponseDisplay.from_table(
-            table,
-            condition=condition,
-            remnant_intensity=P_n,
-            truth=task_of(condition, {}).operator.frequency_response,
-        )
+        truth = task_of(condition, {}).operator.frequency_response
+        return StudyResponseDisplay.from_summary(summary.loc[[(condition, P_n)]], truth=truth)
 
+    summary = _summary(table)
     cells = table[CELL].drop_duplicates().itertuples(index=False)
     return {f"figI-{c}-{P:g}": partial(draw, c, P) for c, P in cells}
 

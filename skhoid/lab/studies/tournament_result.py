@@ -306,21 +306,6 @@ class TournamentResult(Told):
             )
         return pd.DataFrame(rows).set_index("cell").join(self.cells)
 
-    def describe_loss(self, question: str = "follow", *, parameter: str = FOLLOWED) -> str:
-        """What the loss of a question is, with its unit.
-
-        Parameters
-        ----------
-        question, parameter : str
-            As for :meth:`ranking`.
-
-        Returns
-        -------
-        text : str
-        """
-        _, loss, unit = question_of(question)
-        return f"{loss}{f' of {parameter}' if question in ('follow', 'final') else ''}, {unit}"
-
     @property
     def cells(self) -> pd.DataFrame:
         """What describes each cell, by its name."""
@@ -498,7 +483,24 @@ class TournamentResult(Told):
             remarks.append("Some runs could not be simulated; the column error says why.")
         return remarks
 
-    def plot(self, kind: str = "winners", **options: Any) -> Any:
+    def settling(self) -> pd.DataFrame:
+        """How soon each method has settled after a change, and how noisy it is before.
+
+        Returns
+        -------
+        settling : DataFrame
+            By ``method`` and ``remnant_intensity``, of K_edot in runs with a change: medians of
+            ``noise`` (RMSE before it, %) and ``settling`` (s; infinite where it never does).
+        """
+        rows = self.table[self.table["parameter"].eq(FOLLOWED) & self.table["kind"].eq("changing")]
+        if rows.empty:
+            raise ValueError("Nothing changes in the runs of this tournament.")
+        rows = rows.assign(remnant_intensity=rows.get("remnant_intensity", np.nan))
+        rows = rows.rename(columns={"rmse_before": "noise"})
+        grouped = rows.groupby(["method", "remnant_intensity"], sort=False, dropna=False)
+        return grouped[["noise", "settling"]].median().reset_index()
+
+    def plot(self, kind: str = "winners", *, ax: Any = None) -> Any:
         """Draw the result.
 
         Parameters
@@ -506,8 +508,8 @@ class TournamentResult(Told):
         kind : {"winners", "bias", "settling"}, default="winners"
             The best method by cell; bias against standard deviation by method; error before and
             settling time after the change.
-        **options
-            Of :meth:`skhoid.plotting.TournamentDisplay.from_result`.
+        ax : Axes, sequence of Axes or None, default=None
+            Where to draw. None makes a figure.
 
         Returns
         -------
@@ -515,7 +517,7 @@ class TournamentResult(Told):
         """
         from ...plotting import TournamentDisplay
 
-        return TournamentDisplay.from_result(self, kind, **options)
+        return TournamentDisplay.from_result(self, kind, ax=ax)
 
     def save(
         self, folder: str | os.PathLike[str], *, figures: bool = True, table_format: str = "csv"
