@@ -30,9 +30,8 @@ from skhoid import HumanOperator
 from skhoid.plotting import StudyResponseDisplay
 
 truth = HumanOperator(K_e=0.09, T_L=0.4).frequency_response
-_ = StudyResponseDisplay.from_table(
-    found.table, condition="C1", remnant_intensity=[0.15, 0.30], truth=truth
-)
+noisy = found.summary.loc[[("C1", 0.15), ("C1", 0.30)]]
+_ = StudyResponseDisplay.from_summary(noisy, truth=truth)
 
 # %%
 # Bias and scatter

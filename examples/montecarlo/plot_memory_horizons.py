@@ -33,13 +33,13 @@ print(found.table.iloc[8].dropna().to_string())
 # %%
 # Gain over no forgetting
 # -----------------------
-# Fig. 13. A star marks the best horizon of a line, and the dashed line the best mean over all
-# cells.
+# Fig. 13. A star marks the best horizon of a line. The best on average over all cells is
 
 from skhoid.plotting import MemoryHorizonDisplay
 
-display = MemoryHorizonDisplay.from_table(found.table)
-print(display.best_overall)
+_ = MemoryHorizonDisplay.from_summary(found.summary)
+overall = found.summary["vaf_validation"].groupby(["form", "memory_horizon"]).mean()
+print(overall.unstack("form").idxmax().to_string())
 
 # %%
 # Without remnant a memory of a few samples is best: there is nothing to average. With remnant the
@@ -56,7 +56,7 @@ print(best.unstack("condition").to_string())
 # the person. It grows quickly as N0 falls below the best. (Some lines do not end at zero because
 # ten runs differ from five others, not because of overfit.)
 
-_ = MemoryHorizonDisplay.from_table(found.table, kind="overfit_difference")
+_ = MemoryHorizonDisplay.from_summary(found.summary, kind="overfit_difference")
 
 # %%
 # λ or Λ?

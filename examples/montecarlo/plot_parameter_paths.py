@@ -23,8 +23,8 @@ print(found.table.groupby(["remnant_intensity", "form"]).size().unstack())
 # %%
 # ARX parameters
 # --------------
-# Fig. 14: black is the mean over the runs, with a band of one standard deviation; thin lines are
-# single runs, orange shows the batch models, and dashed green is the truth.
+# Fig. 14: the mean over the runs, with a band of one standard deviation; thin lines are single
+# runs, orange shows the batch models, and dashed green is the truth.
 
 from skhoid import make_tracking_runs
 from skhoid.plotting import EnsembleDisplay
@@ -52,12 +52,7 @@ print(deviations.unstack("form").round(4).T.to_string())
 # Fig. 15, medians and central 68 % of the runs: means are useless where a single run may be
 # anywhere.
 
-operator = {
-    "truth": truth.parameters,
-    "transition_time": 40.96,
-    "parameters": "operator",
-    "average": "median",
-}
+operator = {"truth": truth.parameters, "transition_time": 40.96, "parameters": "operator"}
 _ = EnsembleDisplay.from_table(found.table, form="lambda", **operator)
 
 # %%

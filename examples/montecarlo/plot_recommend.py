@@ -60,8 +60,7 @@ X, y, truth = make_tracking_runs(
     return_truth=True,
     random_state=0,
 )
-units = dict.fromkeys(["e", "x", "f_t", "u"], "deg")
-_ = TrackingDisplay.from_runs(X, y, truth=truth, units=units)
+_ = TrackingDisplay.from_runs(X, y, truth=truth)
 
 # %%
 # The advice

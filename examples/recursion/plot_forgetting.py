@@ -62,10 +62,19 @@ for name, model in starts.items():
 # A measurement that is k samples old has the weight λ^k, which falls to 1/e at the memory horizon
 # N0 = 1 / (1 - λ).
 
-from skhoid.plotting import ForgettingProfileDisplay
+import matplotlib.pyplot as plt
+
+from skhoid.plotting import PALETTE
 
 FACTORS = (0.9, 0.95, 0.99, 0.995, 1.0)
-_ = ForgettingProfileDisplay.from_factors(FACTORS, dt=0.16)
+age = np.arange(256)
+fig, ax = plt.subplots(figsize=(6.4, 3.4), layout="constrained")
+for factor, color in zip(FACTORS, PALETTE, strict=False):
+    horizon = 1 / (1 - factor) if factor < 1 else np.inf
+    ax.plot(0.16 * age, factor**age, color=color, label=f"λ = {factor:g}, N0 = {horizon:g}")
+ax.axhline(np.exp(-1), color=PALETTE[-1], lw=0.8, ls=":")
+ax.set(xlabel="age, s", ylabel="weight", xlim=(0, 40), ylim=(0, 1.05))
+_ = ax.legend()
 
 # %%
 # With forgetting
@@ -95,10 +104,6 @@ for name in ("λ = 0.95", "λ = 0.99"):
 # ----------------------
 # With λ < 1 even the worst start is forgotten, sooner or later. The distance between two paths that
 # begin at zeros and at 10 for every parameter, P0 = I:
-
-import matplotlib.pyplot as plt
-
-from skhoid.plotting import PALETTE
 
 fig, ax = plt.subplots(figsize=(6.4, 3.4), layout="constrained")
 for factor, color in zip(FACTORS, PALETTE, strict=False):

@@ -233,7 +233,8 @@ class ParametersDisplay(Display):
         for name in self.parameters or ():
             check_option("a name in parameters", name, every)
         delay = self._delay() if of_operator else None
-        names = list(self.parameters or (n for n in every if n != "tau_e" or delay is None))
+        names = [n for n in every if n != "tau_e"] + ["tau_e"] * (of_operator and delay is None)
+        names = list(self.parameters or names)
         times = _times_of(self.frames.values())
         bottom = self._begin(names, of_operator, ax)
         for name, panel in zip(self.names_, self.axes_, strict=True):

@@ -183,7 +183,8 @@ class PeopleDisplay(Display):
     def _draw(self, panel: Any, who: Any, low: float) -> Any:
         """Levels and runs of a person; return the dots."""
         groups, runs = self.result.groups, self.result.runs
-        for row in groups[groups["subject"] == who].to_dict("records"):
+        groups = groups[groups["subject"] == who].drop_duplicates("condition")
+        for row in groups.to_dict("records"):
             place = self.conditions_.index(row["condition"])
             ends = place - 0.4, place + 0.4
             if np.isfinite(row["vaf"]):

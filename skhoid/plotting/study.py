@@ -236,7 +236,9 @@ class StudyBoxDisplay(Display):
         for panel in panels:
             if far:
                 panel.set_yscale("symlog", linthresh=bend, linscale=1.5)
+                panel.set_yticks(bend * np.array([-100, -10, -1, 0, 1, 10, 100]))
                 panel.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+                panel.set_ylim(1.2 * min(every.min(), -bend), 1.2 * max(every.max(), bend))
             elif np.isfinite(whiskers).any():
                 held = whiskers[np.isfinite(whiskers)]
                 panel.set_ylim(limits_of(held, every, MUCH, MARGIN))

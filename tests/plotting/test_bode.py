@@ -49,9 +49,8 @@ def test_curves_and_markers_are_the_responses(operator, measured):
     np.testing.assert_allclose(markers.get_ydata(), mean.magnitude)
     assert markers.get_linestyle() == "None"
     assert list(display.magnitude_) == ["model", "data, mean of 4 runs"]
-    assert display.intervals_["model"] == []
     z = student.ppf(0.975, 3)  # the spread of four runs
-    bars, phase_bars = display.intervals_["data, mean of 4 runs"]
+    bars, phase_bars = (panel.collections[0] for panel in display.axes_)
     ends = np.array(bars.get_segments())[:, :, 1]
     factor = np.exp(z * mean.magnitude_sd / mean.magnitude)
     np.testing.assert_allclose(ends.T, [mean.magnitude / factor, mean.magnitude * factor])
@@ -73,16 +72,6 @@ def test_the_truth_looks_like_the_truth(operator):
     assert len(set(colours)) == 4
 
 
-def test_a_single_run_keeps_its_own_intervals():
-    covariance = 1e-4 * np.broadcast_to(np.eye(2), (1, 2, 2, 2))
-    single = FrequencyResponse([1.0, 2.0], [[1.0, 2.0]], covariance=covariance)
-    display = BodeDisplay.from_responses(single, confidence=0.5)
-    (bars, _) = display.intervals_["response 1"]
-    ends = np.array(bars.get_segments())[:, :, 1]
-    factor = np.exp(norm.ppf(0.75) * 0.01 / np.array([1.0, 2.0]))
-    np.testing.assert_allclose(ends[:, 1], np.array([1.0, 2.0]) * factor)
-
-
 def test_noisy_phases_come_near_the_curve(operator):
     truth = HumanOperator().frequency_response(LINES)
     slipped = FrequencyResponse(LINES, truth, delay=-0.4)  # a wrong delay unwraps wrongly
@@ -94,7 +83,6 @@ def test_noisy_phases_come_near_the_curve(operator):
 def test_estimator_with_its_band_and_nyquist(model):
     display = BodeDisplay.from_estimator(model)
     nyquist = np.pi / 0.02
-    assert display.nyquist_ == {"ARXRegressor": pytest.approx(nyquist)}
     line = display.magnitude_["ARXRegressor"]
     assert line.get_xdata()[[0, -1]] == pytest.approx([0.1, nyquist])
     expected = FrequencyResponse.of(model, line.get_xdata())
@@ -103,7 +91,7 @@ def test_estimator_with_its_band_and_nyquist(model):
     for panel in display.axes_:
         dashed = [a for a in panel.lines if a.get_linestyle() == "--"]
         assert dashed[0].get_xdata()[0] == pytest.approx(nyquist)
-    band = display.intervals_["ARXRegressor"][0]
+    band = display.ax_.collections[0]
     vertices = band.get_paths()[0].vertices
     upper = expected.magnitude * np.exp(
         norm.ppf(0.975) * expected.magnitude_sd / expected.magnitude

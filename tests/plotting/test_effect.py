@@ -1,9 +1,5 @@
 """An identified effect is drawn as what its ``apply`` makes."""
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-
 import copy
 from types import SimpleNamespace
 
@@ -13,50 +9,37 @@ import pandas as pd
 import pytest
 from matplotlib.text import Text
 from sklearn.exceptions import NotFittedError
+from support.plot_checks import covers_nothing
+from support.shapes import a_shape
 
-from skhoid import OperatorRegressor, SimulatedARX, make_tracking_runs
+from skhoid import EffectSearchCV, OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import (
-    AbsoluteValue,
-    AsymmetricGain,
     Backlash,
     Bias,
     CrossAxis,
-    CubicGain,
     DeadZone,
     Dimension,
     Disturbance,
-    Drift,
     Effect,
     Effects,
     ExtraLag,
-    ExtraLead,
     Feedforward,
+    FreeGain,
     Friction,
     GainDrift,
     HardeningStiffness,
     HigherOrder,
-    InputFilter,
     Intermittent,
     Lapses,
     MotionFeedback,
-    NeuromuscularMode,
-    OutputFeedback,
     Parameter,
     Preview,
     Quantised,
     RateLimit,
-    RateReflex,
-    Rectified,
-    RootFlow,
     Saturation,
-    ScheduledDynamics,
     ScheduledGain,
-    SensorMagnitude,
     Stiction,
-    Stops,
-    TimeVaryingDelay,
     TimeVaryingGain,
-    Tremor,
     WrongDelay,
     title_of,
 )
@@ -140,44 +123,23 @@ class AwakeByError(Effect):
 
 MAPS = {
     DeadZone(width=0.3, form="gap"): lambda e: e - np.clip(e, -0.3, 0.3),
-    AsymmetricGain(asymmetry=0.2): lambda e: e + 0.2 * np.abs(e),
-    Rectified(leak=0.1, side="positive"): lambda e: np.where(e > 0, e, 0.1 * e),
-    CubicGain(hardening=0.2, form="cubic"): lambda e: e + 0.2 * e**3,
-    AbsoluteValue(gain=0.1): lambda e: 0.1 * np.abs(e),
     Saturation(limit=0.1, form="hard"): lambda u: np.clip(u, -0.1, 0.1),
-    Saturation(limit=0.1, form="hard", at="error"): lambda e: np.clip(e, -0.1, 0.1),
     Saturation(limit=0.1, form="hard", at="command"): lambda c: np.clip(c, -0.1, 0.1),
-    DeadZone(width=0.1, form="gap", at="output"): lambda u: u - np.clip(u, -0.1, 0.1),
     HardeningStiffness(stiffness=3.0): lambda u: u + 3 * u**3,
     SquareRoot(knee=0.5): lambda e: np.sign(e) * np.sqrt(0.5 * np.abs(e)),
 }
 OTHERS = {
     WrongDelay(extra=0.08): "delay",
-    TimeVaryingDelay(change=0.1, rate=0.5, time=40.0): "delay",
     Intermittent(trigger="clock", hold_time=0.4, phase=0.0): "hold",
-    Intermittent(trigger="event", hold_time=0.2, threshold=0.05): "hold",
     TimeVaryingGain(K_e_change=-0.4, K_edot_change=0.3, rate=0.5, time=41.0): "gains",
-    GainDrift(rate=-0.005, reference=41.0): "gains",
     Lapses(depth=0.9, shift=0.0, intervals=[(10, 12.0)]): "gains",
-    Lapses(depth=0.9, shift=0.0, intervals=[(10, 12.0)], form="gain"): "gains",
-    ScheduledGain(slope=0.04, channel="speed", reference=20.0): "gains",
     AwakeByError(slope=0.2): "gains",
     RateLimit(limit=0.3): "loop",
-    Backlash(gap=0.05): "loop",
     Stiction(breakaway=0.1, kinetic=0.3): "loop",
     Bias(level=0.1): "course",
-    Drift(rate=0.01, reference=41.0): "course",
-    Tremor(frequency=9.0, amplitude=0.05): "course",
     Feedforward(gain=0.5, delay=0.2, form="inverse"): "path",
-    Preview(gain=0.1, time=0.5, form="rate"): "path",
-    OutputFeedback(gain=0.05, rate_gain=0.05, delay=0.2): "path",
-    MotionFeedback(gain=0.05, delay=0.2, channel="motion", form="canal"): "path",
     MotionFeedback(gain=0.05, delay=0.02, channel="motion", form="feedthrough"): "path",
-    Disturbance(gain=0.1, delay=0.2, channel="dist"): "path",
     CrossAxis(gain=0.3, channel="e_y"): "path",
-    ExtraLag(time=0.3): "gain",
-    ExtraLead(time=0.1): "gain",
-    NeuromuscularMode(omega=20.0, zeta=0.2): "gain",
     HigherOrder(zero_frequency=3.0, zero_damping=0.3, pole_frequency=6.0, pole_damping=0.3): "gain",
 }
 
@@ -188,29 +150,27 @@ def completed(effect):
     return effect.with_choices(**missing)
 
 
-@pytest.mark.parametrize("with_runs", [True, False])
 @pytest.mark.parametrize(("effect", "formula"), MAPS.items(), ids=[e.name for e in MAPS])
-def test_maps_are_what_apply_makes(effect, formula, with_runs, baseline, runs):
+def test_maps_are_what_apply_makes(effect, formula, baseline, runs):
     model = with_found(baseline, effect)
-    display = EffectDisplay.from_estimator(model, effect.name, runs[0] if with_runs else None)
+    display = EffectDisplay.from_estimator(model, effect.name, runs[0])
     assert display.curves.kind in ("map", "spring")
     (line,) = display.lines_.values()
     np.testing.assert_allclose(line.get_ydata(), formula(line.get_xdata()), atol=1e-9)
     ((low, high),) = [(c.low, c.high) for c in display.curves.curves.values()]
     assert np.all(low <= line.get_ydata() + 1e-12)
     assert np.all(line.get_ydata() <= high + 1e-12)
-    assert list(display.bands_) == list(display.lines_)
     measured = effect.place != "command"
-    assert (display.density_ is not None) == (with_runs and measured)
+    assert len(display.axes_) == 1 + measured  # with the density
     assert display.ax_.get_title().lower().startswith(title_of(effect.name))
 
 
 @pytest.mark.parametrize(("effect", "kind"), OTHERS.items(), ids=[f"{e.name}" for e in OTHERS])
 def test_effects_are_drawn_by_what_they_answer(effect, kind, baseline, runs):
     model = with_found(baseline, completed(effect), sd=0.05)
-    display = EffectDisplay.from_estimator(model, X=runs[0], n_draws=20)
+    display = EffectDisplay.from_estimator(model, X=runs[0])
     assert display.curves.kind == kind
-    assert set(display.bands_) == set(display.lines_) != set()
+    assert display.lines_
     for line in display.lines_.values():
         assert np.isfinite(line.get_ydata()).all()
 
@@ -226,13 +186,11 @@ def test_levels_are_steps(baseline, runs):
 def test_band_is_that_of_the_estimate(baseline, runs):
     """The curve of a dead zone moves by the width: 95 % within 1.96 standard deviations."""
     model = with_found(baseline, DeadZone(width=0.3, form="gap"), sd=0.1)
-    display = EffectDisplay.from_estimator(model, X=runs[0], n_draws=4000)
+    display = EffectDisplay.from_estimator(model, X=runs[0])
     (curve,) = display.curves.curves.values()
     far = curve.x > 0.6
-    # Percentiles of 4000 draws are within 5 % (3 sigma) of these.
-    np.testing.assert_allclose((curve.high - curve.low)[far], 2 * 1.96 * 0.03, rtol=0.06)
-    bare = EffectDisplay.from_estimator(model, X=runs[0], n_draws=0)
-    assert bare.bands_ == {}
+    # Percentiles of 300 draws are within 20 % (3 sigma) of these.
+    np.testing.assert_allclose((curve.high - curve.low)[far], 2 * 1.96 * 0.03, rtol=0.2)
 
 
 def test_draws_keep_to_the_bounds(baseline, runs):
@@ -250,7 +208,7 @@ def test_density_is_that_of_the_runs(baseline, runs):
     X, y = runs
     model = with_found(baseline, DeadZone(width=0.3, form="gap"))
     display = EffectDisplay.from_estimator(model, "dead_zone", X)
-    heights, edges, _ = display.density_.get_data()
+    heights, edges, _ = display.axes_[1].patches[0].get_data()
     inside = X["e"][X["e"].abs() < edges[-1]]
     assert np.sum(heights * np.diff(edges)) == pytest.approx(1.0)
     expected, _ = np.histogram(inside, edges, density=True)
@@ -287,7 +245,7 @@ def test_delay_starts_from_that_of_the_model(baseline, runs):
     model = with_found(baseline, WrongDelay(extra=0.08))
     display = EffectDisplay.from_estimator(model, X=runs[0])
     tau = baseline.parameters_.loc["tau_e", "value"]
-    np.testing.assert_allclose(display.without_.get_ydata(), tau)
+    np.testing.assert_allclose(display.ax_.lines[0].get_ydata(), tau)
     np.testing.assert_allclose(display.lines_["delay"].get_ydata(), tau + 0.08)
 
 
@@ -384,38 +342,42 @@ def test_friction_in_the_limb_is_a_force_over_the_rate(baseline):
     assert display.ax_.get_ylabel().startswith("force against the command")
 
 
-IN_MACHINES = {
-    Friction(coulomb=0.4, form="smooth", width=0.2, of="output"): (
-        "spring",
-        lambda x: 0.25 * x + 0.4 * np.tanh(x / 0.2),
-    ),
-    Friction(coulomb=0.4, form="smooth", width=0.2, of="rate", reference=1.0): (
-        "spring",
-        lambda x: 0.4 * np.tanh(x / 0.2),
-    ),
-    RootFlow(flow=0.5, form="zero", reference=1.0): (
-        "spring",
-        lambda x: 0.25 * x + 0.5 * np.sqrt(np.maximum(x, 0.0)),
-    ),
-    Stops(low=-0.2, high=0.3, form="both"): ("map", lambda x: np.clip(x, -0.2, 0.3)),
-    SensorMagnitude(): ("map", np.abs),
-    InputFilter(time=0.1, width=0.3, form="dead_zone"): ("loop", None),
-    RateReflex(gain=0.3, delay=0.1, omega=12.0, zeta=1.0, side="positive"): ("path", None),
-    ScheduledDynamics(slope=0.04, channel="speed", reference=20.0): (
-        "gains",
-        lambda speed: 1 + 0.04 * (speed - 20.0),
-    ),
-}
+def found_nothing():
+    """A search that is fitted, and has no shape until a test gives it one."""
+    search = EffectSearchCV(OperatorRegressor())
+    search.best_estimator_, search.shape_, search.verdict_ = object(), None, "nothing is missing"
+    return search
 
 
-@pytest.fixture(scope="module")
-def machine():
-    rng = np.random.default_rng(0)
-    index = pd.MultiIndex.from_product([[1], np.arange(600) * 0.02], names=["run", "time"])
-    force = np.convolve(rng.standard_normal(600), np.ones(20), "same") / 3
-    X = pd.DataFrame({"force": force, "speed": 20 + np.sin(np.arange(600) / 50)}, index)
-    y = pd.Series(np.zeros(600), index, name="velocity")
-    for k in range(1, 600):
-        y.iloc[k] = 0.8 * y.iloc[k - 1] + 0.8 * force[k]
-    X.attrs["units"], y.attrs["units"] = {"force": "N"}, {"velocity": "m/s"}
-    return SimulatedARX(1, 1, inputs=["force"], effects=Bias(level=0.0)).fit(X, y), X
+def test_curve_band_and_nearest_name_of_what_has_no_name():
+    search = found_nothing()
+    search.shape_ = a_shape()
+    display = EffectDisplay.from_shape(search)
+    curve = search.shape_.curve
+    np.testing.assert_array_equal(display.lines_["curve"].get_xdata(), curve.index)
+    np.testing.assert_array_equal(display.lines_["curve"].get_ydata(), curve["value"])
+    (path,) = display.ax_.collections[0].get_paths()
+    assert path.vertices[:, 1].min() == curve["low"].min()
+    assert path.vertices[:, 1].max() == curve["high"].max()
+    (nearest,) = [x for x in display.ax_.lines if x.get_label().startswith("nearest")]
+    assert nearest.get_label() == "nearest name: cubic gain"
+    np.testing.assert_array_equal(nearest.get_ydata(), search.shape_.nearest_curve)
+    assert display.ax_.get_title() == (
+        "It acts on the error, as a function of its size and sign\n+9.9 points of held-out VAF"
+    )
+    covers_nothing(display)
+
+
+def test_a_name_that_is_far_is_not_drawn_and_a_factor_does_nothing_where_it_is_one():
+    far = a_shape(nearest=a_shape().nearest.assign(distance=[0.75, 0.9]))
+    labels = [line.get_label() for line in EffectDisplay.from_shape(far).ax_.lines]
+    assert not any("nearest" in label for label in labels)
+    factor = a_shape(effect=FreeGain(knots=(0.0, 1.0), values=(0.0, 0.0)))
+    assert set(EffectDisplay.from_shape(factor).ax_.lines[0].get_ydata()) == {1.0}
+
+
+def test_a_search_without_a_shape_is_refused():
+    with pytest.raises(ValueError, match="no shape to draw: nothing is missing"):
+        EffectDisplay.from_shape(found_nothing())
+    with pytest.raises(TypeError, match="draws a fitted EffectSearchCV"):
+        EffectDisplay.from_shape(OperatorRegressor())

@@ -1,9 +1,5 @@
 """The plots of a search for effects show its tables."""
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-
 import copy
 from types import SimpleNamespace
 
@@ -12,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.colors import same_color
-from matplotlib.text import Text
 from sklearn.exceptions import NotFittedError
+from support.pictures import legend_texts
 from support.plot_checks import BLUE, covers_nothing
 
 from skhoid import EffectSearchCV, OperatorRegressor
@@ -24,7 +20,6 @@ from skhoid.plotting import (
 )
 from skhoid.search import Verdict
 
-KINDS = ["path", "steps", "ranking"]
 REFUSED = ("preview", "feedforward")
 
 
@@ -115,17 +110,9 @@ SEARCHES = {
     "four": a_search(LONG, [60.0, 75.0, 82.0, 85.0, 87.0], candidates=30),
     "no ceiling": a_search(["dead_zone", "bias"], [76.0, 86.5, 87.5], np.nan),
     "unknown": a_search(["dead_zone"], [60.0, 70.0], unknown=True),
-    "only unknown": a_search([], [60.0], unknown=True),
     "lost": a_search(["tv_gain"], [-300.0, 80.0]),
     "in loop": in_loop(a_search(LONG[:2], [60.0, 75.0, 82.0])),
-    "no steps in loop": in_loop(a_search([], [60.0])),
-    "lost in loop": in_loop(a_search(["tv_gain"], [-300.0, 80.0])),
 }
-
-
-@pytest.fixture(params=SEARCHES)
-def search(request):
-    return SEARCHES[request.param]
 
 
 def texts_in(panel):
@@ -136,159 +123,107 @@ def plain(text):
     return text.replace("\n", " ").replace("\xa0", " ")
 
 
-def named(display):
-    """Names and forms left of the bars."""
-    return {
-        name: [text.get_text() for text in box.findobj(Text)]
-        for name, box in display.names_.items()
-    }
-
-
 # Staircase
 
 
-def test_staircase_shows_the_path(search):
-    display = SearchDisplay.from_estimator(search, rmse=True)
-    path = search.error_path_
+@pytest.mark.parametrize("name", SEARCHES)
+def test_staircase_shows_the_path(name):
+    display = SearchDisplay.from_estimator(SEARCHES[name])
+    path = SEARCHES[name].error_path_
     np.testing.assert_array_equal(display.lines_["vaf"].get_data().values, path["vaf"])
-    np.testing.assert_array_equal(display.lines_["rmse"].get_data().values, path["rmse"])
-    labels = [t.get_text().replace("\n", " ") for t in display.axes_[1].get_xticklabels()]
+    labels = [plain(t.get_text()) for t in display.ax_.get_xticklabels()]
     added = list(path["effect"][1:])
     assert labels == ["baseline", *(f"with {titles_of(added[: i + 1])}" for i in range(len(added)))]
-    values = [label.get_text() for label in display.labels_["vaf"]]
-    for value, label in zip(path["vaf"], values, strict=True):
-        assert f"{value:.1f} %" in label
-    assert display.axes_[1].get_ylabel() == "held-out RMSE, deg"
+    written = " ".join(texts_in(display.ax_))
+    assert all(f"{value:.1f} %" in written for value in path["vaf"])
+    covers_nothing(display)
 
 
 def test_staircase_has_the_closed_loop_beside_the_free_run():
-    display = SearchDisplay.from_estimator(SEARCHES["in loop"])
-    expected = SEARCHES["in loop"].error_path_["vaf_loop"]
-    np.testing.assert_array_equal(display.lines_["vaf_loop"].get_data().values, expected)
-    first, *others = [label.get_text() for label in display.labels_["vaf_loop"]]
-    assert first == f"in the closed loop\n{expected[0]:.1f} %"
-    assert others == [f"{value:.1f} %" for value in expected[1:]]
-    low, high = display.axes_[0].get_ylim()
-    assert low < expected.min() < high
-
-
-def test_staircase_skips_steps_whose_loop_is_not_solved():
     search = copy.deepcopy(SEARCHES["in loop"])
-    search.error_path_.loc[1, "vaf_loop"] = np.nan
     display = SearchDisplay.from_estimator(search)
-    display.figure_.canvas.draw()
-    assert [label.get_visible() for label in display.labels_["vaf_loop"]] == [True, False, True]
+    expected = search.error_path_["vaf_loop"]
+    np.testing.assert_array_equal(display.lines_["vaf_loop"].get_data().values, expected)
+    assert legend_texts(display) == ["free run", "in the closed loop"]
+    low, high = display.ax_.get_ylim()
+    assert low < expected.min() < high
     search.error_path_["vaf_loop"] = np.nan
     assert "vaf_loop" not in SearchDisplay.from_estimator(search).lines_
 
 
-def test_staircase_has_the_ceiling_in_both_panels():
-    display = SearchDisplay.from_estimator(SEARCHES["one"], rmse=True)
-    np.testing.assert_array_equal(display.ceilings_["vaf"].get_data().values, [88.0, 88.0])
-    # These outputs have a power of one, so that the RMSE at 88 % is the root of 0.12.
-    np.testing.assert_allclose(display.ceilings_["rmse"].get_data().values, np.sqrt(0.12))
-    bare = SearchDisplay.from_estimator(SEARCHES["no ceiling"])
-    assert bare.ceilings_ == {}
-    assert bare.gap_ is None
-    assert bare.ceiling_text_.get_text() == "noise ceiling not known"
-
-
-def said_of_the_ceiling(display):
-    return display.ceiling_text_.get_text().replace("\n", " ")
+def said(search):
+    return plain(texts_in(SearchDisplay.from_estimator(search).ax_)[-1])
 
 
 def test_staircase_tells_what_is_left():
-    display = SearchDisplay.from_estimator(SEARCHES["one"])
-    np.testing.assert_allclose(display.gap_.get_ydata(), [86.5, 88.0])
-    assert said_of_the_ceiling(display) == "noise ceiling 88.0 %: 1.5 points left to explain"
-    assert same_color(display.gap_.get_color(), ROLES["misfit"].colour)
-    done = a_search(["dead_zone"], [76.0, 88.2])
-    display = SearchDisplay.from_estimator(done)
-    assert display.gap_ is None
-    assert "nothing left to explain" in said_of_the_ceiling(display)
-
-
-def test_staircase_marks_what_no_effect_explains():
-    display = SearchDisplay.from_estimator(SEARCHES["unknown"])
-    assert said_of_the_ceiling(display).endswith("left to explain, not in the catalogue")
-    assert plain(display.axes_[0].get_title()) == (
+    assert said(SEARCHES["one"]) == "noise ceiling 88.0 %: 1.5 points left to explain"
+    (gap,) = SearchDisplay.from_estimator(SEARCHES["one"]).ax_.lines
+    np.testing.assert_allclose(gap.get_ydata(), [86.5, 88.0])
+    assert same_color(gap.get_color(), ROLES["misfit"].colour)
+    assert "nothing left to explain" in said(a_search(["dead_zone"], [76.0, 88.2]))
+    assert said(SEARCHES["no ceiling"]) == "noise ceiling not known"
+    assert said(SEARCHES["unknown"]).endswith("left to explain, not in the catalogue")
+    assert plain(SearchDisplay.from_estimator(SEARCHES["unknown"]).ax_.get_title()) == (
         "Dead zone: held-out VAF from 60.0 to 70.0 %; something is missing, not in the catalogue"
     )
-    listed = copy.copy(SEARCHES["unknown"])
-    row = listed.error_path_.iloc[-1:].assign(effect="unknown")
-    listed.error_path_ = pd.concat([listed.error_path_, row], ignore_index=True)
-    display = SearchDisplay.from_estimator(listed)
-    assert len(display.lines_["vaf"].get_data().values) == 2
 
 
 def test_a_small_gap_looks_small_and_a_lost_baseline_does_not_squeeze():
-    low, high = SearchDisplay.from_estimator(SEARCHES["none"]).axes_[0].get_ylim()
+    low, high = SearchDisplay.from_estimator(SEARCHES["none"]).ax_.get_ylim()
     assert high - low >= 10.0
-    display = SearchDisplay.from_estimator(SEARCHES["lost"], rmse=True)
-    assert display.axes_[0].get_ylim()[0] == -20.0
-    assert display.labels_["vaf"][0].get_text() == "↓ -300.0 %"
-    assert display.axes_[1].get_ylim()[0] == 0.0
+    display = SearchDisplay.from_estimator(SEARCHES["lost"])
+    assert display.ax_.get_ylim()[0] == -20.0
+    assert "↓ -300.0 %" in texts_in(display.ax_)
 
 
 # Before and after
 
 
-def test_steps_show_where_the_effects_help_most(search):
+@pytest.mark.parametrize("name", ["none", "four"])
+def test_steps_show_where_the_effects_help_most(name):
+    search = SEARCHES[name]
     display = SearchDisplay.from_estimator(search, "steps")
     assert display.run_ == "3"
     assert display.window_ == pytest.approx((40.0, 55.0), abs=0.5)
     names = list(search.predictions_)
     assert list(display.lines_) == list(dict.fromkeys(["measured", names[1], names[-1]]))
     rows = search.predictions_.loc["3"].loc[slice(*display.window_)]
-    for name, line in display.lines_.items():
+    for column, line in display.lines_.items():
         np.testing.assert_array_equal(line.get_xdata(), rows.index)
-        np.testing.assert_array_equal(line.get_ydata(), rows[name])
-    for name, line in display.residuals_.items():
-        np.testing.assert_array_equal(line.get_ydata(), rows["measured"] - rows[name])
-    title = plain(display.axes_[0].get_title())
-    if len(names) > 2:
-        assert title.startswith("Where the effects help most: run 3, ")
-    else:
-        assert title.startswith("Where the baseline is worst: run 3, ")
-        assert title.endswith(f"({search.verdict_})")
+        np.testing.assert_array_equal(line.get_ydata(), rows[column])
+    for column, line in display.residuals_.items():
+        np.testing.assert_array_equal(line.get_ydata(), rows["measured"] - rows[column])
+    where = "effects help most" if len(names) > 2 else "baseline is worst"
+    assert plain(display.ax_.get_title()).startswith(f"Where the {where}: run 3, ")
+    covers_nothing(display)
 
 
-def test_steps_have_the_vaf_of_all_held_out_runs():
-    display = SearchDisplay.from_estimator(SEARCHES["four"], "steps", steps=[1, 4])
+def test_steps_of_a_run_and_a_window():
+    search = SEARCHES["four"]
+    options = {"run": 1, "window": (10, 12), "steps": [1, 4]}
+    display = SearchDisplay.from_estimator(search, "steps", **options)
+    assert (display.run_, display.window_) == ("1", (10.0, 12.0))
     assert [line.get_label() for line in display.lines_.values()] == [
         "measured",
         "simulated, with hardening stiffness, VAF 75.0 %",
         f"simulated, with {titles_of(LONG)}, VAF 87.0 %",
     ]
-
-
-@pytest.mark.slow
-def test_steps_of_a_run_and_a_window():
-    search = SEARCHES["one"]
-    display = SearchDisplay.from_estimator(search, "steps", run=1, window=(10, 12))
-    assert (display.run_, display.window_) == ("1", (10.0, 12.0))
-    assert plain(display.axes_[0].get_title()) == "Run 1, 10 to 12 s"
-    assert SearchDisplay.from_estimator(search, "steps", window=(45, 46)).run_ == "3"
-    assert SearchDisplay.from_estimator(search, "steps", run="2").run_ == "2"
-    with pytest.raises(ValueError, match="There is no run 9; there are 1, 2, 3"):
+    with pytest.raises(ValueError, match="run must be one of '1', '2', '3'; got '9'"):
         SearchDisplay.from_estimator(search, "steps", run=9)
-    with pytest.raises(ValueError, match="No row of the runs lies in the window"):
+    with pytest.raises(ValueError, match="No row of the runs lies in window"):
         SearchDisplay.from_estimator(search, "steps", window=(200, 210))
-    with pytest.raises(ValueError, match=r"some of 0 to 1 \(baseline, \+ dead_zone\)"):
-        SearchDisplay.from_estimator(search, "steps", steps=[0, 2])
+    with pytest.raises(ValueError, match="a step must be one of 0, 1, 2, 3, 4; got 7"):
+        SearchDisplay.from_estimator(search, "steps", steps=[0, 7])
 
 
-def test_steps_break_at_gaps_and_skip_what_is_not_predicted():
+def test_steps_break_at_gaps_and_say_what_is_not_predicted():
     search = copy.copy(SEARCHES["one"])
     kept = search.predictions_.loc[["3"]].drop(index=[("3", 45.0), ("3", 45.02), ("3", 45.04)])
     search.predictions_ = kept
     display = SearchDisplay.from_estimator(search, "steps", window=(44, 46))
     assert np.isnan(display.lines_["measured"].get_xdata()).sum() == 1
-    search.predictions_ = kept.assign(baseline=np.nan)
-    drawn = SearchDisplay.from_estimator(search, "steps", window=(44, 46))
-    assert np.isnan(drawn.lines_["baseline"].get_ydata()).all()
     search.predictions_ = kept.assign(**{"baseline": np.nan, "+ dead_zone": np.nan})
-    assert "not available" in texts_in(SearchDisplay.from_estimator(search, "steps").axes_[0])[0]
+    assert "not available" in texts_in(SearchDisplay.from_estimator(search, "steps").ax_)[0]
 
 
 def test_window_passes_over_settling():
@@ -303,6 +238,10 @@ def test_window_passes_over_settling():
 # Ranking
 
 
+def title_of_ranking(search, **options):
+    return plain(SearchDisplay.from_estimator(search, "ranking", **options).figure_.get_suptitle())
+
+
 def test_ranking_shows_the_candidates_of_a_step():
     search = SEARCHES["one"]
     display = SearchDisplay.from_estimator(search, "ranking")
@@ -311,100 +250,50 @@ def test_ranking_shows_the_candidates_of_a_step():
     assert list(display.lines_) == tried["effect"].tolist()
     widths = [bar.get_width() for bar in display.lines_.values()]
     np.testing.assert_array_equal(widths, tried["vaf_gain"])
-    assert display.words_["dead_zone"].get_text() == "+4.0"
-    assert display.columns_["dead_zone"]["delta_bic"].get_text() == "+400"
-    assert named(display)["dead_zone"] == ["dead zone", "gap"]
-    assert display.figure_.get_suptitle() == (
-        "Step 1: dead zone added; runner-up: candidate 0, 1.0 points behind"
-    )
-    assert display.margin_ == pytest.approx(1.0)
+    assert {"+4.0", "+400"} <= set(texts_in(display.ax_))
+    assert sum(text.startswith("X has no target") for text in texts_in(display.ax_)) == len(REFUSED)
     assert same_color(display.lines_["dead_zone"].get_facecolor(), BLUE)
+    assert [n for n, bar in display.lines_.items() if bar.get_hatch()] == ["candidate_1"]
     low, high = display.ax_.get_ylim()
     assert low > high  # the best is on top
+    covers_nothing(display)
+    few = SearchDisplay.from_estimator(search, "ranking", n_candidates=3)
+    assert list(few.lines_) == ["dead_zone", "candidate_0", "candidate_1"]
 
 
-def test_ranking_says_what_is_gained_in_the_closed_loop():
+def test_ranking_has_what_is_gained_in_the_closed_loop():
     display = SearchDisplay.from_estimator(SEARCHES["in loop"], "ranking")
-    values = {name: t.get_text() for name, t in display.columns_["candidate_0"].items()}
-    assert values == {"delta_bic": "+300", "gain_loop": "+1.5"}
-    display.figure_.canvas.draw()
-    panel = display.ax_.get_window_extent()
-    assert all(w.get_window_extent().x1 < panel.x1 for w in display.words_.values())
-    search = copy.deepcopy(SEARCHES["in loop"])
-    search.ranking_["gain_loop"] = np.nan
-    display = SearchDisplay.from_estimator(search, "ranking")
-    assert list(display.columns_["candidate_0"]) == ["delta_bic"]
+    assert "in closed\nloop, points" in texts_in(display.ax_)
+    assert "+1.5" in texts_in(display.ax_)
+    covers_nothing(display)
 
 
-def test_ranking_with_another_best_than_what_was_added():
-    """What does not hold in the closed loop is not added, however good it is."""
+def test_title_of_the_ranking_compares_what_was_added_with_the_next():
     search = copy.deepcopy(SEARCHES["one"])
-    ranking = search.ranking_
-    ranking.loc[:1, "status"] = ["not better", "added"]
-    display = SearchDisplay.from_estimator(search, "ranking")
-    assert display.margin_ == pytest.approx(-1.0)
-    assert display.figure_.get_suptitle() == (
-        "Step 1: candidate 0 added, though dead zone has a ΔBIC that is 100 larger"
-    )
-
-
-def test_ranking_greys_what_does_not_apply():
-    display = SearchDisplay.from_estimator(SEARCHES["one"], "ranking")
-    assert not set(display.lines_) & set(REFUSED)
-    for name in REFUSED:
-        assert display.words_[name].get_text().startswith("X has no target")
-    few = SearchDisplay.from_estimator(SEARCHES["one"], "ranking", n_candidates=3)
-    assert list(few.words_) == ["dead_zone", "candidate_0", "candidate_1"]
-
-
-def test_ranking_marks_what_cannot_be_told_apart():
-    display = SearchDisplay.from_estimator(SEARCHES["one"], "ranking")
-    assert display.confused_ == ["candidate_1"]
-    assert [n for n, bar in display.lines_.items() if bar.get_hatch()] == ["candidate_1"]
-    assert "which these data cannot tell apart" not in display.figure_.get_suptitle()
-    search = copy.copy(SEARCHES["one"])
-    search.ranking_ = search.ranking_.copy()
+    title = "Step 1: dead zone added; runner-up: candidate 0, 1.0 points behind"
+    assert title_of_ranking(search) == title
+    assert title_of_ranking(search, step=2).endswith("no candidate is better by more than chance")
     search.ranking_["confused_with"] = [["candidate_0"]] * len(search.ranking_)
-    title = plain(SearchDisplay.from_estimator(search, "ranking").figure_.get_suptitle())
-    assert title == (
-        "Step 1: dead zone added; runner-up: candidate 0, 1.0 points behind, which these data "
-        "cannot tell apart"
-    )
-
-
-def test_ranking_of_a_step_that_adds_nothing():
-    display = SearchDisplay.from_estimator(SEARCHES["one"], "ranking", step=2)
-    assert display.figure_.get_suptitle() == "Step 2: no candidate is better by more than chance"
-    low, high = display.ax_.get_xlim()
-    assert high - low >= 1.0
-    with pytest.raises(ValueError, match=r"has the steps 1, 2; got step=3"):
-        SearchDisplay.from_estimator(SEARCHES["one"], "ranking", step=3)
+    assert title_of_ranking(search) == f"{title}, which these data cannot tell apart"
+    # What does not hold in the closed loop is not added, however good it is.
+    search.ranking_.loc[:1, "status"] = ["not better", "added"]
+    start = "Step 1: candidate 0 added, though dead zone has a ΔBIC that is 100 larger"
+    assert title_of_ranking(search).startswith(start)
+    with pytest.raises(ValueError, match="step must be one of 1, 2; got 3"):
+        SearchDisplay.from_estimator(search, "ranking", step=3)
 
 
 def test_ranking_without_a_gain_and_far_losses():
-    search = copy.copy(SEARCHES["one"])
-    search.ranking_ = search.ranking_.copy()
+    search = copy.deepcopy(SEARCHES["one"])
     search.ranking_.loc[2, "vaf_gain"] = np.nan
     search.ranking_.loc[3, "vaf_gain"] = -900.0
     display = SearchDisplay.from_estimator(search, "ranking")
-    assert display.words_["candidate_1"].get_text() == ""
-    assert display.columns_["candidate_1"]["delta_bic"].get_text() == "+200"
-    assert display.words_["candidate_2"].get_text().endswith("(cut)")
+    assert any(text.endswith("(cut)") for text in texts_in(display.ax_))
     assert display.ax_.get_xlim()[0] > -2.0
 
 
-# All of a search
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_what_is_no_search_is_refused(kind):
+def test_what_is_no_search_is_refused():
     with pytest.raises(NotFittedError, match="not fitted"):
-        SearchDisplay.from_estimator(EffectSearchCV(OperatorRegressor()), kind)
+        SearchDisplay.from_estimator(EffectSearchCV(OperatorRegressor()))
     with pytest.raises(TypeError, match="got OperatorRegressor"):
-        SearchDisplay.from_estimator(OperatorRegressor(), kind)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
-def test_nothing_covers_data_or_text(kind, search):
-    covers_nothing(SearchDisplay.from_estimator(search, kind))
+        SearchDisplay.from_estimator(OperatorRegressor())

@@ -27,16 +27,3 @@ def covers_nothing(display):
         assert box.x1 <= figure.bbox.x1
     for one, other in itertools.combinations(boxes, 2):
         assert not one.overlaps(other)
-
-
-def labels_of(artist):
-    return [text.get_text() for text in artist.get_texts()]
-
-
-def widths(parts):
-    return {name: part.get_width() for name, part in parts.items()}
-
-
-def labels_in(display):
-    """Labels of everything drawn in the panels."""
-    return {label for p in display.axes_ for label in p.get_legend_handles_labels()[1]}
