@@ -423,7 +423,7 @@ def fitted_end(estimator: Any) -> Any:
     return last
 
 
-def check_option(name: str, value: Any, known: Iterable[str]) -> None:
+def check_option(name: str, value: Any, known: Iterable[Any]) -> None:
     """Refuse a value that is not among those known."""
     if value not in known:
         raise ValueError(f"{name} must be one of {', '.join(map(repr, known))}; got {value!r}.")

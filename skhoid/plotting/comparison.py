@@ -227,7 +227,7 @@ class ComparisonDisplay(ResidualPanels):
         %(self)
         """
         check_option("kind", self.kind, KINDS)
-        self.lines_: dict[Any, Any] = {}
+        self._forget()
         main = getattr(self, f"_draw_{self.kind}")(ax)
         self._restyle(kwargs, main)
         if self.kind == "overview":
@@ -496,7 +496,7 @@ def _strongest(bins: pd.DataFrame, tests: pd.DataFrame) -> str | None:
 def _own_panels() -> list[Axes]:
     """Traces, time, frequency, amplitude and the bar in a new figure."""
     width, height = figure_size(SIZE, 3)
-    rows: list[list[str]] = [["bar"] * 3, ["traces"] * 3, ["time", "frequency", "amplitude"]]
+    rows: Any = [["bar"] * 3, ["traces"] * 3, ["time", "frequency", "amplitude"]]
     if letters_across(width) < SIDE_BY_SIDE:
         rows = [[name] for name in HEIGHTS]
     heights = [HEIGHTS[row[0]] for row in rows]

@@ -399,9 +399,9 @@ class GroupEffectsDisplay(Display):
             ),
         )
         for where, look in marks:
-            number, column = np.nonzero(where)
-            if number.size:
-                panel.plot(column, number, ls="none", **look)
+            row_numbers, columns = np.nonzero(where)
+            if row_numbers.size:
+                panel.plot(columns, row_numbers, ls="none", **look)
 
     def _draw_prevalence(self, panel: Any, rows: list[Row]) -> list[Any]:
         intervals = []

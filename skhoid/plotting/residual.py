@@ -69,6 +69,10 @@ class ResidualPanels(Display):
     comparison: Any
     kind: str = "overview"
 
+    def _forget(self) -> None:
+        """Nothing is drawn yet."""
+        self.lines_: dict[Any, Any] = {}
+
     def _draw_time(self, ax: Any) -> Any:
         shows = "VAF points lost and relative power"
         top, bottom = self._take_axes(ax, shows, (2, 1), sharex=True, figsize=(6.4, 5.2))

@@ -221,7 +221,7 @@ class SimulationDisplay(Display):
     def _draw_run(self, name: str, trace: pd.DataFrame, panels: np.ndarray) -> None:
         top, first, last = panels[0], trace.index[0], trace.index[-1]
         step = np.diff(trace.index)
-        gaps = np.flatnonzero(step > GAP * np.median(step)) + 1 if step.size else []
+        gaps: Any = np.flatnonzero(step > GAP * np.median(step)) + 1 if step.size else []
         columns = (trace.index, trace["measured"], trace["simulated"])
         time, true, pred = (np.insert(v.to_numpy(dtype=float), gaps, np.nan) for v in columns)
         self.measured_ += top.plot(time, true, label="measured", **ROLES["measured"].style(1.2))

@@ -76,7 +76,9 @@ def test_delay_over_time(data):
 @pytest.fixture(scope="module")
 def orders(data):
     X, y = data
-    return OrderSearchCV(na=[1, 2, 3], nb=[1, 2], nk=[4, 5], factor=[1, 2]).fit(X[["a"]], y)
+    return OrderSearchCV(ARXRegressor(), na=[1, 2, 3], nb=[1, 2], nk=[4, 5], factor=[1, 2]).fit(
+        X[["a"]], y
+    )
 
 
 def test_marks_of_the_contours(orders):
@@ -101,7 +103,7 @@ def test_marks_of_the_contours(orders):
 
 def test_one_row_of_candidates_becomes_lines(data):
     X, y = data
-    search = OrderSearchCV(na=[1, 2, 3], nb=[1], nk=[5]).fit(X[["a"]], y)
+    search = OrderSearchCV(ARXRegressor(), na=[1, 2, 3], nb=[1], nk=[5]).fit(X[["a"]], y)
     display = VAFContourDisplay.from_estimator(search)
     (line,) = display.lines_
     scores = np.asarray(search.cv_results_["mean_test_score"])
@@ -110,13 +112,15 @@ def test_one_row_of_candidates_becomes_lines(data):
 
 
 def test_orders_of_each_input(data):
-    search = OrderSearchCV(na=[1, 2], nb=[(1, 1), (2, 1)], nk=[(5, 2), (4, 2)]).fit(*data)
+    search = OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[(1, 1), (2, 1)], nk=[(5, 2), (4, 2)]).fit(
+        *data
+    )
     display = VAFContourDisplay.from_estimator(search)
     assert [text.get_text() for text in display.ax_.get_yticklabels()] == ["(1, 1)", "(2, 1)"]
 
 
 def test_many_delays_show_the_best_and_say_so():
-    search = OrderSearchCV()
+    search = OrderSearchCV(ARXRegressor())
     params = [(na, nb, nk, 1) for na in (1, 2) for nb in (1, 2) for nk in range(15)]
     search.best_estimator_, search.best_factor_, search.best_index_ = object(), 1, 0
     search.cv_results_ = {
@@ -137,6 +141,6 @@ def test_many_delays_show_the_best_and_say_so():
 
 def test_what_is_no_fitted_search_is_refused():
     with pytest.raises(NotFittedError):
-        DelayLossDisplay.from_estimator(DelaySearchCV())
+        DelayLossDisplay.from_estimator(DelaySearchCV(ARXRegressor()))
     with pytest.raises(TypeError, match="draws a fitted OrderSearchCV; got DelaySearchCV"):
-        VAFContourDisplay.from_estimator(DelaySearchCV())
+        VAFContourDisplay.from_estimator(DelaySearchCV(ARXRegressor()))
