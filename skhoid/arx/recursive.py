@@ -32,13 +32,13 @@ from .orders import Orders, regressors
 from .rls import (
     Instants,
     RecursionData,
-    RecursionPlan,
     RecursionState,
     RunRecursion,
     grid_numbers,
     kernel_regressors,
     likelihoods,
     needs_data,
+    run_recursion,
     start_of,
 )
 from .streaming import Recursion, Streaming
@@ -345,13 +345,14 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
         self._check_shared_times(data.instants, data.grid)
         check_row_count(int((~np.isnan(data.target)).sum()), 1, data.grid)
         self._end_stream(*OF_RUNS)
-        parts = range(data.instants.n_runs) if each else [None]
-        starts = [self._start(data, run) for run in parts]
+        n_runs = data.instants.n_runs
+        parts = [slice(r, r + 1) for r in range(n_runs)] if each else [slice(None)]
+        starts = [self._start(data, np.arange(n_runs)[runs]) for runs in parts]
         times = self._read_reset_times()
         at = np.searchsorted(data.instants.time, times - 1e-6 * data.instants.dt)
         resets = np.unique(at[at < len(data.instants)])
         if forgetting.automatic:
-            found = likelihoods(data, starts, forgetting, resets, each)
+            found = likelihoods(data, starts, parts, forgetting, resets)
             self.log_likelihood_ = found
             forgetting = forgetting.with_horizon(max(found, key=lambda N0: (found[N0], N0)))
         if smooth and (forgetting.factors.shape[1] > 1 or forgetting.diagonal):
@@ -359,8 +360,11 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
                 "smooth=True needs one λ for all parameters, and forgetting_form='joint'; with "
                 "one λ per parameter, ΛPΛ is not a random walk."
             )
-        plan = RecursionPlan(self.orders_, forgetting, resets, smooth, self.store_covariance)
-        recursions = plan.each(data, starts) if each else [plan.pooled(data, starts[0])]
+        options = {"smooth": smooth, "with_covariance": self.store_covariance}
+        recursions = [
+            run_recursion(data, start, runs, forgetting, resets, **options)
+            for start, runs in zip(starts, parts, strict=True)
+        ]
         errors = np.concatenate([r.errors for r in recursions], axis=1)
         self._keep_runs(data, errors)
         self._states = [r.state for r in recursions]

@@ -15,7 +15,7 @@ from sklearn.callback import CallbackSupportMixin, with_callbacks
 from .. import _kernels
 from .._sklearn import fit_context
 from ..exceptions import RunCutWarning
-from ..metrics import VAFScorer, scored_rows, vaf_of_rows, vaf_of_sums
+from ..metrics import VAFScorer, scored_rows, vaf_of_rows
 from ..text import ModelSummary, TextTable, number, vaf_name
 from .base import BOUND
 from .folds import SplitsRuns, folds_of
@@ -330,15 +330,10 @@ class _HorizonScores:
         some = np.bincount(of_grid, ~np.isnan(data.output), len(layout.labels)) > 0
         self.known = ~np.isnan(y) & some[self.run]
         self.keep = self.known & scored_rows(layout, self.scorer.run_in, self.scorer.window)
-        self.sums_suffice = data.grid.rows is None and not self.scorer.centered
-        n_rows = data.inputs.shape[0]
-        self.signals = np.ones((data.signals.shape[0], n_rows))
-        self.signals[0] = np.where(self.keep, y, np.nan) if self.sums_suffice else np.nan
+        self.signals = np.ones((data.signals.shape[0], data.inputs.shape[0]))
+        self.signals[0] = np.nan  # no output is given to a free run
         self.signals[1 : 1 + inputs.shape[1]] = inputs.T
-        power = np.where(self.keep, y, 0.0) ** 2
-        n_runs = data.instants.n_runs
-        self.power = np.bincount(self.run, power, n_runs)
-        self.scored = np.bincount(self.run, self.keep, n_runs) > 0
+        self.scored = np.bincount(self.run, self.keep, data.instants.n_runs) > 0
 
     def scores(self, runs: tuple[np.ndarray, np.ndarray], settings: list[Forgetting]) -> np.ndarray:
         """VAF on validation and on training runs, of shape (2, n_settings)."""
@@ -368,43 +363,20 @@ class _HorizonScores:
 
     def _vaf(self, paths: np.ndarray, at: np.ndarray, runs: np.ndarray) -> np.ndarray:
         """VAF of the free runs, row t with ``paths[at[t]]``, of shape (n_params, lanes)."""
-        free, lost = zip(*(self._simulate(paths, at, run) for run in runs), strict=True)
-        if self.sums_suffice:
-            return vaf_of_sums(np.array(lost), self.power[runs], self.scored[runs], self.average)
-        grid = self.data.grid
-        keep = self.keep & np.isin(self.run, runs)
-        simulated = np.zeros((self.signals.shape[1], paths.shape[2]))
-        of_run = self.data.instants.run
-        for run, of_lanes in zip(runs, free, strict=True):
-            simulated[of_run == run] = of_lanes
+        grid, orders, lanes = self.data.grid, self.data.orders, paths.shape[2]
+        regressors = kernel_regressors(orders)
+        free = np.zeros((self.signals.shape[1], lanes))
+        for run in runs:
+            chosen = self.data.instants.run[grid.begin] == run
+            begin, end, past = grid.begin[chosen], grid.end[chosen], grid.past[chosen]
+            out = free[begin[0] : end[-1]]
+            _kernels.rls.free_runs(
+                self.signals, *regressors, orders.na, begin, end, past, paths, at, BOUND, out
+            )
+        keep, scorer = self.keep & np.isin(self.run, runs), self.scorer
         return np.array(
             [
-                vaf_of_rows(
-                    self.y,
-                    grid.to_full_rate(np.ascontiguousarray(lane)),
-                    keep,
-                    grid.layout,
-                    self.average,
-                    self.scorer.centered,
-                )
-                for lane in simulated.T
+                vaf_of_rows(self.y, full, keep, grid.layout, scorer.average, scorer.centered)
+                for full in (grid.to_full_rate(np.ascontiguousarray(lane)) for lane in free.T)
             ]
         )
-
-    @property
-    def average(self) -> str:
-        return self.scorer.average
-
-    def _simulate(
-        self, paths: np.ndarray, at: np.ndarray, run: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Output of a run, if wanted, and the sum of its squared errors."""
-        grid, orders = self.data.grid, self.data.orders
-        chosen = self.data.instants.run[grid.begin] == run
-        begin, end = grid.begin[chosen], grid.end[chosen]
-        lanes = paths.shape[2]
-        out = np.empty((0 if self.sums_suffice else end[-1] - begin[0], lanes))
-        return out, _kernels.rls.free_runs(
-            self.signals, *kernel_regressors(orders), orders.na, begin, end, grid.past[chosen],
-            paths, at, BOUND, out,
-        )  # fmt: skip

@@ -366,74 +366,44 @@ class RunRecursion:
     used: np.ndarray
 
 
-@dataclass(frozen=True)
-class RecursionPlan:
-    """How to run recursions: their forgetting, their resets, and what to keep."""
-
-    orders: Orders
-    forgetting: Forgetting
-    resets: np.ndarray
-    smooth: bool
-    with_covariance: bool
-
-    def pooled(self, data: RecursionData, start: tuple[np.ndarray, np.ndarray]) -> RunRecursion:
-        """One recursion over all runs."""
-        return self._run(data.signals, data.target, [start])[0]
-
-    def each(
-        self, data: RecursionData, starts: list[tuple[np.ndarray, np.ndarray]]
-    ) -> list[RunRecursion]:
-        """One recursion for each run, side by side."""
-        lanes = 1 if self.smooth else _kernels.rls.MANY
-        found: list[RunRecursion] = []
-        for first in range(0, len(starts), lanes):
-            runs = [min(run, len(starts) - 1) for run in range(first, first + lanes)]
-            signals = _kernels.aligned((*data.signals.shape[:2], 1, lanes))
-            target = _kernels.aligned((len(data.instants), 1, lanes))
-            for of_runs, room in ((data.signals, signals), (data.target, target)):
-                np.take(of_runs[..., 0], runs, axis=-1, out=room[..., 0, :], mode="clip")
-            wanted = min(lanes, len(starts) - first)
-            found += self._run(signals, target, [starts[run] for run in runs], wanted)
-        return found
-
-    def _run(
-        self,
-        signals: np.ndarray,
-        target: np.ndarray,
-        starts: list[tuple[np.ndarray, np.ndarray]],
-        n_wanted: int = 1,
-    ) -> list[RunRecursion]:
-        """Recursions of the first ``n_wanted`` lanes; there is a start for every lane."""
-        theta0, P0 = (np.array(part) for part in zip(*starts, strict=True))
-        state = RecursionState(theta0, P0, len(starts))
-        keep = ["theta", "errors"]
-        state.set_factor(self.forgetting)
-        if self.forgetting.nominal:
-            keep.append("used")
-        if self.smooth or self.with_covariance:
-            keep.append("factors")
-        if self.smooth:
-            keep.append("priors")
-        paths = recurse(
-            state, signals, target, self.orders, self.forgetting,
-            resets=self.resets, P0=P0, keep=keep,
-        )  # fmt: skip
-        return [self._of_lane(paths, state, lane) for lane in range(n_wanted)]
-
-    def _of_lane(self, paths: Paths, states: RecursionState, lane: int) -> RunRecursion:
-        state = states.lane(lane)
-        theta, errors = paths.theta[:, :, lane], paths.errors[:, :, lane]
-        used = paths.used[:, lane] if self.forgetting.nominal else NOTHING
-        covariance = NOTHING
-        if self.smooth:
-            theta, covariance = _smoothed(paths, self.resets, self.with_covariance)
-        elif self.with_covariance:
-            covariance = multiplied_out(paths.factors[:, :, lane], state.n_params)
-            factors = used[:, None] if self.forgetting.nominal else self.forgetting.factors
-            weight = spread_weights(factors, _instants_so_far(errors, self.resets)[:, None])
-            covariance *= weight[:, :, None] * weight[:, None, :]
-        covariance *= state.noise_variance
-        return RunRecursion(state, theta, errors, covariance, used)
+def run_recursion(
+    data: RecursionData,
+    start: tuple[np.ndarray, np.ndarray],
+    runs: slice,
+    forgetting: Forgetting,
+    resets: np.ndarray,
+    *,
+    smooth: bool,
+    with_covariance: bool,
+) -> RunRecursion:
+    """Run one recursion over some of the runs, which P is reset in at some instants."""
+    state = RecursionState(*start)
+    state.set_factor(forgetting)
+    keep = ["theta", "errors"]
+    if forgetting.nominal:
+        keep.append("used")
+    if smooth or with_covariance:
+        keep.append("factors")
+    if smooth:
+        keep.append("priors")
+    signals, target = (
+        np.ascontiguousarray(values) for values in (data.signals[:, :, runs], data.target[:, runs])
+    )
+    paths = recurse(
+        state, signals, target, data.orders, forgetting, resets=resets, P0=start[1], keep=keep
+    )
+    theta, errors = paths.theta[:, :, 0], paths.errors[:, :, 0]
+    used = paths.used[:, 0] if forgetting.nominal else NOTHING
+    covariance = NOTHING
+    if smooth:
+        theta, covariance = _smoothed(paths, resets, with_covariance)
+    elif with_covariance:
+        covariance = multiplied_out(paths.factors[:, :, 0], state.n_params)
+        factors = used[:, None] if forgetting.nominal else forgetting.factors
+        weight = spread_weights(factors, _instants_so_far(errors, resets)[:, None])
+        covariance *= weight[:, :, None] * weight[:, None, :]
+    covariance *= state.noise_variance
+    return RunRecursion(state, theta, errors, covariance, used)
 
 
 def spread_weights(factors: np.ndarray, n_instants: Any) -> np.ndarray:
@@ -471,9 +441,9 @@ def _smoothed(
 def likelihoods(
     data: RecursionData,
     starts: list[tuple[np.ndarray, np.ndarray]],
+    parts: list[slice],
     forgetting: Forgetting,
     resets: np.ndarray,
-    each: bool,
 ) -> dict[float, float]:
     """Log-likelihood of the one-step predictions by memory horizon, summed over recursions.
 
@@ -485,8 +455,7 @@ def likelihoods(
     factors = np.ones((1, 1, lanes))
     factors[0, 0, : len(horizons)] = 1.0 - 1.0 / np.array(horizons)
     total = np.zeros(lanes)
-    for run, start in enumerate(starts):
-        runs = slice(run, run + 1) if each else slice(None)
+    for runs, start in zip(parts, starts, strict=True):
         paths = recurse(
             RecursionState(*start, lanes),
             np.ascontiguousarray(data.signals[:, :, runs]),

@@ -516,14 +516,12 @@ class KalmanRows(Recursion):
         self.fresh = False
         self.run(X.reshape(-1), y, fresh)
 
-    def run(
-        self, e: np.ndarray, y: np.ndarray, fresh: np.ndarray, filtered: np.ndarray = NOTHING
-    ) -> None:
+    def run(self, e: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> None:
         """Take rows with flags of where signals begin anew."""
         y = y - self.start.intercept
         _kernels.kalman.advance(
             self.method, self.state, self.settings, e.reshape(1, -1), y.reshape(1, -1),
-            fresh.reshape(1, -1), 0, y.size, NOTHING, NOTHING, filtered, NOTHING, NOTHING_WIDE,
+            fresh.reshape(1, -1), 0, y.size, NOTHING, NOTHING, NOTHING, NOTHING, NOTHING_WIDE,
         )  # fmt: skip
 
     def latest(self) -> np.ndarray:
@@ -547,46 +545,32 @@ class Found(NamedTuple):
 
 
 def run_lanes(filters: list[KalmanRows], lanes: Lanes, *, smooth: bool) -> Found:
-    """Run the filters over their lanes, which leaves them at the end."""
+    """Run each filter over its lane, which leaves it at the end."""
     kernel, n = _kernels.kalman, filters[0].n
-    shape = lanes.e.shape
+    shape, n_instants = lanes.e.shape, lanes.e.shape[1]
     path, errors = np.zeros((*shape, kernel.N_PATH)), np.full((*shape, 2), np.nan)
-    present = lanes.fresh != NO_ROW
     y = lanes.y - filters[0].start.intercept
-    if not smooth:
-        states = np.concatenate([f.state for f in filters])
-        settings = np.concatenate([f.settings for f in filters])
-        kernel.advance(
-            filters[0].method, states, settings, lanes.e, y, lanes.fresh, 0, shape[1],
-            path, errors, NOTHING, NOTHING, NOTHING_WIDE,
-        )  # fmt: skip
-        for lane, one in enumerate(filters):
-            one.state[0] = states[lane]
-            one.fresh = False
-        return Found(path, errors[..., 0], present)
-    for lane, one in enumerate(filters):  # one after the other, for their covariances' sake
+    filtered, priors, crosses = NOTHING, NOTHING, NOTHING_WIDE
+    for lane, one in enumerate(filters):
         own = slice(lane, lane + 1)
-        filtered, priors = np.zeros((2, 1, shape[1], n + n * n))
-        crosses = np.zeros((1, shape[1], n, n))
+        if smooth:
+            filtered, priors = np.zeros((2, 1, n_instants, n + n * n))
+            crosses = np.zeros((1, n_instants, n, n))
         kernel.advance(
             one.method, one.state, one.settings, lanes.e[own], y[own], lanes.fresh[own],
-            0, shape[1], path[own], errors[own], filtered, priors, crosses,
+            0, n_instants, path[own], errors[own], filtered, priors, crosses,
         )  # fmt: skip
         one.fresh = False
-        kernel.smooth_kalman(filtered, priors, crosses, lanes.fresh[own])
-        covariance = filtered[0, :, n:].reshape(-1, n, n)
-        path[lane, :, :5] = filtered[0, :, :5]
-        path[lane, :, 5:10] = np.maximum(np.diagonal(covariance, axis1=1, axis2=2)[:, :5], 0.0)
-        path[lane, :, 10] = covariance[:, 3, 4]
-        low, high = (settings_bounds(one.settings[0], n - 7, name) for name in ("low", "high"))
-        path[lane, :, :5] = np.clip(path[lane, :, :5], low, high)
-    return Found(path, errors[..., 0], present)
-
-
-def settings_bounds(settings: np.ndarray, order: int, name: str) -> np.ndarray:
-    """Bounds of the logarithms in the settings of a lane."""
-    at = _kernels.kalman.settings_layout(order)[name]
-    return settings[at : at + 5]
+        if smooth:
+            kernel.smooth_kalman(filtered, priors, crosses, lanes.fresh[own])
+            covariance = filtered[0, :, n:].reshape(-1, n, n)
+            variances = np.diagonal(covariance, axis1=1, axis2=2)[:, :5]
+            at = kernel.settings_layout(n - 7)
+            low, high = (one.settings[0, at[name] : at[name] + 5] for name in ("low", "high"))
+            path[lane, :, :5] = np.clip(filtered[0, :, :5], low, high)
+            path[lane, :, 5:10] = np.maximum(variances, 0.0)
+            path[lane, :, 10] = covariance[:, 3, 4]
+    return Found(path, errors[..., 0], lanes.fresh != NO_ROW)
 
 
 def combined(
