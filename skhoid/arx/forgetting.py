@@ -11,21 +11,15 @@ import numpy as np
 NOMINAL_HORIZON = 256.0  # samples; best over all conditions of the thesis (Section V-B)
 
 
-def forgetting_factor(
-    memory_horizon: Any = None, *, memory_time: Any = None, dt: float | None = None
-) -> Any:
+def forgetting_factor(memory_horizon: Any) -> Any:
     """Forgetting factor for a memory horizon: λ = 1 - 1 / N0 (Section III-B, Table V).
 
     A measurement N0 samples old has e^-1 (about 37 %) of the weight of the newest.
 
     Parameters
     ----------
-    memory_horizon : float or array-like, default=None
+    memory_horizon : float or array-like
         N0 in samples of the grid the model is fitted on, more than 1; infinity means λ = 1.
-    memory_time : float or array-like, default=None
-        T0 = N0 dt in s, in place of N0; needs ``dt``.
-    dt : float or None, default=None
-        Sampling time of that grid in s.
 
     Returns
     -------
@@ -35,37 +29,33 @@ def forgetting_factor(
     Raises
     ------
     ValueError
-        If not exactly one of N0 and T0 is given, or a horizon is not longer than one sample.
+        If a horizon is not longer than one sample.
 
     Examples
     --------
     >>> from skhoid import forgetting_factor
     >>> forgetting_factor([16, 256, float("inf")])
     array([0.9375    , 0.99609375, 1.        ])
-    >>> forgetting_factor(memory_time=2.56, dt=0.01)
-    0.99609375
     """
-    if (memory_horizon is None) == (memory_time is None):
-        raise ValueError(
-            "Give either memory_horizon (N0, samples) or memory_time (T0, s); got "
-            f"{memory_horizon!r} and {memory_time!r}."
-        )
-    if memory_time is not None and (dt is None or not dt > 0):
-        raise ValueError(f"memory_time needs the sampling time dt in s; got dt={dt!r}.")
-    given = memory_horizon if memory_time is None else memory_time
     try:
-        horizon = np.asarray(given, dtype=float) / (1.0 if memory_time is None else dt)
+        horizon = np.asarray(memory_horizon, dtype=float)
     except (TypeError, ValueError):
         raise ValueError(
-            f"The memory must be a number, or one per parameter; got {given!r}."
+            f"The memory must be a number, or one per parameter; got {memory_horizon!r}."
         ) from None
     if not (horizon > 1).all():
-        samples = np.asarray(given).tolist() if memory_time is None else horizon.tolist()
         raise ValueError(
-            f"A memory horizon must be longer than one sample; got {samples!r} samples."
+            f"A memory horizon must be longer than one sample; got {horizon.tolist()!r} samples."
         )
     forgetting = 1.0 - 1.0 / horizon
     return float(forgetting) if forgetting.ndim == 0 else forgetting
+
+
+def factor_of_time(memory_time: Any, dt: float) -> Any:
+    """The same for a memory time in seconds; None forgets nothing."""
+    if memory_time is None:
+        return 1.0
+    return forgetting_factor(np.asarray(memory_time, dtype=float) / dt)
 
 
 @dataclass(frozen=True)
@@ -152,9 +142,12 @@ def read_forgetting(
     if by_name and forgetting == "auto":
         return Forgetting(np.ones((1, 1)), diagonal, automatic=True)
     if memory_horizon is not None or memory_time is not None:
-        factors = np.asarray(forgetting_factor(memory_horizon, memory_time=memory_time, dt=dt))
+        by_time = memory_horizon is None
+        factors = np.asarray(
+            factor_of_time(memory_time, dt) if by_time else forgetting_factor(memory_horizon)
+        )
         if factors.shape not in ((), (n_params,)):
-            name = names[1] if memory_horizon is not None else names[2]
+            name = names[2] if by_time else names[1]
             raise ValueError(
                 f"{name} must be one number or one per parameter ({n_params}); got the shape "
                 f"{factors.shape}."

@@ -13,7 +13,7 @@ import numpy as np
 from .. import _kernels
 from .._sklearn import DT, Interval, StrOptions, fit_context
 from ..arx.base import check_lengths, check_row_count
-from ..arx.forgetting import Forgetting, forgetting_factor
+from ..arx.forgetting import Forgetting, factor_of_time
 from ..arx.orders import Orders, whole_number
 from ..arx.recursive import (
     MOST_ROWS_BACK,
@@ -444,10 +444,7 @@ class DelayBankARX(RecursiveLeastSquares):
         self.orders_ = self._each_orders[-1]
 
     def _read_forgetting(self, time: np.ndarray) -> Forgetting:
-        factor = 1.0
-        if self.memory_time is not None:
-            factor = forgetting_factor(memory_time=self.memory_time, dt=self.dt_)
-        return Forgetting(np.array([[factor]]))
+        return Forgetting(np.array([[factor_of_time(self.memory_time, self.dt_)]]))
 
     def _follow(
         self,

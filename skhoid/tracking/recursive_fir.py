@@ -12,7 +12,7 @@ import numpy as np
 from .. import _kernels
 from .._sklearn import DT, Interval, fit_context
 from ..arx.base import check_lengths, check_row_count
-from ..arx.forgetting import forgetting_factor
+from ..arx.forgetting import factor_of_time
 from ..arx.model_summary import JUDGE, WHITE, orders_text
 from ..arx.orders import Orders
 from ..arx.recursive import OF_RUNS, OneRecursion, check_streamable
@@ -344,9 +344,7 @@ class RecursiveFIR(OneRecursion):
         self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
 
     def _new_filter(self) -> FIRFilter:
-        factor = 1.0
-        if self.memory_time is not None:
-            factor = float(forgetting_factor(memory_time=self.memory_time, dt=self.dt_))
+        factor = factor_of_time(self.memory_time, self.dt_)
         return FIRFilter(self.orders_, factor, float(self.ridge), int(self.every))
 
     def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> FIRFilter:

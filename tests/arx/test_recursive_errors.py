@@ -49,7 +49,7 @@ ERRORS = {
         lambda: fit(forgetting=0.9, memory_horizon=10), ValueError, ["forgetting", "memory_horizon"]
     ),
     "memory of one sample": (
-        lambda: fit(memory_horizon=1), ValueError, ["longer than one sample", "got 1 samples"]
+        lambda: fit(memory_horizon=1), ValueError, ["longer than one sample", "got 1.0 samples"]
     ),
     # start
     "unknown start": (lambda: fit(init="batch"), ValueError, ["init", "batch", "ols"]),

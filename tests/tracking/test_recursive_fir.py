@@ -21,7 +21,7 @@ from skhoid import (
 from skhoid.tracking.recursive_fir import RecursiveFIR
 
 TAPS, NK, MEMORY, N = 6, 2, 0.4, 260
-LAMBDA = forgetting_factor(memory_time=MEMORY, dt=DT)
+LAMBDA = forgetting_factor(MEMORY / DT)
 LAGS = [range(NK, NK + TAPS)]
 H = np.array([0.2, 1.0, 0.7, 0.3, -0.1, 0.05])
 WHERE = [20, 60, N - 1]
