@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from itertools import pairwise
 from numbers import Integral, Real
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -244,10 +244,6 @@ class Stream(Recursion):
         self._regressors = kernel_regressors(orders)
         self._since = np.zeros(1, dtype=np.int64)  # rows without a break
         self._last_time = -np.inf
-        self.go_on_with(forgetting, reset_times)
-
-    def go_on_with(self, forgetting: Forgetting, reset_times: np.ndarray) -> None:
-        """Forget and reset in this way from the next row on."""
         self.forgetting, self._reset_times = forgetting, reset_times
         self._arrays = forgetting.arrays()
         self.plain = not forgetting.over_time and reset_times.size == 0
@@ -428,21 +424,6 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
 
     # Streams
 
-    def _read_anew(self) -> tuple[Any, ...]:
-        return (self.na, self.nb, self.nk, self.fit_intercept)
-
-    def _take_parameters(self, recursion: Stream | None) -> None:
-        orders = Orders.of(self.na, self.nb, self.nk, len(self._columns), bool(self.fit_intercept))
-        begun = recursion is not None or "_pending" in vars(self)
-        if begun and orders != self.orders_:
-            raise ValueError(
-                f"The stream began with {self.orders_} and now has {orders}. Orders cannot change "
-                "within a stream: call fit, or begin a new stream with sklearn.base.clone."
-            )
-        check_streamable(orders)
-        self.orders_ = orders
-        self.parameter_names_ = orders.parameter_names(self.inputs_)
-
     def _rows_to_begin(self) -> int:
         return super()._rows_to_begin() if needs_data(self.init, self.p0) else 0
 
@@ -462,8 +443,12 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
         return regressors(y[:end], X[:end], begin, np.append(begin[1:], end), orders)[0]
 
     def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> Recursion:
-        table = self._first_table(X, y, fresh, self.orders_)
-        theta0, P0 = self._start_from(table, y.size)
+        self.orders_ = orders = Orders.of(
+            self.na, self.nb, self.nk, len(self._columns), bool(self.fit_intercept)
+        )
+        check_streamable(orders)
+        self.parameter_names_ = orders.parameter_names(self.inputs_)
+        theta0, P0 = self._start_from(self._first_table(X, y, fresh, orders), y.size)
         self.initial_coef_, self.initial_covariance_ = theta0, P0
         forgetting = self._read_forgetting(np.zeros(1))
         state = RecursionState(theta0, P0)
@@ -781,43 +766,6 @@ class RecursiveARX(RecursiveLeastSquares):
             raise ValueError(refusal)
         return np.unique(times)
 
-    def partial_fit(self, X: Any, y: Any, *, new_run: bool = False) -> Self:
-        """Update the estimates with rows that follow those seen before, one or many.
-
-        With the same θ0 and P0 the estimates equal those of ``fit``, bit for bit. With
-        ``init="ols"`` or ``p0=None`` rows are collected until ``init_window`` is full; give
-        ``init`` and ``p0`` to have estimates from the first row with known lags. After ``fit`` the
-        stream continues from its end. Forgetting and reset times that were set since the last call
-        take effect, changed orders raise an error, all others count when a new stream begins.
-
-        A new run, or a gap, clears the lags; θ and P are kept. Runs are taken one after the other,
-        so several runs give a different result from ``fit``, which aligns them. No path is kept.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels. Runs and gaps are read from the index, or from the run column. A float64 array
-            is fastest (about 5 µs per call); give the delay as ``nk``, since pipelines have no
-            ``partial_fit``.
-        {y}
-        new_run : bool, default=False
-            Whether a new run begins with the first row.
-
-        Returns
-        -------
-        self : RecursiveARX
-
-        Raises
-        ------
-        ValueError
-            If X is decimated, if orders were changed, or the options need whole runs:
-            ``combine="average_estimates"``, an array over time, ``forgetting="auto"`` that was set
-            since, and before ``fit`` also ``smooth`` and ``forgetting="auto"``.
-        RunIndexError
-            If time goes backwards within a run.
-        """
-        return super().partial_fit(X, y, new_run=new_run)
-
     def _check_streaming(self) -> None:
         if self.combine == "average_estimates" or "coef_paths_" in vars(self):
             raise ValueError(
@@ -833,20 +781,3 @@ class RecursiveARX(RecursiveLeastSquares):
                     f"partial_fit cannot start with {option}, which needs whole runs. Call fit on "
                     "recorded runs first."
                 )
-
-    def _read_anew(self) -> tuple[Any, ...]:
-        memory = self.forgetting, self.memory_horizon, self.memory_time, self.forgetting_form
-        return (self.na, self.nb, self.nk, self.fit_intercept, *memory, self.reset_times)
-
-    def _take_parameters(self, recursion: Stream | None) -> None:
-        super()._take_parameters(recursion)
-        if recursion is None or all(map(np.array_equal, self._asked, self._read_anew())):
-            return
-        forgetting = self._read_forgetting(np.zeros(1))
-        if forgetting.automatic:
-            raise ValueError(
-                "forgetting='auto' needs whole runs, which partial_fit does not have: give the "
-                "forgetting factor, or call fit."
-            )
-        recursion.go_on_with(forgetting, self._read_reset_times())
-        recursion.state.set_factor(forgetting)

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from copy import copy, deepcopy
 from dataclasses import dataclass, replace
-from operator import is_
 from typing import Any, Self
 
 import numpy as np
@@ -145,28 +144,23 @@ class Streaming(RunRegressor):
     def _check_streaming(self) -> None:
         """Refuse options that need whole runs."""
 
-    def _read_anew(self) -> tuple[Any, ...]:
-        """Parameters that are looked at in each call."""
-        return ()
-
-    def _take_parameters(self, recursion: Any) -> None:
-        """Let a recursion go on with parameters that have changed; None begins with them."""
-
     def partial_fit(self, X: Any, y: Any, *, new_run: bool = False) -> Self:
         """Update the estimates with rows that follow those seen before, one or many.
 
-        The estimates do not depend on how the stream is cut. Rows are collected until
-        ``init_window`` is full if the method begins from data; until then there is no estimate.
-        After ``fit`` on a single run the stream continues from its end. Options changed since the
-        stream began take effect when a new one begins.
+        The estimates do not depend on how the stream is cut: from the same start they equal those
+        of ``fit``, bit for bit. Rows are collected until ``init_window`` is full if the method
+        begins from data; until then there is no estimate. After ``fit`` on a single run the stream
+        continues from its end. Options changed since the stream began take effect when a new one
+        begins.
 
-        A new run, or a gap, clears the lags; estimates are kept. No path is kept.
+        A new run, or a gap, clears the lags; estimates are kept. Runs are taken one after the
+        other, while ``fit`` aligns them. No path is kept.
 
         Parameters
         ----------
         X : DataFrame or array of shape (n_rows, n_columns)
             Channels. Runs and gaps are read from the index, or from the run column. A float64 array
-            is fastest.
+            is fastest; give a delay as ``nk``, since pipelines have no ``partial_fit``.
         {y}
         new_run : bool, default=False
             Whether a new run begins with the first row.
@@ -186,7 +180,6 @@ class Streaming(RunRegressor):
         if not (
             recursion is not None
             and recursion.plain
-            and all(map(is_, self._asked, self._read_anew()))
             and self._reading.run is None
             and not self._reading.indexed
             and self._reading.names is None
@@ -227,8 +220,6 @@ class Streaming(RunRegressor):
         inputs, output = columns_of(values, columns), _kernels.gate(output)
         pieces = list(clock.pieces(grid.layout, inputs, output, new_run))
         recursion = deepcopy(recursion)
-        self._take_parameters(recursion)
-        self._asked = self._read_anew()
         if recursion is None:
             pieces = [*(pending or []), *pieces]
             recursion = self._started(pieces)
@@ -271,7 +262,6 @@ class Streaming(RunRegressor):
         """Let streams go on after runs that were fitted: after a single one, without a break."""
         self._recursion, self._clock = recursion, Clock()
         self._stream_columns(self.n_features_in_)
-        self._asked = self._read_anew()
         if len(layout.labels) == 1:
             self._clock.run = layout.labels[-1]
             self._clock.time = float(layout.time[-1]) if layout.indexed else None

@@ -546,12 +546,6 @@ class DelayBankARX(RecursiveLeastSquares):
                 "path='filtered', or call fit."
             )
 
-    def _read_anew(self) -> tuple[Any, ...]:
-        return ()
-
-    def _take_parameters(self, recursion: Any) -> None:
-        """Options that change take effect when a new stream begins."""
-
     def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> BankRows:
         self._read_candidates()
         check_streamable(self.orders_)

@@ -9,8 +9,6 @@ from hypothesis import strategies as st
 from support.recursion_twin import THETA0, changing_runs, recursive
 from support.synthetic import DT, arx_runs
 
-from skhoid import RecursiveARX
-
 N = 300
 X, Y = changing_runs(N)
 ARRAYS = (X.to_numpy(), Y.to_numpy())
@@ -129,12 +127,3 @@ def test_resets_follow_the_time_of_the_run():
     for cuts in ([70, 71, 200], [100, 101, 200]):
         model = recursive(forgetting=0.97, reset_times=[1.0, 2.0], dt=DT)
         assert_same_bits(stream(model, X, Y, cuts), whole)
-
-
-def test_orders_cannot_change_in_a_stream():
-    e, u = ARRAYS
-    model = RecursiveARX(nk=3, init="zeros", p0=1, dt=0.01).partial_fit(e[:100], u[:100])
-    model.set_params(na=3)
-    for rows in (e[100:101], e[100:101].tolist()):  # by the fast path and past it
-        with pytest.raises(ValueError, match="Orders cannot change within a stream"):
-            model.partial_fit(rows, u[100:101])
