@@ -193,6 +193,23 @@ SHARED = {
         "Over time (s): K_e, T_L, K_edot, tau_e, omega_nm, zeta_nm and their standard errors",
         "``sd_K_e`` ...",
     ),
+    "folds": (
+        "cv : int, splitter, iterable or None, default=None",
+        "Folds; an int is a number of folds of whole runs. None leaves out one run at a time; a",
+        "single run is fitted on its first half and scored on its second.",
+    ),
+    "scoring": (
+        "scoring : VAFScorer or None, default=None",
+        "How the VAF is computed: run-in, window, centring, average.",
+    ),
+    "of_search_": (
+        "best_index_ : int",
+        "Position of the chosen candidate in ``cv_results_``.",
+    ),
+    "of_folds_": (
+        "n_splits_, scorer_ : int, VAFScorer",
+        "Number of folds, 0 without; how the VAF was computed.",
+    ),
     "jitter_": (
         "jitter_ : float",
         "Largest deviation of a step of the clock, as a fraction of the sampling time.",

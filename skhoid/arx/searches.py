@@ -213,13 +213,8 @@ class DelaySearchCV(ModelSearch):
         input. None means 1 to 50, but at most a quarter of the shortest run.
     criterion : {"one_step", "vaf"}, default="one_step"
         ``"one_step"`` is the mean squared one-step prediction error on all rows (Eq. 24, with the
-        square that is missing in print). ``"vaf"`` is 100 minus the cross-validated VAF of the free
-        run.
-    cv : int, splitter, iterable or None, default=None
-        Folds for ``"vaf"``; an int is a number of folds of whole runs. None leaves out one run at a
-        time; a single run is fitted on its first half and scored on its second.
-    scoring : VAFScorer or None, default=None
-        How ``"vaf"`` computes the VAF: run-in, window, centring, average.
+        square that is missing in print). ``"vaf"`` is 100 minus the VAF of the free run, by folds.
+    {folds, scoring}
     window : float or None, default=None
         Length in seconds of a sliding window, for the delay over time in addition to the overall
         one. Needs ``criterion="one_step"``.
@@ -237,12 +232,7 @@ class DelaySearchCV(ModelSearch):
         ``{"nk": best_nk_}``.
     best_score_ : float
         Its cross-validated VAF in percent; with ``criterion="one_step"`` minus its loss.
-    best_index_ : int
-        Its position in ``cv_results_``.
-    n_splits_ : int
-        Number of folds; 0 for ``"one_step"``.
-    scorer_ : VAFScorer
-        How the VAF was computed.
+    {of_search_, of_folds_}
     loss_ : ndarray of shape (n_candidates,)
         Loss of each candidate; NaN where its regressors are linearly dependent.
     cv_results_ : dict
@@ -435,11 +425,7 @@ class OrderSearchCV(ModelSearch):
     rule : {"one_standard_error", "best"}, default="one_standard_error"
         With ``"vaf"``, take the model with the fewest parameters (then the highest VAF) among
         those within one standard error of the best, or the best itself.
-    cv : int, splitter, iterable or None, default=None
-        Folds; an int is a number of folds of whole runs. None leaves out one run at a time; a
-        single run is fitted on its first half and scored on its second.
-    scoring : VAFScorer or None, default=None
-        How to compute the VAF: run-in, window, centring, average.
+    {folds, scoring}
     n_jobs : int or None, default=None
         Threads over folds; over candidates that do not share a factorisation.
 
@@ -453,17 +439,12 @@ class OrderSearchCV(ModelSearch):
         ``best_nk_`` in seconds.
     best_score_ : float
         Mean cross-validated VAF of the chosen model in percent; else minus its criterion.
-    best_index_ : int
-        Its position in ``cv_results_``.
+    {of_search_, of_folds_}
     cv_results_ : dict
         One entry per candidate: ``params``, ``param_na``, ``param_nb``, ``param_nk``,
         ``param_factor``, ``n_params``, ``delay`` (s), ``bic``, ``mbic``, and for ``"vaf"``
         ``split<i>_test_score``, ``mean_test_score``, ``std_test_score``, ``rank_test_score``. NaN
         for candidates whose regressors are linearly dependent.
-    n_splits_ : int
-        Number of folds; 0 for the information criteria.
-    scorer_ : VAFScorer
-        How the VAF was computed.
     standard_error_ : float
         For ``"vaf"``: standard error of the best VAF, over folds or, with a single fold, over eight
         blocks of its rows.

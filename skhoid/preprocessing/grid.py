@@ -29,23 +29,22 @@ def lowpass(values: np.ndarray, stretches: np.ndarray, mark: DecimationMark) -> 
         part = columns[a:b]
         missing = np.isnan(part)
         if missing.any():
-            part = _bridge(part, missing)
+            part = np.stack([bridged(column) for column in part.T], axis=1)
         part = smooth(part, mark)
         part[missing] = np.nan
         columns[a:b] = part
     return result
 
 
-def _bridge(part: np.ndarray, missing: np.ndarray) -> np.ndarray:
-    """Fill NaN by linear interpolation, so that they do not spread through the filter."""
-    part, rows = part.copy(), np.arange(len(part))
-    for column in range(part.shape[1]):
-        gaps = missing[:, column]
-        if gaps.all():
-            part[:, column] = 0.0
-        elif gaps.any():
-            part[gaps, column] = np.interp(rows[gaps], rows[~gaps], part[~gaps, column])
-    return part
+def bridged(values: np.ndarray, longest: float = np.inf) -> np.ndarray:
+    """Values with straight lines across stretches of NaN of at most so many rows."""
+    known = np.flatnonzero(~np.isnan(values))
+    if known.size in (0, values.size):
+        return values.copy()
+    after = np.clip(np.searchsorted(known, np.arange(values.size)), 1, known.size - 1)
+    near = known[after] - known[after - 1] <= longest + 1
+    lines = np.interp(np.arange(values.size), known, values[known])
+    return np.where(near | ~np.isnan(values), lines, np.nan)
 
 
 def _brick_wall(part: np.ndarray, mark: DecimationMark) -> np.ndarray:

@@ -16,6 +16,7 @@ from ..arx.rls import Instants
 from ..arx.streaming import Recursion
 from ..exceptions import PoorExcitationWarning, RankDeficiencyError, ShortRunError
 from ..model.operator_regressor import OperatorRegressor
+from ..preprocessing.grid import bridged
 from ..regression import DataToFit
 
 NAMES = ("omega_nm", "zeta_nm", "tau_e", "K_e", "K_edot")  # as in the state of the kernel
@@ -260,17 +261,6 @@ def periodogram(residual: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray
     hertz = angles / (2 * np.pi * dt)
     kept = (hertz > BAND[0]) & (hertz < BAND[1]) & (angles < np.pi)
     return power[kept], angles[kept]
-
-
-def bridged(values: np.ndarray, longest: float = np.inf) -> np.ndarray:
-    """Values with straight lines across stretches of NaN of at most so many rows."""
-    known = np.flatnonzero(~np.isnan(values))
-    if known.size in (0, values.size):
-        return values.copy()
-    after = np.clip(np.searchsorted(known, np.arange(values.size)), 1, known.size - 1)
-    near = known[after] - known[after - 1] <= longest + 1
-    lines = np.interp(np.arange(values.size), known, values[known])
-    return np.where(near | ~np.isnan(values), lines, np.nan)
 
 
 def cascade_spectrum(transition: np.ndarray, drive: np.ndarray, z: np.ndarray) -> np.ndarray:

@@ -16,9 +16,9 @@ from ..arx.rls import grid_numbers
 from ..exceptions import RankDeficiencyError, ShortRunError, UsageError
 from ..interpret.response_fit import ResponseFit
 from ..preprocessing.base import as_fitted
+from ..preprocessing.grid import bridged
 from ..regression import DataToFit
 from ..runs.roles import columns_by_role
-from .kalman import bridged
 from .operator_fitting import DYNAMICS, LIMITS, STARTS
 from .operator_path import ESTIMATED, OperatorPath
 
