@@ -13,7 +13,6 @@ from scipy.stats import rankdata, sem
 from sklearn.base import clone
 from sklearn.callback import with_callbacks
 from sklearn.pipeline import Pipeline, make_pipeline
-from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
 from .._sklearn import (
@@ -134,31 +133,6 @@ class ModelSearch(RemembersParameters, SplitsRuns, FittedDisplay, BaseSearchCV):
     @property
     def _vaf_name(self) -> str:
         return vaf_name(centered=self.scorer_.centered)
-
-    @available_if(
-        lambda self: hasattr(
-            final_step(getattr(self, "best_estimator_", self.estimator))[1], "predict_ahead"
-        )
-    )
-    def predict_ahead(self, X: Any, y: Any, horizon: int = 1) -> np.ndarray:
-        """Predict ``horizon`` steps ahead with the best model.
-
-        Parameters
-        ----------
-        X : DataFrame or array of shape (n_rows, n_columns)
-            Channels, one row per sample.
-        y : Series or array of shape (n_rows,)
-            Measured output.
-        horizon : int, default=1
-            Steps ahead, in samples of the fitted grid.
-
-        Returns
-        -------
-        y_pred : ndarray of shape (n_rows,)
-        """
-        check_is_fitted(self)
-        model, passed_on = reach_model(self.best_estimator_, X)
-        return model.predict_ahead(passed_on, y, horizon)
 
     def summary(self, X: Any = None, y: Any = None) -> Summary:
         """Summarise what was searched and found, and the best model.

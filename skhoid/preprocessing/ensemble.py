@@ -13,14 +13,6 @@ from ..exceptions import RunIndexError
 from ..runs import RUN, TIME, check_alignment, read_layout
 from .gate import as_output
 
-
-def about_means(data: Any) -> Any:
-    """Subtract the mean of all runs, which keeps differences between runs."""
-    about = data - data.mean()
-    about.attrs = dict(data.attrs)
-    return about
-
-
 MEAN = "mean"  # label of the averaged run
 SAME = 1e-6  # of its largest value, within which a target is the same
 

@@ -348,7 +348,7 @@ def test_instrumental_variables_can_be_searched():
     assert np.isnan(results["mean_test_score"][1])
     assert np.isnan(results["bic"][1])
     assert search.best_na_ == 1
-    assert search.predict_ahead(X, y).shape == y.shape
+    assert search.predict(X).shape == y.shape
 
 
 @pytest.mark.parametrize("search", [DelaySearchCV, OrderSearchCV])
