@@ -68,24 +68,6 @@ def test_covariances_are_propagated():
     assert (both * second).covariance.shape == (2, 2, 2, 2)
 
 
-def test_products_chain_signals_and_keep_what_holds():
-    operator = FrequencyResponse.of(OPERATOR["C1"], LINES)
-    open_loop = operator * ELEMENT["C1"]
-    reverse = ELEMENT["C1"] * operator
-    expected = operator.response * ELEMENT["C1"].frequency_response(LINES)
-    for loop in (open_loop, reverse, operator * FrequencyResponse.of(ELEMENT["C1"], LINES)):
-        np.testing.assert_allclose(loop.response, expected)
-        assert (loop.input, loop.output, loop.delay) == ("e", "x", 0.28)
-    np.testing.assert_allclose((2 * operator).magnitude, 2 * operator.magnitude)
-    np.testing.assert_allclose(open_loop.closed_loop().response, expected / (1 + expected))
-    with pytest.raises(ValueError, match="different lines"):
-        operator * FrequencyResponse.of(ELEMENT["C1"], LINES[1:])
-    with pytest.raises(ValueError, match="different runs"):
-        FrequencyResponse([1.0], [[1], [2]]) * FrequencyResponse([1.0], [[1], [2]], runs=[1, 2])
-    with pytest.raises(TypeError):
-        operator * "gain"
-
-
 # Phase
 
 

@@ -2,16 +2,13 @@
 
 import numpy as np
 import pytest
-from scipy.signal import decimate, lfilter
-from support.places import RECORDINGS
+from scipy.signal import lfilter
 
 from skhoid import ARXRegressor, OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import Effect
 from skhoid.model.arx_starts import find_arx_starts
 from skhoid.model.fitting import Criterion
 from skhoid.model.simulator import Effects, Simulator
-
-ANKLE = RECORDINGS / "ankle_stiffness_reklab" / "ankle_isometric_5records.npz"
 
 
 class Magnitude(Effect):
@@ -93,15 +90,3 @@ def test_start_of_what_is_not_there(start, message):
     X, y = make_tracking_runs(duration=20.48, random_state=2)
     with pytest.raises(ValueError, match=message):
         OperatorRegressor(effects="dead_zone", start=start).fit(X, y)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not ANKLE.exists(), reason="needs the recordings of ../shared")
-def test_ankle():
-    table = decimate(np.load(ANKLE)["z_df"], 10, ftype="fir", axis=0)
-    table = table - table.mean(axis=0)
-    x, y = table[:3000, :1], table[:3000, 1]
-    one_step = ARXRegressor(2, 2, dt=0.01).fit(x, y)
-    model = SimulatedARX(2, 2, dt=0.01, effects="bias").fit(x, y)
-    assert model.score(x, y) > one_step.score(x, y) - 2.0
-    assert model.score(table[3000:, :1], table[3000:, 1]) > 50.0

@@ -43,20 +43,6 @@ def test_furnace_is_hot_at_first(effects, level):
         assert np.abs(cold.predict(X) - y).max() > 800.0
 
 
-def test_tank_runs_out_from_its_level():
-    rng = np.random.default_rng(1)
-    u = np.repeat(rng.uniform(0.5, 1.5, 30), 20)
-    pole = 0.97
-    y = lfilter([0.0, 1 - pole], [1.0, -pole], u) + 5.2 * pole ** np.arange(u.size)
-    y += 0.02 * rng.standard_normal(u.size)
-    biased = SimulatedARX(1, 1, 1, effects="bias", dt=1.0)
-    found = biased.fit(u[:, None], y)
-    assert found.parameters_.loc["bias__level", "value"] == pytest.approx(0.0, abs=0.05)
-    assert found.score(u[:, None], y) > 99.8
-    rest = clone(biased).set_params(initial="rest").fit(u[:, None], y)
-    assert rest.score(u[:, None], y) < 98.0
-
-
 def test_score_finds_the_state_of_other_runs():
     rng = np.random.default_rng(2)
     u = rng.standard_normal(600)

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import binom
-from sklearn.base import clone
 
 from skhoid import (
     OperatorRegressor,
@@ -75,15 +74,6 @@ def test_parameters_without_remnant_are_the_true_ones(condition):
     for name, true in TRUTH[condition].items():
         assert found[1][name] == pytest.approx(true, rel=0.005), name
         assert 2 * found[1][name] - found[0][name] == pytest.approx(true, rel=1e-3), name
-
-
-@pytest.mark.parametrize("effects", [["dead_zone"], None])
-def test_effects_given_by_name_have_no_parameters(effects):
-    for model in (OperatorRegressor(effects=effects), SimulatedARX(effects=effects)):
-        with pytest.raises(ValueError, match=r"effects__dead_zone__width cannot be set: .*\.of\("):
-            model.set_params(effects__dead_zone__width=5.0)
-        model.set_params(effects=Effects.of("dead_zone"), effects__dead_zone__width=5.0)
-        assert model.effects.steps[0][1].width == 5.0
 
 
 @pytest.mark.slow
@@ -247,22 +237,6 @@ def test_a_short_run_says_what_to_do(runs):
     X, y = runs
     with pytest.raises(ShortRunError, match=r"rows are left for 5 parameters.*more"):
         OperatorRegressor().fit(X.iloc[:6], y.iloc[:6])
-
-
-@pytest.mark.parametrize(
-    ("model", "needed"),
-    [
-        (OperatorRegressor(), 38),
-        (SimulatedARX(inputs="e", effects="bias"), 7),
-    ],
-    ids=repr,
-)
-def test_a_run_as_long_as_a_short_one_must_be_is_fitted(runs, model, needed):
-    X, y = runs
-    for n_rows in (3, 6, needed // 2):
-        with pytest.raises(ShortRunError, match=rf"a run of {needed} rows \({needed / 100} s\)"):
-            clone(model).fit(X.iloc[:n_rows], y.iloc[:n_rows])
-    clone(model).fit(X.iloc[:needed], y.iloc[:needed])
 
 
 @pytest.mark.parametrize(
