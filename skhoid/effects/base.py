@@ -27,43 +27,34 @@ class Effect(Composable, BaseEstimator):
 
     Attributes
     ----------
-    name : str
-        Fixed id, used in tables, JSON and scripts.
-    title : str
-        Name for people, used in pictures and prose; "" means the id without its underscores.
+    name, title : str
+        Fixed id, used in tables, JSON and scripts; and the name for people ("": the id without its
+        underscores).
     place : str
         Where it acts: ``"input"`` maps the error, ``"delay"`` the delay, ``"gain"`` the gains on
         error and error rate, ``"path"`` adds to the command, ``"command"`` maps the command before
         the neuromuscular system, ``"spring"`` stiffens it, ``"sum"`` adds to the output and
         ``"output"`` maps it. ``"inside"`` is a force of the output and its rate against the
         input of an ARX model, or a stop, in the recursion.
-    physics : str
-        One sentence.
-    formula : str
-        The same as a formula.
-    tex : str
-        The formula in LaTeX, with the names of parameters as they are; "" where there is none.
-    source : str
-        Where it comes from.
-    citation : str
-        The same in full, for the docstring; "" where ``source`` says all.
+    physics, machine_physics : str
+        One sentence, of a person and of a machine ("" where the wording is the same).
+    formula, tex : str
+        The same as a formula, and in LaTeX with the names of parameters as they are.
+    source, citation : str
+        Where it comes from, and the same in full, for the docstring ("" where ``source`` says all).
     parameters : tuple of Parameter
         Its numbers: of a class those of all forms, of an object those of its own.
-    choices : dict of str to tuple of str
-        Arguments that are choices, such as ``form``, with their options. One that is None is open,
-        and all are tried.
-    unless_given : dict of str to str
-        What a choice that is None means where nothing is tried; the first option unless it is here.
+    choices, unless_given : dict
+        Arguments that are choices, such as ``form``, with their options; one that is None is open,
+        and all are tried. Where nothing is tried it means the first, or what ``unless_given`` says.
     arguments : dict of str to Argument
         Further arguments of ``__init__``, and those whose default or description is not the usual.
     options : dict of str to tuple
         What such arguments may be, besides None, where that is not free.
-    smooth : bool
-        Whether the response changes smoothly with the parameters; otherwise they are searched on a
-        grid of their starts.
-    kinks : bool
-        Whether the response has kinks that move with the parameters, so that a fit may end in any
-        of several neighbouring minima: those nearby are checked too, and widen standard errors.
+    smooth, kinks : bool
+        Whether the response changes smoothly with the parameters (otherwise they are searched on a
+        grid of their starts), and whether it has kinks that move with them, so that a fit may end
+        in any of several neighbouring minima.
     shades : bool
         Whether the choices of ``form`` are variants of the first: a search tries the others only
         where the first explains something.
@@ -75,18 +66,13 @@ class Effect(Composable, BaseEstimator):
         The BIC counts them as parameters.
     noise : str
         What it adds to the output, such as "a sine", where that is noise to a free run, since no
-        input explains it; "" for all other effects. A search does not fit noise but recognises it
-        by its ``signature``; its ``realisation`` is for plots.
+        input explains it. A search recognises it by its ``signature``; its ``realisation`` is for
+        plots.
     domains : tuple of str
-        What it applies to: ``"human"`` operators, ``"machine"``, or both. A search tries only the
-        effects of its own domain.
-    machine_physics : str
-        ``physics`` worded for a machine; "" where the wording is the same.
-    neutral : dict of str to float
-        Values of parameters at which it does nothing, if there are any.
-    unseen_at : dict of str to float
-        Values of parameters, which are bounds, at which nothing shows of what its name says; a
-        search does not name it there.
+        What it applies to and is tried on: ``"human"`` operators, ``"machine"``, or both.
+    neutral, unseen_at : dict of str to float
+        Values of parameters at which it does nothing; and those, which are bounds, at which nothing
+        shows of what its name says, so that a search does not name it there.
     free_form : bool
         Whether its shape is estimated: see :class:`FreeForm`.
     within : tuple of str
@@ -94,12 +80,10 @@ class Effect(Composable, BaseEstimator):
         what they have beyond it counts as well.
     told_apart : dict of str to str
         What to record to tell it from other effects, by their ids.
-    examples : tuple of dict
+    examples, hidden : tuple of dict, dict
         Arguments, one of each form, with numbers for a person in condition C1, who sees errors of
-        up to 2 deg and has a stick of 0.3 deg.
-    hidden : dict
-        Arguments of an effect that matters in condition C1, where error and output have about 0.6
-        and 0.08 deg rms: what ``skhoid demo`` hides. Empty where a simulated loop cannot have it.
+        up to 2 deg and has a stick of 0.3 deg; and those of an effect that matters there, which
+        ``skhoid demo`` hides (empty where a simulated loop cannot have it).
 
     See Also
     --------

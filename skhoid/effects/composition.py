@@ -56,19 +56,8 @@ class Effects(BaseComposition):
 
     @classmethod
     def of(cls, effects: Any) -> Effects:
-        """Make a composition from anything that names effects: None, one, a list, a composition.
+        """Make a composition from None, ids of the catalogue, effects, compositions, lists of them.
 
-        Parameters
-        ----------
-        effects : None, Effect, Effects, str or list of these
-            A string is an id of the catalogue.
-
-        Returns
-        -------
-        effects : Effects
-
-        Examples
-        --------
         >>> from skhoid.effects import Effects
         >>> Effects.of(["dead_zone", "bias"]).names
         ['dead_zone', 'bias']
@@ -80,8 +69,9 @@ class Effects(BaseComposition):
             if effects is None:
                 return cls([])
             listed = effects if isinstance(effects, (list, tuple)) else [effects]
+            many = (Effects, list, tuple)
             for item in listed:
-                steps = [*steps, *cls.of(item).steps] if _is_many(item) else [*steps, _named(item)]
+                steps = steps + (cls.of(item).steps if isinstance(item, many) else [_named(item)])
         named: list[tuple[str, Effect]] = []
         for name, one in steps:
             if not isinstance(one, Composable):
@@ -117,37 +107,13 @@ class Effects(BaseComposition):
         return Effects.of([*(e for _, e in self.steps), *(e for _, e in Effects.of(other).steps)])
 
     def get_params(self, deep: bool = True) -> dict:
-        """Names and values of the parameters; of all effects if ``deep``.
-
-        Parameters
-        ----------
-        deep : bool, default=True
-            Include the effects and their parameters as ``<name>__<parameter>``.
-
-        Returns
-        -------
-        params : dict
-        """
+        """Names and values of the parameters; of all effects, ``<name>__<parameter>``, if deep."""
         return self._get_params("steps", deep=deep)
 
     def set_params(self, **params: Any) -> Effects:
-        """Set parameters, of effects by ``<name>__<parameter>``.
-
-        Parameters
-        ----------
-        **params : dict
-            Values.
-
-        Returns
-        -------
-        self : Effects
-        """
+        """Set parameters, of effects by ``<name>__<parameter>``."""
         self._set_params("steps", **params)
         return self
-
-
-def _is_many(item: Any) -> bool:
-    return isinstance(item, (Effects, list, tuple))
 
 
 def _named(item: Any) -> tuple[str, Effect]:

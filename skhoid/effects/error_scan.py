@@ -54,118 +54,43 @@ class ErrorScan(Protocol):
         """Whether fewer rows count than in the fit; what depends on single rows differs then."""
 
     def __call__(self, values: dict[str, float], seconds: float) -> float:
-        """Sum of squares that the best multiple of the output simulated at values leaves.
-
-        Parameters
-        ----------
-        values : dict of str to float
-            Of the effect, and changes of the model.
-        seconds : float
-            Of the beginning of each run.
-
-        Returns
-        -------
-        squares : float
-        """
+        """Sum of squares that the best multiple of the output simulated at values leaves."""
 
     def fitted(self, values: dict[str, float]) -> tuple[float, dict[str, float]]:
-        """Sum of squares on the whole runs, with the model fitted together with values.
-
-        Parameters
-        ----------
-        values : dict of str to float
-            Of the effect, and changes of the model to start from.
-
-        Returns
-        -------
-        squares : float
-        values : dict of str to float
-            Of the effect, and changes of the model.
-        """
+        """Sum of squares on the whole runs, and the values, with the model fitted beside them."""
 
     def refitted(
         self, output: np.ndarray, against: np.ndarray | None = None
     ) -> list[tuple[dict[str, float], np.ndarray]]:
-        """The core alone fitted by least squares, without effects, to another output or input.
+        """The core alone fitted by least squares to another output (n_samples, n_runs).
 
-        Parameters
-        ----------
-        output : ndarray of shape (n_samples, n_runs)
-            Such as the measured one with other signs.
-        against : ndarray of shape (n_samples, n_runs) or None, default=None
-            A force against the input, in its units, which does not wait for the dead time.
-
-        Returns
-        -------
-        found : list of (dict of str to float, ndarray of shape (n_samples, n_runs))
-            Changes of the model, and its free run; empty where the core is not linear in its
-            parameters.
+        ``against`` is a force against the input, in its units, which does not wait for the dead
+        time. Gives changes of the model and its free run; nothing where the core is not linear in
+        its parameters.
         """
 
     def earlier(self, seconds: float) -> dict[str, float]:
-        """Changes of the model to ``ordinary`` that make it respond that much earlier.
-
-        Parameters
-        ----------
-        seconds : float
-            Such as the mean delay of a hold.
-
-        Returns
-        -------
-        changes : dict of str to float
-            To be merged with values of the effect.
-        """
+        """Changes of the model to ``ordinary`` that make it respond that much earlier."""
 
     def commands(self, seconds: float, ahead: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Command of the model at ``ordinary``, and its rate.
+        """Command of the model at ``ordinary``, and its rate, both (n_samples, n_runs).
 
-        Parameters
-        ----------
-        seconds : float
-            Of the beginning of each run.
-        ahead : float, default=0.0
-            How much shorter the delay is, in seconds, where the core estimates one.
-
-        Returns
-        -------
-        command, rate : ndarray of shape (n_samples, n_runs)
+        ``ahead`` is how much shorter the delay is, in seconds, where the core estimates one.
         """
 
     def left(self, columns: Sequence[np.ndarray], seconds: float) -> np.ndarray:
-        """Sums of squares that the best sums of responses to commands leave, for many sums at once.
+        """What the best sums of responses to commands leave of the squares, for many sums at once.
 
-        Needs a core that responds as a second-order system: an operator.
-
-        Parameters
-        ----------
-        columns : sequence of ndarray of shape (n_samples, n_runs, n_sums)
-            Commands; each has a factor in its sum, and another on the rate of its response, which
-            makes up for dynamics that are not ``ordinary``.
-        seconds : float
-            Of the beginning of each run.
-
-        Returns
-        -------
-        squares : ndarray of shape (n_sums,)
+        Each of the ``columns``, commands of shape (n_samples, n_runs, n_sums), has a factor in its
+        sum, and another on the rate of its response, which makes up for dynamics that are not
+        ``ordinary``. Needs a core that responds as a second-order system: an operator.
         """
 
     def left_by_events(self, points: np.ndarray, seconds: float, of_error: bool) -> np.ndarray:
-        """Sums of squares that commands held between events leave, for many at once.
+        """What commands held between events leave of the squares, for many at once.
 
+        A point has refractory time (s), threshold, ratio of the gains on rate and position, and
+        factor on the command; with ``of_error`` events are changes of the error. Gives, for each,
+        squares, seconds by which an earlier response leaves these, and factor on the command.
         Needs a core that responds as a second-order system: an operator.
-
-        Parameters
-        ----------
-        points : ndarray of shape (n_points, 4)
-            Refractory time in seconds, threshold, ratio of the gains on rate and position, and
-            factor on the command.
-        seconds : float
-            Of the beginning of each run.
-        of_error : bool
-            Whether events are changes of the error, not of the command.
-
-        Returns
-        -------
-        found : ndarray of shape (n_points, 3)
-            Squares, seconds by which an earlier response leaves these, and factor on the command.
         """

@@ -59,7 +59,6 @@ class FreeMap(FreeForm):
     """
 
     name = "free_map"
-    title = "free map"
     physics = "A signal is mapped by a curve of unknown shape."
     formula = "signal + curve(signal)"
     tex = r"s' = s + \mathrm{curve}(s)"
@@ -297,7 +296,6 @@ class FreeHysteresis(FreeForm):
     """
 
     name = "free_hysteresis"
-    title = "free hysteresis"
     physics = "A signal depends on where it turned, by a curve of unknown shape."
     formula = "signal - sum of weight_i (signal - play_i(signal))"
     tex = r"s' = s - \sum_i w_i\,(s - \mathrm{play}_i(s))"
@@ -459,7 +457,6 @@ class FreeGain(_Varying):
     """
 
     name = "free_gain"
-    title = "free gain"
     place = "gain"
     physics = "The gains change along a curve of unknown shape."
     formula = "K (1 + curve(t))"
@@ -506,7 +503,6 @@ class FreeDelay(_Varying):
     """
 
     name = "free_delay"
-    title = "free delay"
     place = "delay"
     physics = "The delay changes along a curve of unknown shape."
     formula = "tau_e + curve(t)"
@@ -536,7 +532,6 @@ class FreeOffset(_Varying):
     """An offset of the output that changes along any smooth curve in time, the same in each run."""
 
     name = "free_offset"
-    title = "free offset"
     place = "sum"
     physics = "The output has an offset that changes along a curve of unknown shape."
     formula = "u + curve(t)"
@@ -755,7 +750,6 @@ class FreeDynamics(_Remembering):
     """
 
     name = "free_dynamics"
-    title = "free dynamics"
     place = "path"
     physics = "The linear response to the error has a memory of unknown shape."
     formula = "command + sum over lags of curve(lag) e(t - delay - lag)"

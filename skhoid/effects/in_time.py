@@ -589,8 +589,7 @@ class Lapses(Effect):
         ),
         "form": Argument(
             "Whether the command goes to zero, the gains on error and error rate vanish (which "
-            "kicks at the ends,"
-            "d/dt (K_edot e)), or the command holds its value; None tries all."
+            "kicks at the ends, d/dt (K_edot e)), or the command holds its value; None tries all."
         ),
     }
     citation = "Hidden two-state process, Viterbi (1967)."

@@ -133,8 +133,7 @@ class Friction(_Inside):
     arguments = {
         "reference": Argument(
             "Speed in units of v; the sign function is a thousandth of it wide. None takes the "
-            "standard deviation of"
-            "v in the data.",
+            "standard deviation of v in the data.",
             "float or None",
         ),
         "form": Argument('None tries all; a limb has ``"coulomb"``.'),
@@ -247,9 +246,8 @@ class RootFlow(_Inside):
     )
     arguments = {
         "reference": Argument(
-            "The level that ``flow`` refers to, in units of the output; None takes the standard "
-            "deviation of the"
-            "output.",
+            "The level that ``flow`` refers to, in units of the output; None takes its "
+            "standard deviation.",
             "float or None",
         )
     }
@@ -455,7 +453,6 @@ class ScheduledDynamics(ScheduledGain):
     name = "scheduled_dynamics"
     place = "gain"
     physics = "The dynamics become faster or slower with a measured condition, such as position."
-    machine_physics = physics
     formula = "omega (1 + slope (channel - reference)) in place of omega, for all poles"
     tex = (
         r"\omega(t) = \omega\,\bigl(1 + \mathrm{slope}\,(\mathrm{channel}(t) -"
@@ -536,8 +533,8 @@ class InputFilter(Effect):
     arguments = {
         "order": Argument(
             'A search tries ``"first"``: the two poles of ``"second"`` make up for poles that a '
-            "linear model lacks,"
-            "whatever the map.",
+            "linear model "
+            "lacks, whatever the map.",
             '{"first", "second"}',
             "first",
         )
@@ -606,8 +603,8 @@ class RateReflex(Effect):
     arguments = {
         "sense": Argument(
             "Sign of the output that resists a positive input, by the recording's convention; "
-            "None takes that of the"
-            "covariance of output and input.",
+            "None takes that of "
+            "the covariance of output and input.",
             "{1, -1} or None",
         )
     }

@@ -195,7 +195,6 @@ class AsymmetricGain(StaticMap):
     neutral = {"asymmetry": 0.0}
     choices = {"at": ("error", "command", "output"), "form": ("all", "large")}
     plain = ("all",)
-    citation = "McRuer and Krendel (1974)."
     told_apart = {
         "absolute_value": (
             "record a target of higher frequencies: asymmetry acts on the error's rate too"
@@ -349,7 +348,6 @@ class AbsoluteValue(Effect):
     shades = True
     neutral = {"gain": 0.0}
     choices = {"form": ("together", "apart")}
-    citation = "McRuer and Krendel (1974)."
     examples = (
         {"form": "together", "gain": 0.05},
         {"form": "apart", "gain": 0.05, "later": 0.1},
@@ -491,7 +489,6 @@ class Backlash(Effect):
     neutral = {"gap": 0.0}
     # With a kinetic friction as large as the static one; in a limb that is fast.
     within = ("stiction", "friction")
-    citation = "Gelb and Vander Velde (1968)."
     examples = ({"gap": 0.08},)
     hidden = {"gap": 0.03}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
@@ -46,6 +46,7 @@ class CoreKind(StrEnum):
         return self is not CoreKind.ARX
 
 
+_EXPONENTS = ("u", "e", "s", "rad", "Hz", "T")
 OPEN = "None"  # stands for a channel that is not chosen yet
 
 
@@ -99,44 +100,14 @@ class Dimension:
     T: int = 0
     channels: tuple[tuple[str, int], ...] = ()
 
-    def __post_init__(self) -> None:
-        exponents = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "channels"}
-        exponents.update({f"[{name}]": power for name, power in self.channels})
-        for name, power in exponents.items():
-            if not isinstance(power, int) or isinstance(power, bool):
-                raise TypeError(
-                    f"Dimension: the exponent of {name} must be a whole number; got {power!r}. "
-                    "Write, say, Dimension(u=1, e=-2) for the output per square of the input."
-                )
-
     @classmethod
     def of_channel(cls, name: str | None) -> Dimension:
-        """The unit of a channel.
-
-        Parameters
-        ----------
-        name : str or None
-            Its name; None while the choice is open.
-
-        Returns
-        -------
-        dimension : Dimension
-        """
+        """The unit of a channel, by its name; None while the choice is open."""
         return cls(channels=((OPEN if name is None else str(name), 1),))
 
     @classmethod
     def of_role(cls, role: str) -> Dimension:
-        """The unit of the channel of a role, whatever its name.
-
-        Parameters
-        ----------
-        role : {"x", "f_t"}
-            Role.
-
-        Returns
-        -------
-        dimension : Dimension
-        """
+        """The unit of the channel of a role, whatever its name."""
         return cls(channels=((RoleName(role), 1),))
 
     @property
@@ -150,24 +121,18 @@ class Dimension:
         return self.e + sum(power for _, power in self.channels)
 
     def __pow__(self, power: int) -> Dimension:
-        own = {f.name: getattr(self, f.name) * power for f in fields(self) if f.name != "channels"}
+        own = {name: getattr(self, name) * power for name in _EXPONENTS}
         return Dimension(**own, channels=tuple((n, p * power) for n, p in self.channels if power))
 
     def __mul__(self, other: Dimension) -> Dimension:
-        if not isinstance(other, Dimension):
-            return NotImplemented
         powers = dict(self.channels)
         for name, power in other.channels:
             powers[name] = powers.get(name, 0) + power
-        own = {
-            f.name: getattr(self, f.name) + getattr(other, f.name)
-            for f in fields(self)
-            if f.name != "channels"
-        }
+        own = {name: getattr(self, name) + getattr(other, name) for name in _EXPONENTS}
         return Dimension(**own, channels=tuple(sorted((n, p) for n, p in powers.items() if p)))
 
     def __truediv__(self, other: Dimension) -> Dimension:
-        return self * other**-1 if isinstance(other, Dimension) else NotImplemented
+        return self * other**-1
 
     def with_output_as_input(self) -> Dimension:
         """The same dimension, with the unit of the output replaced by that of the input."""
@@ -183,18 +148,7 @@ class Dimension:
         return replace(self, channels=channels)
 
     def label(self, units: Mapping[str, str | None] | None = None) -> str:
-        """The unit as text.
-
-        Parameters
-        ----------
-        units : dict of str to str or None, default=None
-            Units of ``"u"``, ``"e"`` and, by the name in brackets, of channels: ``"[speed]"``.
-            Unknown units are shown as names in brackets.
-
-        Returns
-        -------
-        label : str
-        """
+        """The unit as text; ``units`` has those of ``"u"``, ``"e"`` and ``"[channel]"``."""
         known = units or {}
         signals = [("[u]", "u", self.u), ("[e]", "e", self.e)]
         signals += [(f"[{name}]", f"[{name}]", power) for name, power in self.channels]
@@ -219,8 +173,7 @@ def checked(dimension: Any, what: str) -> Dimension:
     raise TypeError(
         f"{what} must be a Dimension (exponents of units); got {dimension!r}. Write "
         "Dimension(u=1, e=-1) for units of the output per unit of the input, Dimension(s=1) for "
-        'seconds, Dimension(e=1) / Dimension.of_channel("speed") for the input per unit of a '
-        "channel, Dimension() for a number without unit; its label follows."
+        "seconds, Dimension() for a number without unit; its label follows."
     )
 
 
@@ -291,16 +244,15 @@ class Parameter:
 
     def __post_init__(self) -> None:
         own = checked(self.dimension, f"The dimension of the parameter {self.name!r}")
+        scale = self.scale
         if own.T:
             raise ValueError(
                 f"The dimension of the parameter {self.name!r} must be in seconds, s; got "
                 "durations of a run, T. Those are for its scale."
             )
-        if self.scale is None:
+        if scale is None or checked(scale, f"The scale of the parameter {self.name!r}") == ONE:
             return
-        scale = checked(self.scale, f"The scale of the parameter {self.name!r}")
-        fits = scale.u == own.u and scale.inputs == own.inputs and scale.seconds in (0, own.seconds)
-        if scale != ONE and not fits:
+        if scale.u != own.u or scale.inputs != own.inputs or scale.seconds not in (0, own.seconds):
             raise ValueError(
                 f"The scale of the parameter {self.name!r}, {scale.label()}, does not fit its "
                 f"dimension, {own.label()}. Leave it out for standard deviations of what the "

@@ -94,7 +94,7 @@ class Drift(Effect):
     arguments = {
         "reference": Argument(
             'Time in the run, in seconds, at which it is zero (``"linear"``) or begins '
-            '(``"settling"``); None takes'
+            '(``"settling"``); None takes '
             "the middle, and the start.",
             "float or None",
         )
@@ -337,7 +337,6 @@ class OutputFeedback(Effect):
         Parameter("delay", S, 0.0, 0.8, (0.12, 0.3), "delay of the response to x"),
     )
     neutral = {"gain": 0.0, "rate_gain": 0.0}
-    citation = "Wasicko et al. (1966)."
     examples = ({"gain": 0.05, "rate_gain": 0.03, "delay": 0.2},)
     hidden = {"gain": 0.03, "rate_gain": 0.02, "delay": 0.2}
 
@@ -615,7 +614,6 @@ class ExtraLead(Effect):
     parameters = (Parameter("time", S, 0.0, 2.0, (0.05, 0.3), "time constant of the second lead"),)
     neutral = {"time": 0.0}
     within = ("higher_order",)  # whose other zero and poles are fast
-    citation = "McRuer and Krendel (1974)."
     examples = ({"time": 0.2},)
     hidden = examples[0]
 

@@ -56,28 +56,13 @@ def test_parts_are_those_of_few_runs(both):
         (few.part(runs, 2), many.part(runs, 2)),
         (few.columns(slice(1, 3)), many.columns(slice(1, 3))),
         (few.beginning(1.0), many.beginning(1.0)),
-        (few.changed({"e": few.y}), many.changed({"e": few.y})),
         (few.changed({"e": few.y}).part(runs, 2), many.changed({"e": few.y}).part(runs, 2)),
         (few.part(runs, 2).part(some, 3), many.part(runs, 2).part(some, 3)),
-        (few.part(runs, 2).beginning(1.0), many.part(runs, 2).beginning(1.0)),
-        (few.part(runs, 3).beginning(0.01), many.part(runs, 3).beginning(0.01)),
     ):
         assert dict(one.channels).keys() == dict(other.channels).keys()
         for name, values in one.channels.items():
             assert values.shape == one.known.shape
             np.testing.assert_array_equal(other.channels[name], values)
-
-
-@pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
-def test_a_glance_keeps_nothing_and_a_change_shares_what_is_kept(both):
-    for record in both:
-        fresh = replace(record, channels=replace(record.channels, found={}))
-        fresh.glance("x")
-        assert fresh.channels.found == {}
-        changed = fresh.changed({"e": fresh.y})
-        assert changed.channels["e"] is fresh.y
-        assert changed.channels["x"] is fresh.channels["x"]
-        assert fresh.channels["e"] is not fresh.y
 
 
 @pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")

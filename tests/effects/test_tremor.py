@@ -7,9 +7,7 @@ import pandas as pd
 import pytest
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
-from skhoid.effects import Bias, Dimension, Effect, Parameter, Signature, Tremor
-from skhoid.effects.catalogue import CLASSES
-from skhoid.plotting import EffectDisplay
+from skhoid.effects import Dimension, Effect, Parameter, Signature, Tremor
 from skhoid.search.judges import without_noise
 from skhoid.testing import check_effect, synthetic_record
 
@@ -74,22 +72,6 @@ def test_short_or_slow_recordings_show_no_line():
     assert Tremor().signature(residual, replace(record, dt=1 / 25)) is None
 
 
-def test_a_realisation_at_given_times_is_the_same():
-    values = {"frequency": 8.0, "amplitude": 0.4}
-    t, wave = Tremor().realisation(values)
-    assert t[-1] == 0.5
-    assert np.abs(wave).max() == pytest.approx(0.4, rel=1e-4)
-    np.testing.assert_array_equal(Tremor().realisation(values, t[::3])[1], wave[::3])
-
-
-def test_only_noise_has_signatures():
-    assert [c.name for c in CLASSES if c.noise] == ["tremor"]
-    record, residual, _ = toned(9.3, 0.3)
-    assert Bias().signature(residual, record) is None
-    with pytest.raises(NotImplementedError, match="Bias is noise and must implement realisation"):
-        Bias().realisation({})
-
-
 @pytest.fixture(scope="module")
 def humming():
     X, y = make_tracking_runs("C1", n_runs=2, duration=40.96, sampling_rate=50, random_state=0)
@@ -107,15 +89,6 @@ def test_noise_of_a_user_is_found_by_a_search(humming):
     assert (row["status"], row["n_parameters"], row["rank"]) == ("added", 1, 2)
     assert row["words"] == "The mains hum. It is noise to the free run: a hum."
     assert row["parameters"].startswith("amplitude = ")
-
-
-def test_noise_of_a_user_is_drawn_and_not_simulated(humming):
-    with pytest.raises(ValueError, match="hum is noise; add a hum of your own to y"):
-        make_tracking_runs("C1", effects=Hum(amplitude=0.1), random_state=0)
-    model = OperatorRegressor(effects=Hum(amplitude=0.1)).fit(*humming)
-    display = EffectDisplay.from_estimator(model, "hum").plot()
-    wave = display.ax_.get_lines()
-    assert any(np.abs(line.get_ydata()).max() == pytest.approx(0.1, rel=1e-3) for line in wave)
 
 
 def test_the_tremor_of_each_run_is_taken_out_whatever_its_phase():
