@@ -223,38 +223,19 @@ class _CrossValidation:
 
 def _changes(batch: pd.DataFrame) -> pd.DataFrame:
     """Paired t test of each parameter between the last and the first region of the runs."""
-    each = batch[batch[RUN] != MEAN]
-    at = {form: each[each["form"] == form] for form in ("ini", "fin")}  # runs in the same order
+    each = batch[batch[RUN] != MEAN].pivot(index=RUN, columns="form", values=list(PARAMETERS))
     rows = []
     for name in PARAMETERS:
-        ini, fin = (at[form][name].to_numpy(dtype=float) for form in ("ini", "fin"))
-        both = ~np.isnan(fin - ini)
-        change = (fin - ini)[both]
-        t, p = _t_test(change)
-        known = change.size > 0
-        rows.append(
-            {
-                "parameter": name,
-                "ini": ini[both].mean() if known else np.nan,
-                "fin": fin[both].mean() if known else np.nan,
-                "change": change.mean() if known else np.nan,
-                "t": t,
-                "p": p,
-                "n_runs": change.size,
-            }
-        )
+        both = each[name].astype(float).dropna()
+        change = both["fin"] - both["ini"]
+        t = p = np.nan
+        if len(change) > 1:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)  # all changes are the same
+                t, p = stats.ttest_1samp(change, 0.0)
+        means = {"ini": both["ini"].mean(), "fin": both["fin"].mean(), "change": change.mean()}
+        rows.append({"parameter": name, **means, "t": t, "p": p, "n_runs": len(change)})
     return pd.DataFrame(rows)
-
-
-def _t_test(change: np.ndarray) -> tuple[float, float]:
-    # scipy.stats.ttest_1samp differs in the last bits, and warns where all changes are the same.
-    if change.size < 2:
-        return np.nan, np.nan
-    spread = change.std(ddof=1) / np.sqrt(change.size)
-    if spread == 0:
-        return (np.nan, np.nan) if change[0] == 0 else (np.inf, 0.0)
-    t = float(change.mean() / spread)
-    return t, float(2 * stats.t.sf(abs(t), change.size - 1))
 
 
 def _variation(theta: np.ndarray) -> dict[str, float]:

@@ -88,7 +88,7 @@ def candidates_of(searches: list[EffectSearchCV]) -> list[Effect]:
     return [one for one in searches[0].candidates() if one.name in wanted and not one.noise]
 
 
-def weighed(
+def weigh(
     jobs: list[EvidenceJob],
     folder: str | os.PathLike[str] | None,
     n_jobs: int | None,
@@ -98,7 +98,7 @@ def weighed(
     first = jobs[0]
     if not first.effects:
         return [pd.DataFrame(columns=EVIDENCE_COLUMNS) for _ in jobs]
-    store, finished = None, {}
+    store = None
     if folder is not None:
         description = {
             "task": "evidence for effects",
@@ -107,12 +107,10 @@ def weighed(
             "groups": [[str(job.group), job.group.identity(), repr(job.found)] for job in jobs],
         }
         store = Store(folder, description)
-        finished = store.finished()
     tables = completed(
-        {number: job for number, job in enumerate(jobs) if number not in finished},
+        dict(enumerate(jobs)),
         weigh_person,
-        finished,
-        None if store is None else store.write,
+        store,
         n_jobs=n_jobs,
         progress=progress,
         what="evidence",
@@ -388,7 +386,7 @@ class GroupEffectSearch(BaseEstimator):
             EvidenceJob(clone(self.search), named_by(search), effects, group)
             for search, group in zip(searches, groups, strict=True)
         ]
-        tables = weighed(jobs, self._folder("evidence"), self.n_jobs, self.progress)
+        tables = weigh(jobs, self._folder("evidence"), self.n_jobs, self.progress)
         for table, group in zip(tables, groups, strict=True):
             table.insert(0, "condition", [group.condition] * len(table))
             table.insert(0, "subject", [group.subject] * len(table))
@@ -572,29 +570,24 @@ def _where(rows: pd.DataFrame, found: GroupEffectSearch) -> str:
 
 
 def group_lines(found: GroupEffectSearch) -> Iterator[str]:
-    """Each effect of the group: how many people, the prevalence, and who has it not."""
+    """Each effect of the group: how many people, the prevalence, and who has it not, or alone."""
     for name in found.group_effects_:
         rows = found.prevalence_[found.prevalence_["effect"] == name]
         conditions = rows[rows["condition"] != ALL]
         if len(rows) == 1 or not conditions["group"].any():
             conditions = rows[rows["group"]]
         for _, row in conditions.iterrows():
-            yield sentence_of(row)
-
-
-def sentence_of(row: pd.Series) -> str:
-    """How many people have an effect, and who has it not, or alone."""
-    where = "" if row["condition"] == ALL else f" in {row['condition']}"
-    text = (
-        f"{title_of(row['effect'])}{where}: {row['n_with']} of {row['n_people']} people, "
-        f"prevalence {100 * row['share']:.0f} % ({100 * row['low']:.0f} to "
-        f"{100 * row['high']:.0f} %)"
-    )
-    if row["group"] and row["without"]:
-        text += f"; not {listed(row['without'])}"
-    elif row["with_it"] and row["without"]:
-        text += f"; only {listed(row['with_it'])}"
-    return f"{text}."
+            where = "" if row["condition"] == ALL else f" in {row['condition']}"
+            text = (
+                f"{title_of(name)}{where}: {row['n_with']} of {row['n_people']} people, "
+                f"prevalence {100 * row['share']:.0f} % ({100 * row['low']:.0f} to "
+                f"{100 * row['high']:.0f} %)"
+            )
+            if row["group"] and row["without"]:
+                text += f"; not {listed(row['without'])}"
+            elif row["with_it"] and row["without"]:
+                text += f"; only {listed(row['with_it'])}"
+            yield f"{text}."
 
 
 def single_lines(found: GroupEffectSearch) -> Iterator[str]:

@@ -38,6 +38,12 @@ def listed(names: list[Any]) -> str:
     return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"
 
 
+def runs_of_each(numbers: pd.Series) -> str:
+    """How many runs there are of each, from the numbers."""
+    few, many = int(numbers.min()), int(numbers.max())
+    return f"{few if few == many else f'{few} to {many}'} run{'s' * (many > 1)} of each"
+
+
 @dataclass(frozen=True)
 class Group:
     """The runs of a person in a condition; ``starts`` are row offsets that end with their number.

@@ -65,22 +65,24 @@ def parameters_of(model: Any, vaf: float) -> list[Row]:
     return list(rows.values()) or [Row("vaf", vaf, unit="%")]
 
 
+def _within(estimator: Any) -> Iterator[Any]:
+    """An estimator and what it holds: best estimators, and last steps of pipelines."""
+    while estimator is not None:
+        yield estimator
+        last = estimator.steps[-1][1] if isinstance(estimator, Pipeline) else None
+        estimator = getattr(estimator, "best_estimator_", last)
+
+
 def _chosen(estimator: Any) -> Iterator[Row]:
     """Numbers that searches chose, from the outermost in."""
-    while True:
-        for name, value in (getattr(estimator, "best_params_", None) or {}).items():
+    for one in _within(estimator):
+        for name, value in (getattr(one, "best_params_", None) or {}).items():
             if _is_number(value):
                 yield Row(str(name), float(value))
         for name, unit in (("delay", "s"), ("memory_horizon", "samples")):
-            value = getattr(estimator, f"best_{name}_", None)
+            value = getattr(one, f"best_{name}_", None)
             if _is_number(value):
                 yield Row(name, float(value), unit=unit)
-        if hasattr(estimator, "best_estimator_"):
-            estimator = estimator.best_estimator_
-        elif isinstance(estimator, Pipeline):
-            estimator = estimator.steps[-1][1]
-        else:
-            return
 
 
 def _is_number(value: Any) -> TypeGuard[float]:
@@ -98,36 +100,6 @@ def _operator(model: Any, searched: bool) -> Iterator[Row]:
     # A delay that was given is no estimate.
     for name in (*FROM_POLES, *["tau_e"] * searched):
         yield Row(name, float(found[name]), float(found[f"sd_{name}"]), UNITS[name])
-
-
-class Effect(NamedTuple):
-    """A parameter of an effect that a search found; without a name where it found none."""
-
-    effect: str
-    row: Row
-    verdict: str
-
-
-def effects_of(model: Any) -> list[Effect]:
-    """What a search for effects found; nothing of other estimators."""
-    while not hasattr(model, "best_effects_"):
-        if hasattr(model, "best_estimator_"):
-            model = model.best_estimator_
-        elif isinstance(model, Pipeline):
-            model = model.steps[-1][1]
-        else:
-            return []
-    parameters = parameters_of(model.best_estimator_, np.nan)
-    found = []
-    for effect in model.best_effects_:
-        start = f"{effect}__"
-        rows = [
-            row._replace(parameter=row.parameter.removeprefix(start))
-            for row in parameters
-            if row.parameter.startswith(start)
-        ]
-        found += [Effect(effect, row, str(model.verdict_)) for row in rows or [Row("", np.nan)]]
-    return found or [Effect("", Row("", np.nan), str(model.verdict_))]
 
 
 WHOLE = -1  # in place of the number of a run: the fit of all runs
@@ -150,6 +122,21 @@ class Line(NamedTuple):
     n_rows: int = 0
     of: str = ""
     text: str = ""
+
+
+def effects_of(model: Any) -> Iterator[Line]:
+    """What a search for effects found, or that it found nothing; nothing of other estimators."""
+    search = next((one for one in _within(model) if hasattr(one, "best_effects_")), None)
+    if search is None:
+        return
+    parameters = parameters_of(search.best_estimator_, np.nan)
+    for effect in search.best_effects_ or [""]:
+        start = f"{effect}__"
+        rows = [row for row in parameters if effect and row.parameter.startswith(start)]
+        for name, estimate, se, unit in rows or [Row(start, np.nan)]:
+            name = name.removeprefix(start)
+            text = str(search.verdict_)
+            yield Line(EFFECT, WHOLE, name, estimate, se, unit, of=effect, text=text)
 
 
 @dataclass(frozen=True)
@@ -252,10 +239,7 @@ def _fit(
         Line(FIT, run, row.parameter, row.estimate, row.se, row.unit, vaf, len(y)) for row in rows
     ]
     if run == WHOLE:
-        found.lines += [
-            Line(EFFECT, run, row.parameter, row.estimate, row.se, row.unit, of=name, text=verdict)
-            for name, row, verdict in effects_of(model)
-        ]
+        found.lines += effects_of(model)
     return model, of_runs
 
 
@@ -405,7 +389,7 @@ def identify_people(
     groups = read_groups(X, y)
     each_run = not _is_search(estimator) if each_run is None else each_run
     jobs = {n: Job(estimator, group, each_run, ceiling) for n, group in enumerate(groups)}
-    store, finished = None, {}
+    store = None
     if folder is not None:
         description = {
             "task": "identify_people",
@@ -416,16 +400,7 @@ def identify_people(
             "skhoid": __version__,
         }
         store = Store(folder, description)
-        finished = store.finished()
-    found = completed(
-        {number: job for number, job in jobs.items() if number not in finished},
-        fit_group,
-        finished,
-        None if store is None else store.write,
-        n_jobs=n_jobs,
-        progress=progress,
-        what="people",
-    )
+    found = completed(jobs, fit_group, store, n_jobs=n_jobs, progress=progress, what="people")
     return _assembled(estimator, groups, found, each_run)
 
 

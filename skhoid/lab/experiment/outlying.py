@@ -204,10 +204,15 @@ def _wrong_scale(runs: pd.DataFrame) -> Iterator[Flag]:
             yield Flag(row[SUBJECT], row[CONDITION], ALL, "scale", reason)
     size = np.log(known["spread"])
     apart = size - size.groupby([known[name] for name in KEY]).transform("median")
-    for at, _ in _outside(known, apart.to_numpy()):
-        if abs(apart.iloc[at]) > np.log(FACTOR):
-            reason = _tell_scale(np.exp(apart.iloc[at]), "this person's other runs")
-            yield Flag(*known.iloc[at][[*KEY, RUN]], "scale", reason)
+    for run, _ in _outside(known, apart.to_numpy()):
+        if abs(apart.iloc[run]) > np.log(FACTOR):
+            reason = _tell_scale(np.exp(apart.iloc[run]), "this person's other runs")
+            yield _flag_run(known, run, "scale", reason)
+
+
+def _flag_run(runs: pd.DataFrame, at: int, kind: str, reason: str) -> Flag:
+    row = runs.iloc[at]
+    return Flag(row[SUBJECT], row[CONDITION], row[RUN], kind, reason)
 
 
 def _tell_scale(ratio: float, of: str) -> str:
@@ -230,7 +235,7 @@ def _bad_runs(runs: pd.DataFrame) -> Iterator[Flag]:
             vaf, others = known[column].iloc[at], median.iloc[at]
             if z > 0 and others - vaf >= POINTS:
                 reason = f"{fitted} {vaf:.0f} %, that of the median run {others:.0f} %"
-                yield Flag(*known.iloc[at][[*KEY, RUN]], "run", reason)
+                yield _flag_run(known, at, "run", reason)
 
 
 def _outside(runs: pd.DataFrame, apart: np.ndarray) -> Iterator[tuple[int, float]]:

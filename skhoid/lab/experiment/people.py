@@ -21,7 +21,7 @@ from ...text import (
     Told,
     counted,
 )
-from .groups import ALL, CONDITION, SUBJECT
+from .groups import ALL, CONDITION, SUBJECT, runs_of_each
 
 COLUMNS = (
     SUBJECT,
@@ -135,13 +135,11 @@ class PeopleResult(Told):
 
 def _how_many(r: PeopleResult) -> str:
     n = r.runs.groupby([SUBJECT, CONDITION], sort=False).size()
-    few, many = int(n.min()), int(n.max())
-    each = f"{few}" if few == many else f"{few} to {many}"
     subjects, conditions = (r.runs[name].nunique() for name in (SUBJECT, CONDITION))
     people = "1 person" if subjects == 1 else f"{subjects} people"
     fitted = "each run and all runs" if r.each_run else "all runs"
     return (
-        f"{people}, {counted(conditions, 'condition')}; {each} run{'s' * (many > 1)} of each, "
+        f"{people}, {counted(conditions, 'condition')}; {runs_of_each(n)}, "
         f"{len(r.runs)} in all. Fitted: {fitted} of each person and condition."
     )
 

@@ -24,7 +24,7 @@ from ...text import (
     as_sentence,
     counted,
 )
-from .groups import ALL, CONDITION, SUBJECT, listed
+from .groups import ALL, CONDITION, SUBJECT, listed, runs_of_each
 
 SIGNIFICANT = 0.005  # of each of two gains, so that a cell is wrong in 1 % of cases
 ENOUGH = 4  # runs, below which only large changes can be significant
@@ -151,13 +151,11 @@ class ExperimentResult(Told):
     def document(self) -> Document:
         """Scores, who adapts, and whether Λ is justified."""
         runs = self.scores.groupby([SUBJECT, CONDITION])[RUN].nunique()
-        few, many = int(runs.min()), int(runs.max())
-        how_many = f"{few}" if few == many else f"{few} to {many}"
         window = self.scores[self.scores["window"] == "T_m"]
         title = (
             f"{counted(len(self.subjects), 'subject')}, "
             f"{counted(len(self.conditions), 'condition')}; "
-            f"{how_many} run{'s' * (many > 1)} of each, from {window['start'].min():g} to "
+            f"{runs_of_each(runs)}, from {window['start'].min():g} to "
             f"{window['stop'].max():g} s at {1 / self.dt:g} Hz."
         )
         low, high = self.delays["delay"].min(), self.delays["delay"].max()

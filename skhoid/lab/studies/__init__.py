@@ -12,6 +12,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "tournament": ["recommend_method", "run_tournament"],
         "tournament_conditions": ["TournamentCell", "tournament_cells"],
         "tournament_methods": ["TOURNAMENT_METHODS"],
-        "tournament_result": ["TournamentResult"],
     },
 )

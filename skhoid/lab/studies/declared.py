@@ -72,7 +72,7 @@ class StudyResult:
     table: pd.DataFrame
     summary: pd.DataFrame
     claims: list[Claim]
-    figures: Mapping[str, Callable[[], Any]]
+    figures: dict[str, Callable[[], Any]]
 
     def __str__(self) -> str:
         return "\n".join([self.title, *map(str, self.claims)])
@@ -114,7 +114,7 @@ class StudyResult:
 
 
 # Options that make the cells of a study, and what they are called there.
-OF_CELLS = {
+OF_CELLS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "conditions": ("condition", str),
     "orders": ("remnant_order", lambda order: order),
     "intensities": ("remnant_intensity", float),

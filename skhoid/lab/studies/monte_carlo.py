@@ -210,8 +210,8 @@ class MonteCarloStudy:
         found = completed(
             {i: self._job(tasks[ranges[i][0]], *ranges[i]) for i in sorted(wanted)},
             compute,
-            finished,
-            None if store is None else store.write,
+            store,
+            finished=finished,
             n_jobs=n_jobs,
             threads=self.batched,
             progress=progress,
@@ -261,16 +261,13 @@ class MonteCarloStudy:
 
     def _tuned(self, cells: set[int], n_jobs: int | None) -> dict[int, CompensatoryTask | str]:
         """The tasks of cells, or why there is none; gains are tuned once per cell."""
-        chosen = sorted(cells)
-        jobs = [
-            (self._cells[i]["task"], self._entropy_of(i), self._cells[i]["simulation"])
-            for i in chosen
-        ]
-        need = [job[0].remnant is not None and job[0].remnant.gain is None for job in jobs]
-        if not any(need):
-            return {i: job[0] for i, job in zip(chosen, jobs, strict=True)}
-        found = dict(results_of(dict(enumerate(jobs)), _tune, n_jobs=n_jobs, threads=True))
-        return {i: found[place] for place, i in enumerate(chosen)}
+        jobs = {
+            i: (self._cells[i]["task"], self._entropy_of(i), self._cells[i]["simulation"])
+            for i in sorted(cells)
+        }
+        if all(task.remnant is None or task.remnant.gain is not None for task, *_ in jobs.values()):
+            return {i: task for i, (task, *_) in jobs.items()}
+        return dict(results_of(jobs, _tune, n_jobs=n_jobs, threads=True))
 
     def _job(self, task: CompensatoryTask | str, cell: int, replications: range) -> Job:
         return Job(

@@ -132,5 +132,5 @@ def _uniform(column: pd.Series) -> pd.Series:
             ):
                 return pd.Series(whole)
         return pd.Series(column.to_numpy(dtype=float, na_value=np.nan))
-    texts = [value if isinstance(value, str) else str(value) for value in values]
-    return pd.Series(np.where(missing, None, np.array(texts, dtype=object)), dtype=object)
+    texts = [None if gone else str(value) for value, gone in zip(values, missing, strict=True)]
+    return pd.Series(texts, dtype=object)

@@ -211,7 +211,7 @@ def run_tournament(
             settings = {cell.name: taken[cell.group] for cell in cells}
             n, at_once = (slow, 1) if method.slow else (fast, AT_ONCE)
             watching = _watching(settings, cells)
-            options = {"settings": settings, "watching": watching, "delay": delay}
+            options: dict[str, Any] = {"settings": settings, "watching": watching, "delay": delay}
             study = _study(
                 partial(method_figures, method=method.name, **options),
                 method,

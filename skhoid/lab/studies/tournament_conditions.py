@@ -194,50 +194,44 @@ def tournament_cells(
         raise ValueError(f"intensities must be above 0; got {min(P_ns):g}.")
     of_orders = [_whole(m) for m in (orders or ((ORDER,) if small else ORDERS))]
     own_order = ORDER if ORDER in of_orders else of_orders[0]
-    cells = [
-        TournamentCell(_name(name, P, m if m != ORDER else None), name, P, m, kind=kind)
-        for name, kind in _CONDITIONS.items()
-        for P in P_ns
-        for m in of_orders
-    ]
-    cells += [
-        TournamentCell(_name(name, P, None), condition, P, own_order, family="shape")
-        for name, condition in shapes().items()
-        for P in P_ns
-    ]
     middle = MIDDLE if MIDDLE in P_ns else P_ns[0]
-    cells += [
-        TournamentCell(f"{_name(name, middle, None)}, 50 Hz", name, middle, own_order, 50.0, kind,
-                       "50 Hz")
-        for name, kind in _CONDITIONS.items()
-    ]  # fmt: skip
-    cells += [
-        TournamentCell(_name(name, middle, None), condition, middle, own_order, kind=kind,
-                       family="element")
-        for name, (condition, kind) in elements().items()
-    ]  # fmt: skip
+    cells = []
+    for name, kind in _CONDITIONS.items():
+        for P in P_ns:
+            for m in of_orders:
+                text = f"{name}, P_n {P:g}" + (f", order {m}" if m != ORDER else "")
+                cells.append(TournamentCell(text, name, P, m, kind=kind))
+    for name, condition in shapes().items():
+        for P in P_ns:
+            text = f"{name}, P_n {P:g}"
+            cells.append(TournamentCell(text, condition, P, own_order, family="shape"))
+    last = f"P_n {middle:g}"
+    for name, kind in _CONDITIONS.items():
+        text = f"{name}, {last}, 50 Hz"
+        cells.append(TournamentCell(text, name, middle, own_order, 50.0, kind, "50 Hz"))
+    for name, (condition, kind) in elements().items():
+        text, of = f"{name}, {last}", {"kind": kind, "family": "element"}
+        cells.append(TournamentCell(text, condition, middle, own_order, **of))
     known = list(dict.fromkeys(_condition_name(cell) for cell in cells))
-    if conditions is not None:
-        for name in conditions:
-            if name not in known:
-                raise ValueError(
-                    f"Unknown condition {name!r}; known are {', '.join(known)}."
-                    f"{did_you_mean(name, known)}"
-                )
-        cells = [cell for cell in cells if _condition_name(cell) in conditions]
-    if small:
-        wanted = conditions or ("C1", "C4")
-        cells = [c for c in cells if c.family != "50 Hz" and _condition_name(c) in wanted]
-    return cells
+    for name in conditions or ():
+        if name not in known:
+            raise ValueError(
+                f"Unknown condition {name!r}; known are {', '.join(known)}."
+                f"{did_you_mean(name, known)}"
+            )
+    if conditions is None and not small:
+        return cells
+    wanted = conditions or ("C1", "C4")
+    return [
+        cell
+        for cell in cells
+        if _condition_name(cell) in wanted and not (small and cell.family == "50 Hz")
+    ]
 
 
 def _condition_name(cell: TournamentCell) -> str:
     found = getattr(cell.condition, "name", cell.condition)
     return cell.name.partition(", P_n")[0] if cell.family == "element" else str(found)
-
-
-def _name(name: str, P_n: float, order: Any) -> str:
-    return f"{name}, P_n {P_n:g}" + ("" if order is None else f", order {order}")
 
 
 def _whole(order: Any) -> Any:

@@ -191,7 +191,6 @@ def alarm_times(rows: pd.DataFrame, threshold: int | None) -> np.ndarray:
     return rows[ALARMS[threshold]].to_numpy(float)
 
 
-TABLES = ("table", "tuning", "methods", "cost", "notes")
 KINDS = {True: "Causal", False: "Offline"}
 SHOWN = ("bias", "sd", "rmse", "settling", "vaf")  # of K_edot, in the text
 PICTURES = ("winners", "bias", "settling")
@@ -219,14 +218,6 @@ class TournamentResult(Told):
         Microseconds per sample of a fit, on the machine of this tournament.
     notes : list of str
         Methods that could not take part.
-
-    Examples
-    --------
-    >>> from skhoid.lab.studies import run_tournament, tournament_cells
-    >>> cells = tournament_cells("small", conditions=["C4"])
-    >>> result = run_tournament(["rls", "arx"], cells, size="small", n_replications=2)
-    >>> result.best("follow", causal=True)
-    'rls'
     """
 
     table: pd.DataFrame
@@ -536,8 +527,8 @@ class TournamentResult(Told):
         Returns
         -------
         files : list of Path
-            ``table.csv.gz``, ``tuning.csv``, ``methods.csv``, ``cost.csv``, ``notes.csv``,
-            ``summary.csv``, ``by_cell.csv`` and PNG files.
+            ``table.csv.gz``, ``tuning.csv``, ``methods.csv``, ``cost.csv``, ``summary.csv``,
+            ``by_cell.csv`` and PNG files.
         """
         check_table_format(table_format)
         packed = "" if table_format == "parquet" else ".gz"
@@ -546,7 +537,6 @@ class TournamentResult(Told):
             f"tuning.{table_format}": self.tuning,
             f"methods.{table_format}": self.methods,
             f"cost.{table_format}": self.cost.rename_axis("method").to_frame(),
-            f"notes.{table_format}": pd.DataFrame({"note": self.notes}, dtype=object),
             f"summary.{table_format}": self.by_method(),
             f"by_cell.{table_format}": self.by_cell(),
         }
@@ -556,44 +546,6 @@ class TournamentResult(Told):
                 path = Path(folder) / f"{kind}.png"
                 files.append(save_figure(self.plot(kind).figure_, path))
         return files
-
-    @classmethod
-    def load(cls, folder: str | os.PathLike[str]) -> TournamentResult:
-        """Read what :meth:`save` wrote, in any of its formats.
-
-        Parameters
-        ----------
-        folder : path
-
-        Returns
-        -------
-        result : TournamentResult
-
-        Raises
-        ------
-        FileNotFoundError
-            If a table is missing.
-        """
-        found = {name: _read(Path(folder), name) for name in TABLES}
-        table = found["table"]
-        for name in ("error", "seed", "failure"):
-            table[name] = table[name].astype(object).where(table[name].notna(), None)
-        return cls(
-            table=table,
-            tuning=found["tuning"],
-            methods=found["methods"].set_index("method"),
-            cost=found["cost"].set_index("method")["cost"],
-            notes=found["notes"]["note"].astype(str).tolist(),
-        )
-
-
-def _read(folder: Path, name: str) -> pd.DataFrame:
-    for path in sorted(folder.glob(f"{name}.*")):
-        if path.suffix == ".parquet":
-            return pd.read_parquet(path)
-        if path.suffixes[0] in (".csv", ".tsv"):
-            return pd.read_csv(path, sep="\t" if path.suffixes[0] == ".tsv" else ",")
-    raise FileNotFoundError(f"{folder} holds no table named {name}.csv.gz, .csv, .tsv or .parquet.")
 
 
 def _shown(value: float, digits: int) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from typing import Any
 
 from joblib import Parallel, delayed, effective_n_jobs, parallel_config
@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from ... import WorkersLostError
 from ..._machine import ended_by_signals
+from .store import Store
 
 GIVEN_UP = 3  # jobs that kill their workers, before all is given up
 ROUND = 16  # jobs a worker, where results do not come one by one
@@ -30,7 +31,7 @@ def results_of(
     *,
     n_jobs: int | None,
     threads: bool = False,
-) -> Iterator[tuple[int, Any]]:
+) -> Generator[tuple[int, Any], None, None]:
     """Yield the number of each job and its result, in the order in which they finish.
 
     Where workers die, the jobs that may have killed them are sent again alone; those that kill
@@ -78,7 +79,7 @@ def _given_up(jobs: Mapping[int, Any], lost: list[int], left: int) -> WorkersLos
 
 def _send(
     jobs: Mapping[int, Any], compute: Callable[[Any], Any], n_jobs: int | None, threads: bool
-) -> Iterator[tuple[int, Any]]:
+) -> Generator[tuple[int, Any], None, None]:
     backend, _ = get_active_backend(prefer="threads" if threads else None)
     if hasattr(backend, "client"):
         yield from _send_to_dask(backend, jobs, compute)
@@ -144,32 +145,32 @@ def _placed(number: int, compute: Callable[[Any], Any], job: Any) -> tuple[int, 
 def completed(
     jobs: Mapping[int, Any],
     compute: Callable[[Any], Any],
-    finished: Mapping[int, Any],
-    keep: Callable[[int, Any], None] | None,
+    store: Store | None,
     *,
+    finished: Mapping[int, Any] | None = None,
     n_jobs: int | None,
     progress: bool | None,
     what: str,
     threads: bool = False,
 ) -> list[Any]:
-    """The results of all numbers in order: those that are finished, and those of the jobs.
-
-    ``keep`` is given the number and the result of each job as soon as it is there.
-    """
+    """The results of all numbers in order: those that the store has, and those of other jobs."""
+    if finished is None:
+        finished = {} if store is None else store.finished()
     found = dict(finished)
-    if jobs:
-        done = results_of(jobs, compute, n_jobs=n_jobs, threads=threads)
+    waiting = {number: job for number, job in jobs.items() if number not in found}
+    if waiting:
+        done = results_of(waiting, compute, n_jobs=n_jobs, threads=threads)
         with (
             ended_by_signals(),
             # Around those of jobs, which in threads would lift each other's.
             threadpool_limits(1),
-            progress_bar(progress, len(found) + len(jobs), len(found), what) as advance,
+            progress_bar(progress, len(found) + len(waiting), len(found), what) as advance,
             contextlib.closing(done),
         ):
             for number, result in done:
                 found[number] = result
-                if keep is not None:
-                    keep(number, result)
+                if store is not None:
+                    store.write(number, result)
                 advance()
     return [found[number] for number in sorted(found)]
 

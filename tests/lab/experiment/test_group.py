@@ -77,12 +77,6 @@ def test_one_person_is_no_group():
         group.fit(X, y)
 
 
-def test_it_needs_a_search():
-    X, y = joined({"S1": runs(0), "S2": runs(1)}, ["subject"])
-    with pytest.raises(TypeError, match="needs an EffectSearchCV"):
-        GroupEffectSearch(OperatorRegressor()).fit(X, y)
-
-
 @pytest.mark.slow
 def test_who_cannot_be_searched_is_told_and_the_others_are_searched():
     people = {f"S{i}": runs(i) for i in range(3)}

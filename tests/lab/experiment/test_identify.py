@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import BaseEstimator, RegressorMixin, clone
-from sklearn.linear_model import LinearRegression
 from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
 from sklearn.pipeline import make_pipeline
 from support.small_experiment import DT, NK, made
@@ -184,31 +183,12 @@ def test_unequal_runs_missing_conditions_and_short_runs():
     assert "2 people, 2 conditions; 2 runs of each, 6 in all" in result.summary().replace("\n", " ")
 
 
-@pytest.mark.parametrize("levels", [[], ["condition"]])
-def test_levels_that_are_not_there_are_called_all(levels):
-    X, y = made(subjects=1, conditions=("A",), runs=2, levels=levels)
-    result = identify_people(ARX, X, y, ceiling=False)
-    assert set(result.table["subject"]) == {"all"}
-    assert set(result.table["condition"]) == {"A" if levels else "all"}
-    assert "K_e" in result.summary()
-
-
 def test_groups_whose_runs_are_apart_are_the_same_groups():
     X, y = made(subjects=2, conditions=("A",), runs=2)
     order = np.concatenate([np.arange(k * 500, (k + 1) * 500) for k in (0, 2, 1, 3)])
     one = identify_people(ARX, X, y, ceiling=False)
     two = identify_people(ARX, X.iloc[order], y.iloc[order].to_numpy(), ceiling=False)
     pd.testing.assert_frame_equal(one.table, two.table, check_exact=True)
-
-
-def test_one_run_is_fitted_once():
-    X, y = made(subjects=1, conditions=("A",), runs=1)
-    result = identify_people(ARX, X, y)
-    same = [name for name in COLUMNS if name != "run"]
-    pd.testing.assert_frame_equal(result.table[same], result.groups[same], check_exact=True)
-    assert repr(result) == "PeopleResult(1 people, 1 conditions, 1 runs)"
-    found = identify_people(LinearRegression(), X, y, each_run=False)
-    assert found.table["parameter"].tolist() == ["vaf"]
 
 
 @pytest.mark.parametrize(

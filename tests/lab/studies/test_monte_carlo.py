@@ -55,11 +55,6 @@ def test_surroundings_change_no_data_set(table, change):
         np.testing.assert_array_equal(both[name], both[f"{name}_then"])
 
 
-def test_every_data_set_has_noise_of_its_own(table):
-    assert table["u"].nunique() == table["random_state"].nunique() == len(table) == 16
-    assert not np.isin(table["u"], study(random_state=8).run()["u"]).any()
-
-
 def test_common_noise():
     conditions = {"condition": ["C1"], "remnant_gain": [0.01, 0.02]}
     options = {"common_noise": True, "simulation": SHORT | {"open_loop": True}}
@@ -175,14 +170,6 @@ def test_cells_of_all_kinds():
     found = study(conditions={"condition": tasks}, simulation={}, n=1).run()
     assert found["condition"].str.fullmatch("CompensatoryTask [0-9a-f]{6}").all()
     assert found["condition"].nunique() == 2
-
-
-def test_missing_in_a_table_of_cells_is_not_given():
-    def power(data, scale=3.0):
-        return {"scale_used": scale}
-
-    cells = pd.DataFrame({"condition": ["C1", "C2"], "scale": [1.0, np.nan]})
-    assert list(study(power, cells, 1).run()["scale_used"]) == [1.0, 3.0]
 
 
 def failing(data):

@@ -34,14 +34,6 @@ def test_nothing_changes():
     assert str(advice).startswith("Do not forget")
 
 
-@pytest.mark.slow
-def test_memory_in_seconds_does_not_depend_on_the_rate():
-    """Horizons are octaves apart: the same within one."""
-    task = CompensatoryTask.of_condition("C4", sampling_rate=50.0)
-    advice = recommend_forgetting(task, 0.15, **FEW)
-    assert 1.28 <= advice.memory_time <= 5.12
-
-
 def test_a_task_of_ones_own():
     task = CompensatoryTask(
         controlled_element=ControlledElement(K_c=Ramp(60, 40, 10, 25), omega_b=2.0),

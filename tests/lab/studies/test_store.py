@@ -1,6 +1,5 @@
 """The folder of a study: what is kept, what is refused, what is computed again."""
 
-import json
 import shutil
 import sys
 
@@ -156,14 +155,6 @@ def test_the_folder_of_a_different_study(folder, computed, name):
     assert len(list((folder / "blocks").iterdir())) == 6
 
 
-def test_another_version(folder):
-    manifest = folder / "study.json"
-    there = json.loads(manifest.read_text(encoding="utf-8"))
-    manifest.write_text(json.dumps(there | {"skhoid": "0.0.1"}), encoding="utf-8")
-    with pytest.raises(StudyFolderError, match=r'skhoid: "0\.0\.1" there'):
-        study().run(folder)
-
-
 @pytest.mark.parametrize(("contents", "random_state"), [("{", 3), ("\xff", None)])
 def test_a_damaged_description(folder, contents, random_state):
     (folder / "study.json").write_text(contents, encoding="latin-1")
@@ -179,11 +170,6 @@ def test_folders_that_are_no_studies(tmp_path, computed):
         study().run(tmp_path / "thesis.tex")
     assert computed == []
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
-
-
-def test_a_folder_made_and_no_more(finished, tmp_path):
-    (tmp_path / ".study.json.77.tmp").write_text("{")
-    pd.testing.assert_frame_equal(study().run(tmp_path), finished[1], check_exact=True)
 
 
 def test_a_drawn_seed_is_that_of_the_folder(tmp_path):

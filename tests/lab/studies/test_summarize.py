@@ -55,7 +55,7 @@ def test_bootstrap_of_other_statistics(statistic):
     peer = stats.bootstrap(
         (x,), function, vectorized=False, n_resamples=999, method="percentile", random_state=1
     ).confidence_interval
-    np.testing.assert_allclose([row["low"], row["high"]], peer, atol=0.2 * (peer.high - peer.low))
+    np.testing.assert_allclose([row["low"], row["high"]], peer, atol=0.3 * (peer.high - peer.low))
     again = summarize(table(), values="nk", statistic=statistic)
     pd.testing.assert_frame_equal(again, found, check_exact=True)
 

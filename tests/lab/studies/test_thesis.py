@@ -47,15 +47,6 @@ def test_gain_and_overfit():
     assert str(overall[0]).startswith("[not judged] Fig. 13: over all conditions")
 
 
-def test_runs_without_remnant_have_one_trade_off():
-    """Computed for one replication, and found in the rows of all."""
-    options = {"conditions": ["C4"], "memory_horizons": [64, np.inf], "n_validation": 2}
-    many, one = (paper_study("fig13", n, intensities=[0.0], **options).table for n in (3, 1))
-    for replication, rows in many.groupby("replication"):
-        rows = rows.assign(replication=0).reset_index(drop=True)
-        pd.testing.assert_frame_equal(rows, one, check_exact=True, obj=f"replication {replication}")
-
-
 def test_paths_begin_and_end_near_batch_models():
     found = paper_study("fig14", 4, intensities=[0.0, 0.15])
     table = found.table

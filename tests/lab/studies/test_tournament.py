@@ -1,7 +1,5 @@
 """A small tournament as a user meets it: its table, what it says, shows and keeps, and advice."""
 
-import json
-
 import joblib
 import pandas as pd
 import pytest
@@ -9,7 +7,6 @@ import pytest
 from skhoid import CompensatoryTask, HumanOperator, Ramp, Remnant
 from skhoid.lab.studies import (
     TournamentCell,
-    TournamentResult,
     recommend_method,
     run_tournament,
     tournament_cells,
@@ -57,15 +54,6 @@ def test_a_folder_is_read_again_and_workers_change_nothing(kept):
         run_tournament(["arx"], CELLS, **FEW, out=folder, random_state=1)
 
 
-def test_tuning_and_evaluation_have_other_seeds(kept):
-    entropies = {
-        part: {json.loads(p.read_text())["entropy"] for p in (kept[1] / part).rglob("study.json")}
-        for part in ("tuning", "evaluation")
-    }
-    assert len(entropies["tuning"]) == len(entropies["evaluation"]) == 1
-    assert entropies["tuning"] != entropies["evaluation"]
-
-
 def test_tuning_is_by_validation_with_equal_budgets(result):
     tuning = result.tuning
     for (_, _), part in tuning.groupby(["method", "group"]):
@@ -77,15 +65,6 @@ def test_tuning_is_by_validation_with_equal_budgets(result):
     assert chosen["rls", "changing, P_n = 0.15"] != "inf"
     used = result.table.drop_duplicates(["method", "group"]).set_index(["method", "group"])
     assert (used["setting"] == chosen.reindex(used.index)).all()
-
-
-def test_physics(result):
-    """Where nothing changes, a constant model is best; where something does, one that follows."""
-    winners = result.winners("follow")["method"]
-    assert winners[C1] in ("arx", "rls")  # with endless memory
-    assert winners[C4] in ("rls", "rls_smooth")
-    found = result.by_cell("all")["rmse"]
-    assert found[C4, "arx", "K_edot"] > 2 * found[C4, "rls", "K_edot"]
 
 
 def test_a_cell_that_cannot_be_simulated_is_rows_with_an_error():
@@ -151,35 +130,12 @@ def test_rankings(result):
     assert list(result.ranking(causal=True).index.sort_values()) == ["rls"]
     with pytest.raises(ValueError, match="No data set answers the question 'delay'"):
         result.ranking("delay")
-    only = TournamentResult(
-        result.table[result.table["method"] == "arx"],
-        result.tuning,
-        result.methods[1:],
-        result.cost,
-    )
-    with pytest.raises(ValueError, match="No causal method took part that could be ranked"):
-        only.ranking(causal=True)
 
 
-def test_detection(result):
-    found = result.detection()
-    assert found.index.names == ["method", "remnant_intensity"]
-    assert found.loc[("rls", 0.15), "roc_area"] == 1.0
-    assert found.loc[("arx", 0.15), "roc_area"] == 0.5
-
-
-@pytest.mark.parametrize("form", ["csv", "parquet"])
-def test_saved_and_loaded(result, tmp_path, form):
-    files = result.save(tmp_path, figures=form == "csv", table_format=form)
-    assert all(path.exists() for path in files)
-    if form == "csv":
-        assert {"winners.png", "bias.png", "settling.png"} <= {path.name for path in files}
-    loaded = TournamentResult.load(tmp_path)
-    assert str(loaded) == str(result)
-    pd.testing.assert_series_equal(
-        loaded.ranking("follow")["loss"], result.ranking("follow")["loss"], rtol=1e-12
-    )
-    assert loaded.table["failure"].isna().all()
+def test_saved(result, tmp_path):
+    files = {path.name: path for path in result.save(tmp_path)}
+    assert {"winners.png", "bias.png", "settling.png", "summary.csv"} <= set(files)
+    assert len(pd.read_csv(files["table.csv.gz"])) == len(result.table)
 
 
 def test_advice():

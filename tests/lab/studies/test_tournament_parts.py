@@ -10,21 +10,17 @@ from sklearn.base import clone
 
 from skhoid import CompensatoryTask, MonteCarloStudy, RecursiveARX, operator_parameters
 from skhoid.lab.studies import TOURNAMENT_METHODS, TournamentCell, tournament_cells
-from skhoid.lab.studies.tournament_conditions import Change, shapes
+from skhoid.lab.studies.tournament_conditions import Change
 from skhoid.lab.studies.tournament_methods import available_methods
 from skhoid.lab.studies.tournament_result import detect, losses, rank, roc_area
 from skhoid.lab.studies.tournament_scores import (
     ALARMS,
-    LAST,
     PARAMETERS,
     THRESHOLDS,
-    alarms,
     lag,
     method_figures,
     rows_of_path,
     settling_time,
-    total_delay,
-    tuning_scores,
 )
 
 HERE, _ = available_methods()
@@ -38,12 +34,6 @@ def test_all_cells_are_there_once():
     assert len({cell.name for cell in cells}) == len(cells) == 94
     families = [cell.family for cell in cells]
     assert [families.count(f) for f in ("condition", "shape", "50 Hz", "element")] == [72, 12, 6, 4]
-
-
-def test_kinds_are_those_of_the_tasks():
-    for cell in tournament_cells(intensities=[0.15], orders=[2]):
-        changes = Change.of(cell.task()).times is not None
-        assert changes == (cell.kind == "changing"), cell.name
 
 
 def test_some_cells_only():
@@ -82,24 +72,6 @@ def test_a_sigmoid_has_gone_5_and_95_percent_where_its_formula_says():
     assert (early, middle, late) == pytest.approx((40.96 - half, 40.96, 40.96 + half), abs=0.15)
 
 
-def test_of_two_changes_the_window_holds_both():
-    change = change_of(shapes()["relapse"])
-    assert change.times[0] == pytest.approx(32.0, abs=0.1)
-    assert change.times[2] == pytest.approx(54.0, abs=0.1)
-    time = np.arange(0, 81.92, 0.16)
-    windows = change.windows(time)
-    around = time[windows["around"]]
-    assert around[0] == pytest.approx(32.0 - 5.12, abs=0.2)
-    assert around[-1] == pytest.approx(54.0 + 5.12, abs=0.2)
-    assert windows["before"].sum() * 0.16 > 10
-    assert windows["after"].sum() * 0.16 > 20
-
-
-def test_all_that_have_a_knob_try_as_many_settings():
-    assert {len(m.settings) for m in TOURNAMENT_METHODS.values() if m.knob} == {5}
-    assert {m.settings for m in TOURNAMENT_METHODS.values() if not m.knob} == {(None,)}
-
-
 def test_an_estimator_has_the_setting():
     for method in HERE:
         model = method.estimator(0.01, 29, method.settings[-1])
@@ -126,13 +98,6 @@ def test_what_is_missing_is_said(monkeypatch):
     assert notes == ["rls needs the package no_such_package, which is not installed."]
     with pytest.raises(ValueError, match=r"No method is left to take part\. rls needs"):
         available_methods(["rls"])
-
-
-def test_unknown_names():
-    with pytest.raises(ValueError, match=r"Unknown method 'rsl'; known are .* Did you mean 'rls'"):
-        available_methods(["rsl"])
-    with pytest.raises(ValueError, match="No method is left"):
-        available_methods(["rls"], causal=False)
 
 
 @pytest.fixture(scope="module")
@@ -198,22 +163,6 @@ def test_no_estimate_is_the_worst_and_is_told(data):
     assert none["diverged"].all()
 
 
-@pytest.mark.parametrize(
-    ("factor", "vaf", "diverged"),
-    [(1.0, 80.0, False), (101.5, 80.0, True), (np.inf, 80.0, True), (1.0, -101.0, True),
-     (1.0, np.nan, True), (50.0, -99.0, False)],
-)  # fmt: skip
-def test_divergence(data, factor, vaf, diverged):
-    assert (figures(data, path_from(data, factor), vaf)["diverged"] == diverged).all()
-
-
-def test_errors_beyond_100_percent_count_as_100(data):
-    found = figures(data, path_from(data, 9.0))
-    assert found["rmse_all"].to_numpy() == pytest.approx(100.0)
-    assert found["bias_all"].to_numpy() == pytest.approx(100.0)
-    assert found["coverage_all"].isna().all()  # nothing is stated
-
-
 def test_a_first_order_lag_is_its_time_constant():
     """The area above the step response of 1 / (T s + 1) is T."""
     truth = np.where(TIME >= 40.0, 2.0, 1.0)
@@ -260,47 +209,6 @@ def test_figures_are_those_of_the_estimator(data):
     assert found.loc["K_edot", "bias_all"] == pytest.approx(100 * error.mean())
     assert found["failure"].isna().all()
     assert 70 < found["vaf"].iloc[0] < 95
-
-
-def test_a_method_that_fails_is_a_row_with_the_reason(data, monkeypatch):
-    def broken(**options):
-        raise FloatingPointError("lost")
-
-    monkeypatch.setitem(TOURNAMENT_METHODS, "rls", replace(RLS, kind=broken))
-    rows = tuning_scores(data, cell="c", method="rls")
-    assert {row["failure"] for row in rows} == {"FloatingPointError: lost"}
-    assert [row["vaf"] for row in rows] == [-100.0] * 5
-
-
-def test_the_delay_is_told_or_searched(data):
-    assert total_delay(data, "true") == 29
-    assert total_delay(data, "searched") == pytest.approx(29, abs=4)
-
-
-def test_a_step_is_found_when_the_mean_of_the_last_seconds_says_so():
-    """A step of size s in the logarithm: n samples of it among m give a difference of s n / m."""
-    size = 0.8
-    found = alarms(INSTANTS, np.exp(np.where(INSTANTS >= 40.0, size, 0.0)), (15.0, 30.0))
-    assert found["peak"] == pytest.approx(size)
-    m = round(LAST / 0.16)
-    first = INSTANTS[INSTANTS >= 40.0][0]
-    for name, threshold in zip(ALARMS, THRESHOLDS, strict=True):
-        if threshold > size:
-            assert np.isnan(found[name])
-        else:
-            n = int(np.ceil(threshold * m / size - 1e-9))
-            assert found[name] == pytest.approx(first + 0.16 * (n - 1))
-
-
-def test_scale_does_not_count_and_missing_estimates_give_no_alarm():
-    rng = np.random.default_rng(0)
-    K = np.exp(0.1 * rng.standard_normal(INSTANTS.size))
-    one, other = alarms(INSTANTS, K, (15.0, 30.0)), alarms(INSTANTS, 7 * K, (15.0, 30.0))
-    assert one["peak"] == pytest.approx(other["peak"])
-    K[INSTANTS > 31.0] = np.nan
-    assert alarms(INSTANTS, K, (15.0, 30.0))["peak"] < 0.3
-    assert np.isnan(alarms(INSTANTS, -K, (15.0, 30.0))["peak"])
-    assert np.isnan(alarms(INSTANTS, np.full(INSTANTS.size, np.nan), (15.0, 30.0))["alarm_00"])
 
 
 def test_the_area_is_that_of_mann_and_whitney():
@@ -381,19 +289,6 @@ def test_no_estimate_is_the_largest_loss():
     assert (losses(rows, "final")["good"] == 100).all()
     assert (losses(rows, "predict")["good"] == 200).all()
     assert losses(rows, "detect")["good"].to_numpy() == pytest.approx(41.92)
-
-
-def test_an_alarm_too_early_is_none():
-    rows = table()
-    rows.loc[rows["method"] == "good", ALARMS] = 30.0
-    assert losses(rows, "detect")["good"].to_numpy() == pytest.approx(41.92)
-
-
-def test_the_threshold_is_that_of_the_method_s_own_constant_runs():
-    rows = table()
-    rows.loc[(rows["method"] == "good") & (rows["kind"] == "constant"), "peak"] = 2 * THRESHOLDS[-1]
-    assert losses(rows, "detect")["good"].to_numpy() == pytest.approx(41.92)  # no threshold left
-    assert losses(rows, "detect")["bad"].to_numpy() == pytest.approx(3.0)
 
 
 def test_ranking_counts_cells_alike():
