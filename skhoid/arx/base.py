@@ -5,13 +5,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
+from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from .. import _kernels
-from .._sklearn import CoefficientsOfLags
+from .._sklearn import DT, CoefficientsOfLags, Interval
 from ..exceptions import MissingDataWarning, ShortRunError
 from ..metrics import vaf_of_rows
 from ..parameters import NORMAL_95
@@ -39,6 +40,17 @@ class BaseARX(RunRegressor):
     noise_variance_: Any
 
     coef_: Any = CoefficientsOfLags()
+
+    _parameter_constraints: dict = {
+        "na": [Interval(Integral, 0, None, closed="left")],
+        "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
+        "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
+        "inputs": "no_validation",
+        "fit_intercept": ["boolean"],
+        "roles": [dict, None],
+        "dt": DT,
+        "run": "no_validation",
+    }
 
     def _set_orders(self, grid: ModelGrid) -> None:
         self.orders_ = Orders.of(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import warnings
-from numbers import Integral
 from typing import Any
 
 import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 
-from .._sklearn import DT, Interval, StrOptions, fit_context
+from .._sklearn import StrOptions, fit_context
 from ..exceptions import MissingDataWarning
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import HeldInputs, ModelGrid
@@ -138,18 +137,11 @@ class ARXRegressor(BaseARX):
     """
 
     _parameter_constraints: dict = {
-        "na": [Interval(Integral, 0, None, closed="left")],
-        "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
-        "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
-        "inputs": "no_validation",
-        "fit_intercept": ["boolean"],
+        **BaseARX._parameter_constraints,
         "method": [StrOptions({"ols", "iv"})],
         "instruments": "no_validation",
         "covariance": [StrOptions({"ols", "hac"})],
         "initial": [StrOptions({"rest", "estimate"}), None],
-        "roles": [dict, None],
-        "dt": DT,
-        "run": "no_validation",
     }
 
     def __init__(

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import warnings
 from itertools import pairwise
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from .. import _kernels
-from .._sklearn import DT, Interval, StrOptions, fit_context
+from .._sklearn import Interval, StrOptions, fit_context
 from ..exceptions import RunTimeWarning, ShortRunError
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
@@ -300,20 +300,13 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
     _states: list[RecursionState]
 
     _parameter_constraints: dict = {
-        "na": [Interval(Integral, 0, None, closed="left")],
-        "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
-        "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
-        "inputs": "no_validation",
-        "fit_intercept": ["boolean"],
+        **BaseARX._parameter_constraints,
         "forgetting_form": [StrOptions({"joint", "diagonal"})],
         "init": [StrOptions({"ols", "zeros"}), "array-like"],
         "init_window": [Interval(Real, 0, None, closed="neither")],
         "p0": [Interval(Real, 0, None, closed="neither"), "array-like", None],
         "parameters": [StrOptions({"path", "last"})],
         "store_covariance": ["boolean"],
-        "roles": [dict, None],
-        "dt": DT,
-        "run": "no_validation",
     }
 
     def _read_forgetting(self, time: np.ndarray) -> Forgetting:

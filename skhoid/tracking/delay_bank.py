@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from copy import copy
 from dataclasses import replace
-from numbers import Integral, Real
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import _kernels
-from .._sklearn import DT, Interval, StrOptions, fit_context
-from ..arx.base import check_lengths, check_row_count
+from .._sklearn import Interval, StrOptions, fit_context
+from ..arx.base import BaseARX, check_lengths, check_row_count
 from ..arx.forgetting import Forgetting, factor_of_time
 from ..arx.orders import Orders, whole_number
 from ..arx.recursive import (
@@ -342,17 +342,11 @@ class DelayBankARX(RecursiveLeastSquares):
     """
 
     _parameter_constraints: dict = {
+        **BaseARX._parameter_constraints,
         "nk": "no_validation",
-        "na": [Interval(Integral, 0, None, closed="left")],
-        "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
-        "inputs": "no_validation",
-        "fit_intercept": ["boolean"],
         "memory_time": [Interval(Real, 0, None, closed="neither"), None],
         "init_window": [Interval(Real, 0, None, closed="neither")],
         "store_covariance": ["boolean"],
-        "roles": [dict, None],
-        "dt": DT,
-        "run": "no_validation",
         "path": [StrOptions({"filtered", "viterbi"})],
     }
 

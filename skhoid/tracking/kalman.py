@@ -77,12 +77,9 @@ def cascade(order: int, time_constant: float, dt: float) -> tuple[np.ndarray, np
 def given_values(init: Mapping[str, Any]) -> np.ndarray:
     """Start values from a dict, in the order of ``NAMES``."""
     known = {name: float(value) for name, value in init.items()}
-    if "T_L" in known and "K_edot" not in known and "K_e" in known:
-        known["K_edot"] = known.pop("T_L") * known["K_e"]
     if set(known) != set(NAMES):
         raise ValueError(
-            f"init must be 'batch' or a dict with {', '.join(NAMES)} (T_L instead of K_edot is "
-            f"fine); got {sorted(init)}."
+            f"init must be 'batch' or a dict with {', '.join(NAMES)}; got {sorted(init)}."
         )
     values = np.array([known[name] for name in NAMES])
     if not np.isfinite(values).all() or (values[:3] <= 0).any() or (values[3:] == 0).any():

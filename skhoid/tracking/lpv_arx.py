@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
-from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from scipy.sparse import issparse
 from sklearn.base import clone
 from sklearn.preprocessing import PolynomialFeatures
 
-from .._sklearn import DT, HasMethods, Interval, StrOptions, fit_context
+from .._sklearn import HasMethods, StrOptions, fit_context
 from ..arx.base import BaseARX, arx_parameter_table, check_row_count
 from ..arx.least_squares import Triangle, rank_error
 from ..arx.model_summary import CLOSED_LOOP, JUDGE, WHITE, orders_text
@@ -199,9 +198,7 @@ class LPVARX(BaseARX):
     """
 
     _parameter_constraints: dict = {
-        "na": [Interval(Integral, 0, None, closed="left")],
-        "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
-        "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
+        **BaseARX._parameter_constraints,
         "scheduling": "no_validation",
         "basis": [
             StrOptions({"linear"}),
@@ -209,11 +206,6 @@ class LPVARX(BaseARX):
             HasMethods(["fit", "transform"]),
         ],
         "varying": [StrOptions({"all", "inputs"})],
-        "inputs": "no_validation",
-        "fit_intercept": ["boolean"],
-        "roles": [dict, None],
-        "dt": DT,
-        "run": "no_validation",
     }
 
     def __init__(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .._sklearn import DT, Interval, StrOptions, fit_context
+from .._sklearn import Interval, StrOptions, fit_context
 from ..arx.rls import Instants, window_rows
 from ..arx.streaming import Streaming
 from ..exceptions import PoorExcitationWarning
@@ -53,7 +53,7 @@ class OperatorKalman(Streaming, OperatorPath):
         the first window.
     init : "batch" or dict, default="batch"
         Parameters to start from: a batch fit of the first window of each run
-        (:class:`OperatorRegressor`), or ``{"K_e": ..., "K_edot" or "T_L": ..., "omega_nm": ...,
+        (:class:`OperatorRegressor`), or ``{"K_e": ..., "K_edot": ..., "omega_nm": ...,
         "zeta_nm": ..., "tau_e": ...}`` in their units.
     init_window : float, default=25.0
         Seconds of the first window of each run, from its first row that is not NaN.
@@ -134,6 +134,7 @@ class OperatorKalman(Streaming, OperatorPath):
     """
 
     _parameter_constraints: dict = {
+        **OperatorPath._parameter_constraints,
         "method": [StrOptions(set(METHODS))],
         "process_noise": [Interval(Real, 0, 1e3, closed="left")],
         "remnant_order": [Interval(Integral, 0, 4, closed="both")],
@@ -141,10 +142,6 @@ class OperatorKalman(Streaming, OperatorPath):
         "init_window": [Interval(Real, 0, 1e6, closed="neither")],
         "fit_intercept": ["boolean"],
         "smooth": ["boolean"],
-        "inputs": "no_validation",
-        "roles": [dict, None],
-        "dt": DT,
-        "run": "no_validation",
     }
 
     def __init__(

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .._sklearn import DT
 from ..arx.base import arx_parameter_table, free_run_output
 from ..arx.orders import Orders
 from ..arx.recursive import warn_of_times_outside
 from ..arx.rls import grid_numbers
-from ..effects.parameter import S
 from ..exceptions import UsageError
 from ..human.operator import held_filter
 from ..preprocessing.grid import ModelGrid
@@ -45,6 +45,13 @@ class OperatorPath(RunRegressor):
     """
 
     time_path_: np.ndarray
+
+    _parameter_constraints: dict = {
+        "inputs": "no_validation",
+        "roles": [dict, None],
+        "dt": DT,
+        "run": "no_validation",
+    }
 
     def _read_operator_data(self, X: Any, y: Any) -> DataToFit:
         """Read data to fit, and refuse more than one input."""
@@ -76,13 +83,6 @@ class OperatorPath(RunRegressor):
         self._path = np.stack([np.asarray(values[name], float) for name in ESTIMATED], axis=-1)
         self._path_frame = operator_frame(values, deviations, self.time_path_)
 
-    def _set_last(self, values: Mapping[str, float], deviations: Mapping[str, float]) -> None:
-        """Set the latest parameters of a stream, which has no path."""
-        for name in ("_path_frame", "time_path_", "_numbers"):
-            self.__dict__.pop(name, None)
-        self._path = np.array([[float(values[name]) for name in ESTIMATED]])
-        self._last_frame = operator_frame(values, deviations, None)
-
     @property
     def parameters_path_(self) -> pd.DataFrame:
         if "_path_frame" not in vars(self):
@@ -98,21 +98,11 @@ class OperatorPath(RunRegressor):
         last = self.operator_frame().iloc[-1]
         value = last[list(SHOWN)].to_numpy(float)
         sd = last[[f"sd_{name}" for name in SHOWN]].to_numpy(float)
-        units, meaning = list(self._operator_units().values()), list(MEANINGS.values())
-        return arx_parameter_table(list(SHOWN), value, sd, units, meaning)
-
-    def _operator_units(self) -> dict[str, str]:
-        output = self._units.get(self.output_name) or f"[{self.output_name}]"
-        channel = self.inputs_[0]
-        ratio = f"{output}/{self._units.get(channel) or f'[{channel}]'}"
-        return {
-            "K_e": ratio,
-            "T_L": S.label({}),
-            "K_edot": f"{ratio} s",
-            "tau_e": S.label({}),
-            "omega_nm": "rad/s",
-            "zeta_nm": "-",
-        }
+        output, channel = self.output_name, self.inputs_[0]
+        units = [self._units.get(name) or f"[{name}]" for name in (output, channel)]
+        ratio = "/".join(units)
+        units = [ratio, "s", f"{ratio} s", "s", "rad/s", "-"]
+        return arx_parameter_table(list(SHOWN), value, sd, units, list(MEANINGS.values()))
 
     def operator_frame(self) -> pd.DataFrame:
         """The table of ``operator_parameters``: the path, or one row of the latest parameters.

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from .. import _kernels
-from .._sklearn import DT, Interval, fit_context
-from ..arx.base import check_lengths, check_row_count
+from .._sklearn import Interval, fit_context
+from ..arx.base import BaseARX, check_lengths, check_row_count
 from ..arx.forgetting import factor_of_time
 from ..arx.model_summary import JUDGE, WHITE, orders_text
 from ..arx.orders import Orders
@@ -218,17 +218,12 @@ class RecursiveFIR(OneRecursion):
     """
 
     _parameter_constraints: dict = {
+        **BaseARX._parameter_constraints,
         "n_taps": [Interval(Integral, 1, None, closed="left"), "array-like"],
-        "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
-        "inputs": "no_validation",
-        "fit_intercept": ["boolean"],
         "ridge": [Interval(Real, 0, 1e12, closed="both")],
         "memory_time": [Interval(Real, 0, None, closed="neither"), None],
         "every": [Interval(Integral, 1, 10**9, closed="both")],
         "store_covariance": ["boolean"],
-        "roles": [dict, None],
-        "dt": DT,
-        "run": "no_validation",
     }
 
     init_window = 0.0  # seconds of a stream before there is an estimate: it begins from zero

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import expit
 
-from .._sklearn import DT, ROLES, fit_context
+from .._sklearn import fit_context
 from .operator_fitting import (
     NOISE_ORDER,
     ROUGHLY,
@@ -112,11 +112,8 @@ class SigmoidOperator(OperatorPath):
     """
 
     _parameter_constraints: dict = {
+        **OperatorPath._parameter_constraints,
         "varying": ["array-like", tuple, str],
-        "inputs": "no_validation",
-        "roles": ROLES,
-        "dt": DT,
-        "run": "no_validation",
     }
 
     def __init__(

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import fftconvolve, find_peaks
 from scipy.signal.windows import blackmanharris
 
-from .._sklearn import DT, ROLES, Interval, fit_context
+from .._sklearn import Interval, fit_context
 from ..arx.rls import grid_numbers
 from ..exceptions import RankDeficiencyError, ShortRunError, UsageError
 from ..interpret.response_fit import ResponseFit
@@ -216,13 +216,10 @@ class WaveletOperator(OperatorPath):
     """
 
     _parameter_constraints: dict = {
+        **OperatorPath._parameter_constraints,
         "omega0": [Interval(Real, 2, 60, closed="both")],
         "time_smoothing": [Interval(Real, 0, 100, closed="both")],
         "step": [Interval(Real, 0, None, closed="neither")],
-        "inputs": "no_validation",
-        "roles": ROLES,
-        "dt": DT,
-        "run": "no_validation",
     }
 
     def __init__(

@@ -13,8 +13,8 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from .._sklearn import DT, Interval, fit_context
-from ..arx.base import free_run_output
+from .._sklearn import Interval, fit_context
+from ..arx.base import BaseARX, free_run_output
 from ..arx.forgetting import read_forgetting
 from ..arx.model_summary import orders_text
 from ..arx.orders import Orders, regressors
@@ -330,17 +330,11 @@ class WhitenedRecursion(OneRecursion):
     fit_intercept = False
 
     _parameter_constraints: dict = {
-        "na": [Interval(Integral, 0, None, closed="left")],
-        "nb": [Interval(Integral, 1, None, closed="left"), "array-like"],
-        "nk": [Interval(Integral, 0, None, closed="left"), "array-like"],
-        "inputs": "no_validation",
+        **BaseARX._parameter_constraints,
         "noise_order": [Interval(Integral, 0, 50, closed="both")],
         "memory_time": "no_validation",
         "init_window": [Interval(Real, 0, None, closed="neither")],
         "store_covariance": ["boolean"],
-        "roles": [dict, None],
-        "dt": DT,
-        "run": "no_validation",
     }
 
     def _filter(self, window: Window, lam: np.ndarray, n_runs: int) -> WhitenedFilter:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._sklearn import DT, ROLES, Interval, fit_context
+from .._sklearn import Interval, fit_context
 from ..exceptions import ShortRunError
 from ..preprocessing.base import as_fitted
 from .operator_fitting import (
@@ -98,12 +98,9 @@ class WindowedOperator(OperatorPath):
     """
 
     _parameter_constraints: dict = {
+        **OperatorPath._parameter_constraints,
         "window": [Interval(Real, 0, None, closed="neither")],
         "step": [Interval(Real, 0, None, closed="neither")],
-        "inputs": "no_validation",
-        "roles": ROLES,
-        "dt": DT,
-        "run": "no_validation",
     }
 
     def __init__(

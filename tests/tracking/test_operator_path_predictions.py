@@ -19,10 +19,10 @@ DT = 0.01
 
 
 class Told(OperatorPath):
-    """Parameters as they are told: dicts of them, at sample numbers, or the last ones alone."""
+    """Parameters as they are told: dicts of them, at sample numbers."""
 
-    def __init__(self, at=None, *, last=False, inputs=None, roles=None, dt=None, run=None):
-        self.at, self.last = at, last
+    def __init__(self, at=None, *, inputs=None, roles=None, dt=None, run=None):
+        self.at = at
         self.inputs, self.roles, self.dt, self.run = inputs, roles, dt, run
 
     def fit(self, X, y):
@@ -30,8 +30,6 @@ class Told(OperatorPath):
         at = {0: TRUE} if self.at is None else self.at
         values = {name: np.array([p[name] for p in at.values()]) for name in ESTIMATED}
         self._set_path(np.array([*at]), values, {n: 0.1 * v for n, v in values.items()})
-        if self.last:
-            self._set_last(*({n: v[-1] * f for n, v in values.items()} for f in (1, 0.1)))
         return self
 
     def _method_name(self):
@@ -105,19 +103,6 @@ def test_before_and_after_the_path_its_ends_hold(runs):
     inner = Told({1000: TRUE, 1500: OTHER}).fit(X, y)
     outer = Told({0: TRUE, 1000: TRUE, 1500: OTHER, 4095: OTHER}).fit(X, y)
     np.testing.assert_array_equal(inner.predict(X), outer.predict(X))
-
-
-def test_the_latest_parameters_of_a_stream(runs):
-    X, y = runs
-    model = Told({0: OTHER, 4000: TRUE}, last=True).fit(X, y)
-    np.testing.assert_array_equal(model.predict(X), everywhere(TRUE).fit(X, y).predict(X))
-    with pytest.raises(AttributeError, match="not kept by partial_fit"):
-        model.parameters_path_  # noqa: B018
-    assert not hasattr(model, "time_path_")
-    frame = operator_parameters(model)
-    assert len(frame) == 1
-    assert frame["omega_nm"].item() == 11.25
-    assert model.parameters_.loc["K_e", "sd"] == pytest.approx(0.009)
 
 
 def test_tables_have_units_and_intervals(runs):
