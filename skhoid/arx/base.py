@@ -19,6 +19,7 @@ from ..parameters import NORMAL_95
 from ..preprocessing.grid import BLOCK, HeldInputs, ModelGrid
 from ..regression import DataToFit, RunRegressor, segments
 from ..text import quantity
+from .least_squares import Triangle, rank_error
 from .orders import Orders, regressors
 
 FARTHEST = 2**62  # rows; more cannot be counted
@@ -38,6 +39,7 @@ class BaseARX(RunRegressor):
     run: Any
     n_rows_missing_: int
     noise_variance_: Any
+    parameter_names_: list[str]
 
     coef_: Any = CoefficientsOfLags()
 
@@ -91,6 +93,33 @@ class BaseARX(RunRegressor):
                 "used.",
                 MissingDataWarning,
                 stacklevel=5,
+            )
+
+    @property
+    def a_(self) -> np.ndarray:
+        return self.orders_.split(self.coef_)[0]
+
+    @property
+    def b_(self) -> Any:
+        return self.orders_.input_rows(self.coef_)
+
+    @property
+    def intercept_(self) -> float:
+        return self.orders_.split(self.coef_)[2]
+
+    def _check_rank(self, triangle: Triangle, inputs: np.ndarray, output: np.ndarray) -> None:
+        """Refuse regressors that are dependent, and name the cause."""
+        null_space = triangle.null_space()
+        if len(null_space):
+            finite = ~np.isnan(inputs).any(axis=1) & ~np.isnan(output)
+            raise rank_error(
+                null_space,
+                self.parameter_names_,
+                self.inputs_,
+                inputs[finite].astype(np.float64),
+                output[finite].astype(np.float64),
+                self.output_name,
+                self.orders_,
             )
 
     def _title(self) -> str:

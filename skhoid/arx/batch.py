@@ -25,7 +25,7 @@ from .base import (
     pays,
 )
 from .instruments import estimate, instrument_columns
-from .least_squares import Triangle, newey_west, rank_error
+from .least_squares import Triangle, newey_west
 from .model_summary import (
     CLOSED_LOOP,
     JUDGE,
@@ -206,8 +206,6 @@ class ARXRegressor(BaseARX):
         else:
             self._fit_by_least_squares(data)
         self.standard_errors_ = np.sqrt(np.diag(self.covariance_))
-        self.a_, _, self.intercept_ = self.orders_.split(self.coef_)
-        self.b_ = self.orders_.input_rows(self.coef_)
         self.parameters_ = arx_parameter_table(
             self.parameter_names_, self.coef_, self.standard_errors_, self._coefficient_units()
         )
@@ -238,20 +236,6 @@ class ARXRegressor(BaseARX):
             self.covariance_ = newey_west(influence, rows, grid.begin)
         else:
             self.covariance_ = self.noise_variance_ * bread
-
-    def _check_rank(self, triangle: Triangle, inputs: np.ndarray, output: np.ndarray) -> None:
-        null_space = triangle.null_space()
-        if len(null_space):
-            finite = ~np.isnan(inputs).any(axis=1) & ~np.isnan(output)
-            raise rank_error(
-                null_space,
-                self.parameter_names_,
-                self.inputs_,
-                inputs[finite].astype(np.float64),
-                output[finite].astype(np.float64),
-                self.output_name,
-                self.orders_,
-            )
 
     def _fit_by_instruments(self, data: DataToFit) -> None:
         grid, inputs, output = data.grid, data.inputs, data.output

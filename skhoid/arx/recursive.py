@@ -72,23 +72,10 @@ class FollowedPath(BaseARX):
     coef_path_: np.ndarray
     time_path_: np.ndarray
     initial_coef_: np.ndarray
-    parameter_names_: list[str]
     _numbers: np.ndarray
 
     def __sklearn_is_fitted__(self) -> bool:
         return "coef_" in vars(self)
-
-    @property
-    def a_(self) -> np.ndarray:
-        return self.orders_.split(self.coef_)[0]
-
-    @property
-    def b_(self) -> Any:
-        return self.orders_.input_rows(self.coef_)
-
-    @property
-    def intercept_(self) -> float:
-        return self.orders_.split(self.coef_)[2]
 
     @property
     def covariance_(self) -> np.ndarray:

@@ -182,8 +182,6 @@ class SimulatedARX(GreyBox, BaseARX):
         self.coef_ = model.theta[: self.orders_.n_params].copy()
         errors = np.sqrt(np.diag(self.covariance_.to_numpy()))
         self.standard_errors_ = errors[: self.orders_.n_params]
-        self.a_, _, self.intercept_ = self.orders_.split(self.coef_)
-        self.b_ = self.orders_.input_rows(self.coef_)
 
     def _ahead(
         self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, horizon: int

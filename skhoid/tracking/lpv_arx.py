@@ -14,7 +14,7 @@ from sklearn.preprocessing import PolynomialFeatures
 
 from .._sklearn import HasMethods, StrOptions, fit_context
 from ..arx.base import BaseARX, arx_parameter_table, check_row_count
-from ..arx.least_squares import Triangle, rank_error
+from ..arx.least_squares import Triangle
 from ..arx.model_summary import CLOSED_LOOP, JUDGE, WHITE, orders_text
 from ..arx.orders import regressor_blocks
 from ..arx.rls import Instants, grid_numbers
@@ -283,7 +283,7 @@ class LPVARX(BaseARX):
         names = [*self.inputs_, *(self.scheduling_ if self._channels else [])]
         told = np.column_stack([data.inputs, signal]) if self._channels else data.inputs
         self._report_missing(grid, told, data.output, n_rows, names)
-        self._check_rank(triangle, data)
+        self._check_coefficients(triangle, data)
         self.estimates_ = triangle.solve()
         self.noise_variance_ = triangle.rss / max(n_rows - self._entry.size, 1)
         self.estimates_covariance_ = self.noise_variance_ * triangle.inverse_information()
@@ -361,24 +361,13 @@ class LPVARX(BaseARX):
             return functions
         return np.column_stack([functions, np.ones(len(functions))])
 
-    def _check_rank(self, triangle: Triangle, data: DataToFit) -> None:
+    def _check_coefficients(self, triangle: Triangle, data: DataToFit) -> None:
         null_space = triangle.null_space()
         if len(null_space) == 0:
             return
-        alone = Triangle.of_blocks(
-            (table for table, _ in self._regressors(data)), self.orders_.n_params + 1
-        )
-        if len(alone.null_space()):
-            finite = ~np.isnan(data.inputs).any(axis=1) & ~np.isnan(data.output)
-            raise rank_error(
-                alone.null_space(),
-                self.parameter_names_,
-                self.inputs_,
-                data.inputs[finite],
-                data.output[finite],
-                self.output_name,
-                self.orders_,
-            )
+        tables = (table for table, _ in self._regressors(data))
+        alone = Triangle.of_blocks(tables, self.orders_.n_params + 1)
+        self._check_rank(alone, data.inputs, data.output)
         weight = np.abs(null_space).max(axis=0)
         involved = [n for n, w in zip(self._estimate_names(), weight, strict=True) if w > 1e-3]
         raise RankDeficiencyError(
@@ -405,8 +394,6 @@ class LPVARX(BaseARX):
         coef, covariance = self._at(weights[None])
         self.coef_, self.covariance_ = coef[0], covariance[0]
         self.standard_errors_ = np.sqrt(np.diag(self.covariance_))
-        self.a_, _, self.intercept_ = self.orders_.split(self.coef_)
-        self.b_ = self.orders_.input_rows(self.coef_)
         sd = np.sqrt(np.diag(self.estimates_covariance_))
         units, described = self._coefficient_units(), self._schedule.descriptions
         fixed = len(described) if self._with_constant else -1
