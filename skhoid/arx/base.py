@@ -244,31 +244,23 @@ class BaseARX(RunRegressor):
         """The same, as they were known ``horizon`` rows before."""
         return self._parameters(grid)
 
-    def simulate(self, X: Any, y: Any = None, *, initial_state: str = "zero") -> np.ndarray:
-        """Simulate the output, from a zero or an estimated initial state.
+    def simulate(self, X: Any, y: Any = None) -> np.ndarray:
+        """Simulate the output from rest or, with a measured output, from estimated initial states.
 
         Parameters
         ----------
         {X}
         y : Series or array of shape (n_rows,), default=None
-            Measured output, needed to estimate the initial state.
-        initial_state : {"zero", "estimate"}, default="zero"
-            ``"estimate"`` chooses the ``na`` outputs before each run (and gap, and end of the
-            run-in) by least squares on ``y``, as MATLAB's ``compare`` does.
+            Measured output. With it the ``na`` outputs before each run (and gap, and end of the
+            run-in) are chosen by least squares on it, as MATLAB's ``compare`` does.
 
         Returns
         -------
         y_sim : ndarray of shape (n_rows,)
         """
-        if initial_state not in ("zero", "estimate"):
-            raise ValueError(f"initial_state must be 'zero' or 'estimate'; got {initial_state!r}.")
         self._check_fitted()
-        if initial_state == "estimate" and y is None:
-            raise ValueError("initial_state='estimate' needs the measured output y.")
         grid, values = self._read_X(X, reset=False)
-        output = None
-        if initial_state == "estimate":
-            output = grid.thin_output(self._read_y(X, y))
+        output = None if y is None else grid.thin_output(self._read_y(X, y))
         return grid.to_full_rate(self._simulated(grid, values, output))
 
     def _simulated(

@@ -163,15 +163,11 @@ def test_estimated_initial_state_recovers_a_homogeneous_response():
     starts = np.array([[3.0, -1.0], [-2.0, 5.0]])
     truth = naive.free_run(X[["e"]].to_numpy(), stretches_of(X), A, [B], (3,), y0=starts)
     u = pd.Series(truth, index=X.index)
-    np.testing.assert_allclose(
-        model.simulate(X, u, initial_state="estimate"), truth, rtol=1e-9, atol=1e-9
-    )
+    np.testing.assert_allclose(model.simulate(X, u), truth, rtol=1e-9, atol=1e-9)
     assert np.abs(model.simulate(X) - truth).max() > 1
     np.testing.assert_array_equal(model.simulate(X), model.predict(X))
     holed = u.where(np.arange(300) % 7 != 3)
-    np.testing.assert_allclose(
-        model.simulate(X, holed, initial_state="estimate"), truth, rtol=1e-9, atol=1e-9
-    )
+    np.testing.assert_allclose(model.simulate(X, holed), truth, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("horizon", [1, 5])
@@ -201,7 +197,7 @@ def test_unstable_models_stay_finite(data, theta):
     model = ARXRegressor(2, 2, 3).fit(X, y)
     model.coef_ = np.array(theta)
     assert np.isfinite(model.predict(X)).all()
-    assert np.isfinite(model.simulate(X, y, initial_state="estimate")).all()
+    assert np.isfinite(model.simulate(X, y)).all()
     assert np.isfinite(model.predict_ahead(X, y, 5)).all()
     assert model.score(X, y) == -1000.0
     assert vaf_score(y, model.predict(X)) == 0.0

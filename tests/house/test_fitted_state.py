@@ -148,7 +148,7 @@ def answers(model, X, y):
             found["summary"] = model.summary(X, y)
         if hasattr(model, "simulate"):
             found["simulate"] = model.simulate(X)
-            found["from states"] = model.simulate(X, y, initial_state="estimate")
+            found["from states"] = model.simulate(X, y)
         if hasattr(model, "score_at_model_rate"):
             found["own rate"] = VAFScorer(rate="model")(model, X, y)
         if hasattr(model, "to_transfer_function"):
