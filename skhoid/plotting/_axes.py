@@ -75,11 +75,6 @@ def letters_across(width: float, size: float | None = None) -> int:
     return int(72.0 * width / (LETTER * (size or mpl.rcParams["font.size"])))
 
 
-def letters_along(panel: Axes) -> int:
-    """Letters in a line beside a panel, from its bottom to its top."""
-    return letters_across(panel.get_window_extent().height / panel.figure.dpi)
-
-
 def letters_above(panel: Axes) -> int:
     """Letters in a line of a title of medium size above a panel."""
     share = panel.get_window_extent().width / panel.figure.bbox.width
@@ -184,14 +179,6 @@ def phase_ticks(axis: Axis) -> None:
     axis.set_major_locator(MaxNLocator(7, steps=[1.8, 3.6, 4.5, 9]))
 
 
-def round_up(value: float) -> float:
-    """The next of 1, 2, 5, 10 ... that is not below."""
-    if value <= 0:
-        return 0.0
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(next(step * power for step in (1, 2, 5, 10) if step * power >= 0.999 * value))
-
-
 def legend_entries(panels: Any) -> dict[str, Any]:
     """Handles for a legend of several panels by label, each label once.
 
@@ -225,21 +212,6 @@ def legend_inside(panel: Axes, handles: Sequence[Any], labels: Sequence[str]) ->
     """A small legend in a panel, where it hides least; none without labels."""
     if labels:
         panel.legend(handles, labels, loc="best", fontsize="small")
-
-
-def legend_above(panel: Axes, columns: int | None = None) -> None:
-    """A legend above the right end of a panel, in one row unless ``columns`` says otherwise."""
-    entries = legend_entries([panel])
-    panel.legend(
-        entries.values(),
-        entries.keys(),
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=columns or len(entries),
-        frameon=False,
-        fontsize="small",
-        borderaxespad=0.2,
-    )
 
 
 def names_as_they_are(figure: Figure, names: Iterable[str]) -> None:

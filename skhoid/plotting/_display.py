@@ -10,8 +10,7 @@ import math
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields
-from numbers import Real
+from dataclasses import dataclass
 from typing import Any, Self
 
 import matplotlib as mpl
@@ -30,7 +29,6 @@ from ._axes import HANDLE, KEPT, kept_whole, legend_columns, legend_entries, leg
 from ._axes import letters as letters_of
 from ._roles import DEFAULTS, scaled
 
-MOST_TOLD = 4  # fields in a repr
 AROUND = 1.2  # inches that title, labels and legend take at a font size of 10 points
 PAGE = 7.2  # inches between the margins of a printed page, or of one of the documentation
 LEAST_COLUMN = 1.5  # inches that a panel takes at least beside others
@@ -134,10 +132,6 @@ SHARED = {
         transition_time : float or None, default=None
             Instant to mark, in s.
         """,
-    "confidence": """
-        confidence : float, default=0.95
-            Of the intervals, for normally distributed errors.
-        """,
 }
 
 
@@ -161,10 +155,8 @@ class Display:
         raise NotImplementedError
 
     def __repr__(self) -> str:
-        """What it shows, in short: single values, and the sizes of tables."""
-        told = [_in_short(field.name, getattr(self, field.name)) for field in fields(self)]
-        shown = ", ".join([text for text in told if text][:MOST_TOLD])
-        return f"<{type(self).__name__}{shown and f': {shown}'}>"
+        kind = getattr(self, "kind", "")
+        return f"<{type(self).__name__}{kind and f': {kind}'}>"
 
     def _take_axes(
         self,
@@ -258,20 +250,6 @@ def _artists_in(some: Any) -> Iterator[Any]:
     elif isinstance(some, (dict, list, tuple, np.ndarray)):
         for each in some.values() if isinstance(some, dict) else some:
             yield from _artists_in(each)
-
-
-def _in_short(name: str, value: Any) -> str:
-    """A field in a repr; nothing for what is not known, or not short."""
-    if isinstance(value, str):
-        return f"{name} {value!r}" if 0 < len(value) <= 30 else ""
-    if isinstance(value, bool | np.bool_):
-        return f"{name} {value}"
-    if isinstance(value, Real):
-        return f"{name} {float(value):.4g}" if np.isfinite(float(value)) else ""
-    if hasattr(value, "columns"):
-        return f"{name} of {len(value)} rows"
-    shape = np.shape(value) if hasattr(value, "shape") else ()
-    return f"{name} of {' x '.join(map(str, shape))} values" if shape else ""
 
 
 def _given_axes(ax: Any, allowed: Sequence[int], shows: str) -> list[Axes]:

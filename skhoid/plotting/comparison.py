@@ -73,53 +73,37 @@ LOWEST = -20.0  # percent; runs below it are named at the edge
 class ComparisonDisplay(ResidualPanels):
     """How good a model is, where it fails, and how much is left to explain.
 
-    ``kind`` says what is drawn of a comparison. Misfit, in vermilion, is what exceeds chance; what
-    chance gives is grey.
+    Misfit, in vermilion, is what exceeds chance; what chance gives is grey. ``kind`` is one of
 
     overview
-        From above: the output as explained, misfit and remnant, with the noise ceiling; the
-        measured and the simulated output around the worst window of the worst run; where the misfit
-        is: the VAF points lost over time, the spectra, and the mean residual over the channel with
-        the clearest nonlinearity. One key of colours serves all panels.
+        The output as explained, misfit and remnant, with the noise ceiling; measured and simulated
+        output around the worst window of the worst run; the VAF points lost over time, the spectra,
+        and the mean residual over the channel with the clearest nonlinearity.
     ceiling
-        The measured output as a bar. The first part is what the model explains (its VAF), the
-        second what a better model could explain beyond it (up to the noise ceiling, a dotted line
-        with its 95 % interval), the third what no model driven by the measured error can. Without a
-        ceiling the bar has two parts, and the figure says why.
+        The measured output as a bar: what the model explains (its VAF), what a better model could
+        explain beyond it, up to the noise ceiling with its 95 % interval, and the remnant.
     runs
-        VAF by run, in validation and estimation, with the ceiling of the validation runs together.
-        Runs whose residual power exceeds chance are ringed. A run far below zero is named at the
-        lower edge.
+        VAF by run, in validation and estimation. Runs whose residual power exceeds chance are
+        ringed; one far below zero is named at the lower edge.
     time
-        Above, the VAF points that each window costs, all runs together: the bars add up to
-        100 - VAF. What repeats over runs is misfit, drawn where it is beyond chance; the rest is
-        remnant, which may grow without a fault of the model. Where no runs share the target,
-        windows with more than chance have the colour of misfit. Below, the power of the residual
-        relative to that of the whole run; thin lines are single runs, of more than 50 those that
-        exceed chance most, beside a band that holds 90 % of all. Changes in time that cost
-        something are dashed.
+        The VAF points that each window costs, all runs together (they add up to 100 - VAF): what
+        repeats over runs is misfit where it is beyond chance. Below, the power of the residual
+        relative to that of the run; thin lines are single runs, of more than 50 the worst.
     frequency
-        Above, spectra of the measured output, of the residual and of what does not repeat (noise):
-        residual above the noise is structure that a better model could explain. Marks are single
-        lines or harmonics of a periodic target, curves what lies between. Below, magnitude
-        of the response from the error to the output, with 95 % intervals. The axis ends
-        where the output holds next to nothing.
+        Spectra of output, residual and noise (what does not repeat); residual above the noise is
+        structure that a better model could explain. Marks are lines of a periodic target. Below,
+        the magnitude of the response from error to output, with 95 % intervals.
     amplitude
-        The mean residual over the level of each channel, so much earlier than the residual as its
-        label says. The band holds all means of a panel if the residual does not depend on the
-        channel. A slope is a wrong gain, a bend at zero an asymmetry or a dead zone, a bend at the
-        ends a limit. The levels of the output are those simulated; a level at which the measured
-        one is held, such as that of a stop, is a dashed line among them.
+        The mean residual over the level of each channel, with what chance gives. A slope is a wrong
+        gain, a bend at zero a dead zone or an asymmetry, a bend at the ends a limit. Dashed lines
+        are levels at which the measured output is held.
     map
-        Power of the residual over time and frequency, relative to the mean remnant of the frequency
-        (white). Dots mark cells with more than chance gives any cell of the map if the remnant does
-        not change: a column of red and dots at all frequencies is remnant that grows, red and dots
-        at some frequencies are misfit.
+        Power of the residual over time and frequency, relative to the mean remnant of the
+        frequency; dots mark cells beyond chance.
     correlation
         Correlation of the residual with signals, over the lag; at positive lags the residual
-        follows the signal. The band holds a whole curve if the residual has nothing to do with the
-        signal. Signals inside the loop, which the remnant enters, are grey: even the exact model's
-        residual correlates with them.
+        follows. Signals inside the loop are grey: even the exact model's residual correlates with
+        them.
 
     Make it with :meth:`from_comparison` or :meth:`from_estimator`.
 
@@ -259,9 +243,8 @@ class ComparisonDisplay(ResidualPanels):
         """Titles, and what the colours mean."""
         traces, found = self.ax_, self.comparison
         title = f"{found.model_name}: {_ceiling_text(found)}"
-        finding = "\n".join(wrapped(f.title, letters_above(traces)) for f in found.findings[:1])
+        finding = "".join(f.title for f in found.findings[:1])
         if not self._own:
-            title = wrapped(title, letters_above(traces))
             traces.set_title(f"{title}\n{finding}", fontsize="small")
             for panel in self.axes_[:4]:
                 entries = legend_entries([panel])

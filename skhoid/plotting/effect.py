@@ -18,8 +18,6 @@ from ._axes import (
     SYMBOLS,
     draw_band,
     letters,
-    letters_above,
-    letters_along,
     plain_logarithmic,
     wrapped,
 )
@@ -42,17 +40,15 @@ SYMBOL = re.compile(r"\b(" + "|".join(SYMBOLS) + r")\b")
 class EffectDisplay(Display):
     """What an effect does, with a band that holds 95 % of its uncertainty.
 
-    An effect on the error or the output is a curve from what goes in to what comes out (a loop
-    where it depends on the past), with the density of the values met in the runs below. Gains and
-    delays are drawn over the time in the run, or over the channel that they follow; a further path
-    by the response of the output to a pulse in its channel; a filter of the command by its gain
-    over frequency; a spring by the command that holds an output; an offset by its course. Bands
-    are of draws from the covariance of the estimates. Dashed lines are the model without it. Below
-    the figure stands what the effect is, and its parameters with standard errors.
+    An effect on the error or the output is a curve from what goes in to what comes out, with the
+    density of the values met in the runs below. Gains and delays are drawn over the time in the
+    run, or over the channel that they follow; a further path by the response of the output to a
+    pulse in its channel; a filter by its gain over frequency; a spring by the command that holds an
+    output. Dashed lines are the model without it. Below the figure stands what the effect is, and
+    its parameters with standard errors.
 
     Of an effect that has no name, the curve is what the data show, and the band holds the whole of
-    it with a probability of 95 %. Ticks at the bottom are the knots, most of which are at quantiles
-    of the data: between two of them lie as many rows as between two others. The dashed curve is the
+    it with a probability of 95 %. Ticks at the bottom are its knots, and the dashed curve is the
     named effect that comes nearest, where one has half of its power in common.
 
     Make it with :meth:`from_estimator`, which draws effects of your own too, or
@@ -220,28 +216,18 @@ class EffectDisplay(Display):
         if with_density and len(self.axes_) == 2:
             self._draw_density(self.axes_[1])
         self.axes_[-1].set_xlabel(self.curves.xlabel)
-        width = letters_above(self.ax_)
-        title = "\n".join(wrapped(line, width) for line in self._title_text().splitlines())
-        self.ax_.set_title(title, fontsize="medium")
+        said = "" if self._own or not self.parameters else f": {self.parameters}"
+        self.ax_.set_title(f"{self.title}{said}", fontsize="medium")
         self._legend_of_panels()
         if self._own:
-            self._say_below(title)
+            self._say_below()
         return self
 
-    def _title_text(self) -> str:
-        """What the effect is called, with all that is said of it in one line."""
-        if not self._own:  # there is no room below
-            return f"{self.title}: {self.parameters}" if self.parameters else self.title
-        whole = f"{self.title}: {self.physics}".rstrip(".")
-        fits = self.physics and len(whole) <= letters_above(self.ax_)
-        return whole if fits else self.title
-
-    def _say_below(self, title: str) -> None:
+    def _say_below(self) -> None:
         """Physics, estimates and a note, small, below the figure."""
         # A parameter stays in one line with its deviation and unit.
         together = self.parameters.replace(" ", "\xa0").replace(",\xa0", ", ")
-        said = self.physics.rstrip(".") in title
-        lines = ["" if said else self.physics, together, self.curves.note]
+        lines = [self.physics, together, self.curves.note]
         width = letters(self.figure_)
         text = "\n".join(wrapped(line, width) for line in lines if line)
         (legend,) = self.figure_.legends
@@ -276,7 +262,7 @@ class EffectDisplay(Display):
         else:
             panel.axhline(0.0, color=foreground(), lw=scaled(0.6))
         panel.margins(x=0.0)
-        panel.set_ylabel(wrapped(found.ylabel, letters_along(panel)))
+        panel.set_ylabel(found.ylabel)
         panel.grid(alpha=0.3)
 
     def _draw_nearest(self, panel: Axes, shape: Shape) -> None:

@@ -52,9 +52,8 @@ class ParametersDisplay(Display):
     The operator's are K_e, T_L, K_edot, omega_nm and zeta_nm. Its delay is in the title, or in a
     panel where it varies or has a standard deviation.
 
-    Limits hold the true values, the references and all estimates, unless those take twice the range
-    of their central 96 %, as the first instants from an arbitrary start do, and as T_L = K_edot /
-    K_e does where K_e comes near zero. A note in the panel counts the estimates outside.
+    Limits hold all but extreme estimates, such as the first instants from an arbitrary start, and
+    T_L = K_edot / K_e where K_e comes near zero. A note in the panel counts those outside.
 
     Make it with :meth:`from_estimator` or :meth:`from_frame`.
 

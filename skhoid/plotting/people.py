@@ -461,14 +461,12 @@ def _rows(prevalence: pd.DataFrame) -> Iterator[Row]:
 class GroupMeansDisplay(Display):
     """A parameter of people in conditions, and the mean of the group with its interval.
 
-    ``kind="conditions"`` joins the means of each person's runs by a thin line, with a gap where a
-    condition is missing, beside the mean over people. Brackets join conditions whose contrast is
-    significant, with its adjusted p-value; where there is none, a note says so.
+    ``kind="conditions"`` joins the means of each person's runs by a thin line, beside the mean over
+    people. Brackets join conditions whose contrast is significant, with its adjusted p-value.
 
-    ``kind="forest"`` has a panel for each condition and a row for each person. Squares are means of
-    the person's runs, weighted by their precision, and larger where they are more precise; they are
-    not drawn towards the group. The diamond below is the mean over people of the mixed model, as
-    wide as its interval, and the dashed line goes up from it.
+    ``kind="forest"`` has a panel for each condition and a row for each person: squares are means of
+    the person's runs, larger where they are more precise. The diamond below is the mean over people
+    of the mixed model, as wide as its interval.
 
     Make it with :meth:`from_result`.
 

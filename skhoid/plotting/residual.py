@@ -18,12 +18,10 @@ from scipy.stats import norm
 from ..diagnosis.findings import SMALL
 from ._axes import (
     draw_band,
-    letters_above,
     letters_across,
     plain_logarithmic,
     say_instead,
     with_unit,
-    wrapped,
 )
 from ._display import Display, figure_size
 from ._roles import (
@@ -109,13 +107,7 @@ class ResidualPanels(Display):
         raised = alone[worse_than_chance(alone)]
         drawn = alone
         if len(runs) > MOST_LINES:  # together they would hide all else
-            outside = (1 - MOST_RUNS) / 2
-            levels = alone.groupby(["start", "stop"])["ratio"].quantile([outside, 1 - outside])
-            band = levels.unstack().set_axis(["low", "high"], axis=1).reset_index()
-            time, low = _stairs(band, "low")
-            label = f"{100 * MOST_RUNS:g} % of single runs"
-            draw_band(panel, time, low, _stairs(band, "high")[1], ROLES["residual"].colour, label)
-            worst = raised.sort_values("ratio", ascending=False)["run"].unique()[:MOST_LINES]
+            worst = alone.groupby("run")["ratio"].max().nlargest(MOST_LINES).index
             drawn = alone[alone["run"].isin(worst)]
         look: dict[str, Any] = {"color": GREY, "lw": scaled(0.6), "alpha": 0.8}
         for run, rows in drawn.groupby("run", sort=False):
@@ -276,7 +268,7 @@ class ResidualPanels(Display):
         raised = exceeding(bins)
         if valid and raised.any():
             self._mark(panel, at[raised], mean[raised], ms=sized(5.5), zorder=3)
-        panel.set_xlabel(wrapped(self._bins_label(bins, unit), letters_above(panel)))
+        panel.set_xlabel(self._bins_label(bins, unit))
         panel.xaxis.set_major_locator(MaxNLocator(4))
         if not valid:
             panel.set_title(CLOSED_LOOP, fontsize="small", color=dimmed())

@@ -47,26 +47,19 @@ COLUMN = 4.5  # widths of a letter to the right edge of a column
 class SearchDisplay(Display):
     """What a search for effects did, step by step.
 
-    ``kind`` says what is drawn:
+    ``kind`` is one of
 
     path
-        Held-out VAF as a staircase: one step for each effect that is added, named by all effects
-        that its model has. The dotted line is the noise ceiling: what any model driven by these
-        channels can reach. The bar on the last step, in the colour of misfit, is what is left to
-        explain. The thin dotted staircase is the VAF of the same runs in the closed loop, in which
-        the model's own output moves x and e: what follows the remnant round the loop does not rise
-        there.
+        Held-out VAF as a staircase, a step for each effect that is added, with the noise ceiling;
+        the bar on the last step is what is left to explain. The thin dotted staircase is the VAF of
+        the same runs in the closed loop, in which the model's own output moves x and e.
     steps
-        The measured output against held-out simulations before and after effects are added; above
-        the output, below the residuals, both greyer and dashed before the effects. Simulations come
-        from models that have not seen the run. The VAF in the legend is that of all held-out runs,
-        not of the window.
+        The measured output against held-out simulations before (greyer, dashed) and after effects
+        are added; below, the residuals. The VAF in the legend is that of all held-out runs.
     ranking
-        Candidates of one step by what they gain on held-out runs. Bars are VAF points on runs that
-        were held out of the fit; bars of what was not added are faded. The columns beside them are
-        ΔBIC (larger is better) and, where it was asked, the points gained in the closed loop.
-        Candidates that these data cannot tell apart from the best are hatched; those that do not
-        apply are grey, with the reason.
+        Candidates of one step by the VAF points that they gain on held-out runs, beside ΔBIC
+        (larger is better) and, where it was asked, the points gained in the closed loop. Candidates
+        that these data cannot tell apart from the best are hatched; what was not added is faded.
 
     Make it with :meth:`from_estimator`.
 
@@ -170,8 +163,7 @@ class SearchDisplay(Display):
         size = max(6.4, 0.9 + WIDTH * len(path)), 3.8
         self._take_axes(ax, "the VAF", figsize=size)
         panel = self.ax_
-        title = wrapped(self._title_of_path(path), letters_above(panel))
-        panel.set_title(title, fontsize="medium")
+        panel.set_title(self._title_of_path(path), fontsize="medium")
         if not np.isfinite(path["vaf"].to_numpy(dtype=float)).any():
             say_instead(panel, "Held-out VAF: not available.")
             return
@@ -294,7 +286,7 @@ class SearchDisplay(Display):
         span = f"run\xa0{self.run_}, {self.window_[0]:.4g}\xa0to\xa0{self.window_[1]:.4g}\xa0s"
         what = "the baseline is worst" if shown == [BASELINE] else "the effects help most"
         title = f"Where {what}: {span}" if self.window is None else span
-        top.set_title(wrapped(title, letters_above(top)), fontsize="medium")
+        top.set_title(title, fontsize="medium")
         unit = predictions.attrs.get("units", {}).get("measured")
         top.set_ylabel(with_unit("output", unit))
         bottom.set_ylabel(with_unit("residual", unit))
@@ -398,9 +390,8 @@ class SearchDisplay(Display):
         self._restyle(kwargs, self.lines_)
         text = self._title_of_ranking(tried)
         if self._own:  # in the middle of the figure: names and columns are beside the bars
-            self.figure_.suptitle(wrapped(text, letters(self.figure_)), fontsize="medium")
+            self.figure_.suptitle(text, fontsize="medium")
         else:
-            text = wrapped(text, letters_above(self.ax_))
             self.ax_.set_title(text, fontsize="medium", pad=18.0)
 
     def _draw_bars(self, tried: pd.DataFrame) -> None:

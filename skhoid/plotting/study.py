@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
-from ._axes import MARKERS, limits_of, note_outside, phase_ticks, plain_logarithmic, round_up
+from ._axes import MARKERS, limits_of, note_outside, phase_ticks, plain_logarithmic
 from ._display import Display, page_width
 from ._roles import (
     GREY,
@@ -50,9 +50,8 @@ class StudyBoxDisplay(Display):
     Figs. 10 and G.3-G.8, and the difference of their VAF is Fig. 12.
 
     Where one group reaches more than five times as far from zero as the median group, as the
-    biases with first-order remnant do, the axis is linear around zero and logarithmic beyond, and
-    its label says from where. Otherwise limits hold all whiskers, and a note counts outliers
-    outside, if there are some.
+    biases with first-order remnant do, the axis is linear around zero and logarithmic beyond.
+    Otherwise a note counts outliers outside.
 
     Make it with :meth:`from_table`.
 
@@ -230,7 +229,7 @@ class StudyBoxDisplay(Display):
         every = np.concatenate([self.table[value].dropna(), levels])
         furthest = np.array([np.nanmax(np.abs(ends), initial=0.0) for ends in reach.values()])
         near = furthest[furthest <= APART * np.median(furthest)]
-        bend = round_up(float(near.max())) if near.size else 0.0
+        bend = float(f"{near.max():.0e}") if near.size else 0.0
         far = near.size < furthest.size and bend > 0
         whiskers = np.concatenate([*reach.values(), levels])
         for panel in panels:

@@ -43,20 +43,12 @@ LARGER = 0.45  # of the size of a mark, by which those of more remnant are large
 class TournamentDisplay(Display):
     """The methods of a tournament: who does best where, and how they err.
 
-    ``kind="winners"`` is a map of conditions, coloured by the method that follows K_edot best
-    there, with its loss. A cell is pale where the next method is within 5 % of the best. Conditions
-    are rows; columns are the remnant's intensity and the order of its filter. Causal and offline
-    methods have a panel each.
-
-    ``kind="bias"`` is the bias against the standard deviation of each method, a panel for each
-    parameter. Arcs are lines of equal RMSE, sqrt(bias² + sd²).
-
-    ``kind="settling"`` is how soon an estimate has settled after a change, against how noisy it is
-    before. A line for each method joins remnant intensities, of which the largest mark is the
-    highest. A method that does not settle in the median run is at the upper edge. Both axes are
-    logarithmic, that of time from 2 s on.
-
-    Marks of causal methods are filled.
+    ``kind="winners"`` is a map of conditions (rows) and remnants (columns), coloured by the method
+    that follows K_edot best there, with its loss; pale where the next is within 5 %. Causal and
+    offline methods have a panel each. ``kind="bias"`` is the bias against the standard deviation of
+    each method; arcs are lines of equal RMSE. ``kind="settling"`` is how soon an estimate has
+    settled after a change, against how noisy it is before, a line for each method from little
+    remnant (small marks) to much. Marks of causal methods are filled.
 
     Make it with :meth:`from_result`, or with the method ``plot`` of the result.
 
