@@ -46,10 +46,10 @@ def check_channels(
     """Check units, clock and channels of a recording.
 
     Looks for a rate that is not the derivative of its angle (pairs are found by name: stem and stem
-    + rate, dot or velocity, in any spelling) or contains another rate; e that is not f_t - x; a
-    channel that is a copy of another, or of the output; invalid first samples; a clock that counts
-    rows or milliseconds, jitters, has gaps, or differs between runs; channels that are held or
-    interpolated from a slower recording, constant, or partly missing.
+    + rate, dot or velocity, in any spelling); e that is not f_t - x; a channel that is a copy of
+    another, or of the output; invalid first samples; a clock that counts rows or milliseconds,
+    jitters, has gaps, or differs between runs; channels that are held or interpolated from a slower
+    recording, constant, or partly missing.
 
     Parameters
     ----------
@@ -305,13 +305,8 @@ def _jump(early: np.ndarray, late: np.ndarray) -> int | None:
 def _stillness(early: np.ndarray, late: np.ndarray) -> int | None:
     """Equal samples at the start of a run, if there are many more than ever later."""
     count = int(np.argmax(early > 0)) + 1 if early.any() else early.size
-    longest = _longest_zero_run(late) + 1
+    longest = int(np.diff([-1, *np.flatnonzero(late), late.size]).max())
     return count if count >= max(STILL, LONGER * longest) else None
-
-
-def _longest_zero_run(step: np.ndarray) -> int:
-    changes = np.concatenate([[-1], np.flatnonzero(step), [step.size]])
-    return int(np.diff(changes).max()) - 1
 
 
 def _clock(recording: RawRecording) -> Iterator[Finding]:

@@ -20,8 +20,6 @@ LEAST_STEPS = 30
 OUTLIER = 6.0  # robust standard deviations
 UNRELATED = 0.5  # correlation, below which a channel is not the rate of the other
 TOLERANCE = 1.1  # ratio of gains that a calibration may leave
-ALONE = 0.95  # share of the changes that a rate explains without the help of another
-TOGETHER = 0.98  # share that it must explain with it
 ALIKE = 10.0  # ratio of spreads within which channels may come from one sensor
 FACTORS = {
     180 / np.pi: "pi/180 too small: degrees were converted to radians twice, or {angle} is in "
@@ -58,32 +56,30 @@ class Gain:
 
 
 def check_rates(recording: RawRecording) -> list[Finding]:
-    """Rates that are not the derivatives of their angles, or hold another rate as well."""
-    wrong, mixed, right = [], [], []
+    """Rates that are not the derivatives of their angles."""
+    wrong, right = [], []
     for angle, rate in pairs(recording.names):
         gain = _gain(recording, angle, rate)
         if gain is None:
             continue
         if gain.correlation >= UNRELATED and gain.allows(1.0):
             right.append(rate)
-            mixed.append((angle, rate, gain))
         else:
             wrong.append((angle, rate, gain))
-    of_wrong = [rate for _, rate, _ in wrong]
+    known = [*right, *(rate for _, rate, _ in wrong)]
     alone = [
         name
         for name, values in recording.values.items()
         if _rate_stem(name) is not None
-        and name not in right + of_wrong
+        and name not in known
         and np.isfinite(values).sum() > LEAST_STEPS
     ]
-    findings = [_wrong(recording, *found, alone) for found in wrong]
-    return findings + [f for found in mixed if (f := _mixed(recording, *found, alone))]
+    return [_wrong(recording, *found, alone) for found in wrong]
 
 
 def pairs(names: list[Any]) -> Iterator[tuple[Any, Any]]:
     """Channels and their rates, by name: stem and stem + rate, in any style of writing."""
-    angles = {_angle_stem(name): name for name in names if _rate_stem(name) is None}
+    angles = {_without_angle(_parts(name)): name for name in names if _rate_stem(name) is None}
     for name in names:
         stem = _rate_stem(name)
         if stem in angles:
@@ -109,10 +105,6 @@ def _rate_stem(name: Any) -> str | None:
     return _without_angle(parts)
 
 
-def _angle_stem(name: Any) -> str:
-    return _without_angle(_parts(name))
-
-
 def _without_angle(parts: list[str]) -> str:
     if len(parts) > 1 and parts[-1] in ANGLE_NAMES:
         parts = parts[:-1]
@@ -129,8 +121,8 @@ def _gain(recording: RawRecording, angle: Any, rate: Any) -> Gain | None:
     best = None
     length = 1
     while length * recording.dt <= LONGEST or length <= 8:
-        change, integrals = _changes(recording, angle, [rate], length)
-        gain = _regression(change, integrals[:, 0], length)
+        change, integral = _changes(recording, angle, rate, length)
+        gain = _regression(change, integral, length)
         if gain is not None and (best is None or abs(gain.correlation) > abs(best.correlation)):
             best = gain
         length *= 2
@@ -138,24 +130,23 @@ def _gain(recording: RawRecording, angle: Any, rate: Any) -> Gain | None:
 
 
 def _changes(
-    recording: RawRecording, angle: Any, rates: list[Any], length: int
+    recording: RawRecording, angle: Any, rate: Any, length: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Changes of the angle over so many samples, and the integrals of rates over them."""
-    of_angle, of_rates = [np.zeros(0)], [np.zeros((0, len(rates)))]
+    """Changes of the angle over so many samples, and the integral of the rate over them."""
+    of_angle, of_rate = [np.zeros(0)], [np.zeros(0)]
     for rows in recording.segments:
-        a = recording.values[angle][rows]
-        r = np.column_stack([recording.values[rate][rows] for rate in rates])
+        a, r = recording.values[angle][rows], recording.values[rate][rows]
         if len(a) <= length:
             continue
-        area = np.diff(recording.time[rows])[:, None] * (r[1:] + r[:-1]) / 2
-        integral = np.vstack([np.zeros(len(rates)), np.cumsum(np.nan_to_num(area), axis=0)])
-        missing = np.concatenate([[0], np.cumsum(np.isnan(area).any(axis=1))])
+        area = np.diff(recording.time[rows]) * (r[1:] + r[:-1]) / 2
+        integral = np.append(0.0, np.cumsum(np.nan_to_num(area)))
+        missing = np.append(0, np.cumsum(np.isnan(area)))
         at = np.arange(0, len(a) - length, max(length // 2, 1))
         change = a[at + length] - a[at]
         whole = (missing[at + length] == missing[at]) & np.isfinite(change)
         of_angle.append(change[whole])
-        of_rates.append((integral[at + length] - integral[at])[whole])
-    return np.concatenate(of_angle), np.vstack(of_rates)
+        of_rate.append((integral[at + length] - integral[at])[whole])
+    return np.concatenate(of_angle), np.concatenate(of_rate)
 
 
 def _regression(change: np.ndarray, integral: np.ndarray, length: int) -> Gain | None:
@@ -237,49 +228,6 @@ def _wrong(recording: RawRecording, angle: Any, rate: Any, gain: Gain, alone: li
         next_step,
         about=f"{rate}, {angle}",
     )
-
-
-def _mixed(
-    recording: RawRecording, angle: Any, rate: Any, gain: Gain, alone: list[Any]
-) -> Finding | None:
-    """A rate of about the right size that holds another rate as well."""
-    if gain.correlation**2 >= ALONE:
-        return None
-    for other in alone:
-        change, integrals = _changes(recording, angle, [rate, other], gain.length)
-        if change.size < LEAST_STEPS:
-            continue
-        change = change - change.mean()
-        integrals = integrals - integrals.mean(axis=0)
-        own, beside = np.linalg.lstsq(integrals, change, rcond=None)[0]
-        explained = 1 - np.sum((change - integrals @ [own, beside]) ** 2) / np.sum(change**2)
-        if explained < TOGETHER or own == 0:
-            continue
-        part = -beside / own
-        fitting = [f for f in FACTORS if 1 / TOLERANCE <= abs(part) / f <= TOLERANCE]
-        unit = (
-            ""
-            if not fitting
-            else (
-                f" The factor is that of a unit error: {other} is "
-                + FACTORS[fitting[0]].split(":")[0]
-                + "."
-            )
-        )
-        return Finding(
-            "mixed rate",
-            f"{rate} is the derivative of {angle} plus {part:.3g} times {other}",
-            f"Of the changes of {angle} over {gain.length * recording.dt:.3g} s, {rate} alone "
-            f"explains {100 * gain.correlation**2:.1f} %, and with {other} "
-            f"{100 * explained:.1f} %.",
-            f"{rate} was measured against a different reference than {angle}, such as the ground "
-            f"instead of the vehicle, or {other} was not subtracted, or in the wrong unit." + unit,
-            f"Use {rate} - {part:.4g} {other}, or differentiate {angle}."
-            if part > 0
-            else f"Use {rate} + {-part:.4g} {other}, or differentiate {angle}.",
-            about=f"{rate}, {angle}",
-        )
-    return None
 
 
 def _alike(recording: RawRecording, rate: Any, alone: list[Any]) -> list[Any]:

@@ -22,15 +22,13 @@ DELAY = 0.2  # s
 OPERATOR = {"K_e": 0.8, "K_edot": 0.3, "omega_nm": 9.0, "zeta_nm": 0.4}
 
 
-def synthetic_record(channels: Sequence[str] = (), seed: int = 0) -> Record:
+def synthetic_record(channels: Sequence[str] = ()) -> Record:
     """Runs of smooth random channels, silent at the beginning, the last one shorter.
 
     Parameters
     ----------
     channels : sequence of str, default=()
         Names of further channels, which get no role.
-    seed : int, default=0
-        Seed of the random phases.
 
     Returns
     -------
@@ -43,7 +41,7 @@ def synthetic_record(channels: Sequence[str] = (), seed: int = 0) -> Record:
     >>> list(record.channels), record.n_runs
     (['e', 'x', 'f_t', 'motion_acc', 'dist', 'speed', 'heat'], 3)
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     t = np.arange(round(DURATION / DT)) * DT
 
     def smooth() -> np.ndarray:

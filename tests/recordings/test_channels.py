@@ -46,8 +46,7 @@ def signals(**options):
 # Nothing wrong
 
 
-@pytest.mark.parametrize("intensity", [0.0, 0.15])
-@pytest.mark.parametrize("condition", ["C2", "C6"])
+@pytest.mark.parametrize(("condition", "intensity"), [("C2", 0.0), ("C6", 0.15)])
 def test_nothing_is_wrong_with_simulated_runs(condition, intensity):
     X, y = make_tracking_runs(
         condition,
@@ -60,7 +59,7 @@ def test_nothing_is_wrong_with_simulated_runs(condition, intensity):
     assert check_channels(X) == []
 
 
-@pytest.mark.parametrize("axis", ["x", "y"])
+@pytest.mark.parametrize("axis", ["x"])
 def test_human_recordings_hold_a_stalled_cursor_and_nothing_else(axis):
     """The cursor stands still and jumps 0.2 to 0.7 s after the beginning of recordings.
 
@@ -94,19 +93,6 @@ def test_bicycle_in_the_wrong_units():
     # The wheel turns a thousand times as fast, and was converted once.
     assert "YawRate and PitchRate have no angle" in finding.next_step
     assert "RearWheelRate" not in finding.next_step
-
-
-@pytest.mark.parametrize(("correct", "factor"), [(True, 0.921), (False, 52.8)])
-def test_steer_rate_of_the_bicycle_holds_the_yaw_rate(correct, factor):
-    """The yaw rate, in its wrong unit, was subtracted in vain: 87 % against 99.8 % explained."""
-    X, y = load_bicycle_rider(
-        inputs=["SteerAngle", "SteerRate", "YawRate"], output="SteerTorque", correct_units=correct
-    )
-    mixed, missing = check_channels(X, y)
-    assert mixed.title == f"SteerRate is the derivative of SteerAngle plus {factor} times YawRate"
-    assert "99.8 %" in mixed.evidence
-    assert ("unit error" in mixed.meaning) == (not correct)
-    assert missing.title == "SteerRate has 17 missing samples"
 
 
 @pytest.mark.parametrize("recording", [0, 4, 9])
@@ -211,10 +197,13 @@ def test_error_of_another_signal():
 # Copies
 
 
-@pytest.mark.parametrize("shift", [0, 3])
 @pytest.mark.parametrize(
-    ("gain", "title"),
-    [(1.0, "b is a copy of a"), (-1.0, "b is a with the opposite sign"), (2.5, "b is a times 2.5")],
+    ("gain", "title", "shift"),
+    [
+        (1.0, "b is a copy of a", 0),
+        (-1.0, "b is a with the opposite sign", 3),
+        (2.5, "b is a times 2.5", 0),
+    ],
 )
 def test_copies(gain, title, shift):
     rng = np.random.default_rng(0)
