@@ -6,7 +6,6 @@ import pytest
 from support.recursion_twin import P0, changing_runs, recursive, shifted
 
 from skhoid import (
-    Decimator,
     IrregularSamplingError,
     PoorExcitationWarning,
     RunIndexError,
@@ -34,9 +33,6 @@ def stream(*blocks, **params):
 ERRORS = {
     # forgetting
     "lambda of zero": (lambda: fit(forgetting=0.0), ValueError, ["forgetting", "got 0"]),
-    "unknown word": (
-        lambda: fit(forgetting="adaptive"), ValueError, ["forgetting", "adaptive", "auto"]
-    ),
     "too few in the matrix": (
         lambda: fit(forgetting=[0.9, 0.9]), ValueError, ["forgetting", "(2,)", "(4,)"]
     ),
@@ -53,17 +49,7 @@ ERRORS = {
     ),
     # start
     "unknown start": (lambda: fit(init="batch"), ValueError, ["init", "batch", "ols"]),
-    "start of another size": (
-        lambda: fit(init=[0.0, 1.0]), ValueError, ["init", "4 finite", "a1, a2"]
-    ),
-    "lags without end in a stream": (
-        lambda: stream(ARRAYS, nk=10**9), ValueError, ["1000000001 samples back", "limits are 1000"]
-    ),
     "P0 too large": (lambda: fit(p0=1e300), ValueError, ["p0", "1e+300", "1e+100"]),
-    "P0 not symmetric": (lambda: fit(p0=NOT_SYMMETRIC), ValueError, ["p0", "symmetric"]),
-    "window shorter than the lags": (
-        lambda: fit(init="ols", init_window=0.04), ValueError, ["init_window", "0.04"]
-    ),
     "reset at no time": (lambda: fit(reset_times=[1.0, np.nan]), ValueError, ["reset_times"]),
     # others
     "smoothing with a joint matrix": (
@@ -75,11 +61,6 @@ ERRORS = {
         lambda: fit(X[:4], Y[:4]), ShortRunError, ["Run 1", "4 successive rows", "need 5"]
     ),
     # streams
-    "marked rows": (
-        lambda: stream((Decimator(2).fit_transform(X), Y)),
-        ValueError,
-        ["partial_fit", "decimated rows", "rate of the model"],
-    ),
     "time goes backwards": (
         lambda: stream((X[:100], Y[:100]), (X[50:150], Y[50:150])),
         RunIndexError,

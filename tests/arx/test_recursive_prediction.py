@@ -5,7 +5,6 @@ import pytest
 from support import naive
 from support.recursion_twin import (
     ORDERS,
-    THETA0,
     changing_runs,
     recursive,
     sample_numbers,
@@ -15,7 +14,6 @@ from support.recursion_twin import (
 from support.synthetic import DT, arx_runs
 
 from skhoid import (
-    RunInTrimmer,
     RunTimeWarning,
 )
 
@@ -78,13 +76,3 @@ def test_predict_ahead(horizon, parameters):
 
 
 # The grid that marks leave
-
-
-def test_rows_of_a_marked_run_in_are_not_learnt_from():
-    X, y = changing_runs(400, 2)
-    marked = RunInTrimmer(1.0).fit_transform(X)
-    spoiled = y.mask(y.index.get_level_values("time") < 1.0 - DT / 2, 99.0)
-    one, other = (recursive(memory_horizon=30).fit(marked, u) for u in (y, spoiled))
-    np.testing.assert_array_equal(one.coef_path_, other.coef_path_)
-    assert (one.coef_path_[0] == THETA0).all()
-    assert one.predict(marked).shape == (800,)

@@ -148,14 +148,3 @@ def test_a_channel_that_comes_alive_is_learnt(kind):
 
 
 # Protection is for what is not excited
-
-
-@pytest.mark.parametrize("horizon", [2.0, 8192.0])
-def test_no_protection_in_excited_data(horizon):
-    """For every memory horizon of Table V."""
-    rng = np.random.default_rng(0)
-    e, white = rng.standard_normal((2, 20_000))
-    for noise in (0.0, 1.0):
-        u = respond(e, noise * white)
-        model = recursive(memory_horizon=horizon).fit(e[:, None], u)
-        assert model.n_held_ == 0

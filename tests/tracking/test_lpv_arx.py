@@ -124,19 +124,6 @@ def test_without_noise_the_coefficients_are_found():
     np.testing.assert_allclose(by_time.scheduled_coef_, THETA, atol=1e-10)
 
 
-def test_poles_that_do_not_vary():
-    """varying="inputs" leaves a1 and a2 one value each, and finds them better."""
-    functions = np.stack([V**0, V], 1)
-    fitted = model(varying="inputs", fit_intercept=True).fit(X, Y)
-    table, u = stacked(X, Y, functions, constant=True)
-    kept = [0, 2, 4, 5, 6, 7, 8]
-    found = np.linalg.lstsq(table[:, kept], u, rcond=None)[0]
-    np.testing.assert_allclose(fitted.estimates_, found, rtol=1e-10, atol=1e-12)
-    names = ["a1", "a2", "b0[0]", "b0[1]", "b1[0]", "b1[1]", "intercept"]
-    assert list(fitted.parameters_.index) == names
-    np.testing.assert_array_equal(np.ptp(fitted.coef_at([-1.0, 0.3, 2.0])[:, [0, 1, 4]], axis=0), 0)
-
-
 # Uncertainty
 
 
@@ -200,14 +187,11 @@ def test_nan_in_any_channel_leaves_out_rows():
     ("params", "message"),
     [
         ({"scheduling": "w"}, "scheduling names 'w', which is not a column of X"),
-        ({"scheduling": []}, "scheduling is empty"),
         ({"inputs": ["e", "v"]}, "'v' is in scheduling and in inputs"),
         ({"scheduling": ["v", "e"], "inputs": None}, "no column left|'e' is in scheduling"),
         ({"basis": lambda s: s[:3]}, r"returned the shape \(3,\) for the scheduling"),
         ({"basis": lambda s: 1.0 if s > 0 else 0.0}, "choose between values with np.where"),
         ({"basis": lambda s: np.log(s)}, "is not finite for s = "),
-        ({"basis": "cubic"}, "basis"),
-        ({"varying": "none"}, "varying"),
     ],
 )
 @pytest.mark.filterwarnings("ignore:invalid value encountered in log")

@@ -98,13 +98,6 @@ def test_each_sample_of_the_error_keeps_the_gains_that_it_met():
     np.testing.assert_allclose(found, u, atol=1e-12)
 
 
-def test_before_and_after_the_path_its_ends_hold(runs):
-    X, y = runs
-    inner = Told({1000: TRUE, 1500: OTHER}).fit(X, y)
-    outer = Told({0: TRUE, 1000: TRUE, 1500: OTHER, 4095: OTHER}).fit(X, y)
-    np.testing.assert_array_equal(inner.predict(X), outer.predict(X))
-
-
 def test_tables_have_units_and_intervals(runs):
     X, y = runs
     model = Told({0: TRUE, 4000: OTHER}).fit(X, y)

@@ -107,23 +107,6 @@ def test_pooled_runs_are_stacked_least_squares():
         np.testing.assert_allclose(fitted.coef_path_[t], theta, rtol=1e-8)
 
 
-def test_best_ridge_is_the_ratio_of_variances():
-    """Of drawn taps and few rows: the mean squared error is least near ridge = σ² / var(u)."""
-    rng = np.random.default_rng(0)
-    taps, n_rows, share = 12, 40, 0.5
-    ridges = share * np.array([0.05, 1.0, 20.0])
-    lost = np.zeros(3)
-    for _ in range(60):
-        e = rng.standard_normal(n_rows)
-        h = rng.standard_normal(taps) / np.sqrt(taps)
-        u = np.convolve(h, e)[:n_rows] + np.sqrt(share) * rng.standard_normal(n_rows)
-        for i, ridge in enumerate(ridges):
-            found = RecursiveFIR(taps, ridge=ridge, every=n_rows).fit(e[:, None], u).coef_
-            lost[i] += np.sum((found - h) ** 2)
-    assert lost[1] < 0.8 * lost[0]
-    assert lost[1] < 0.8 * lost[2]
-
-
 # Uncertainty
 
 

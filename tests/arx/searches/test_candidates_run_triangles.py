@@ -4,18 +4,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.model_selection import KFold, ShuffleSplit
-from sklearn.pipeline import make_pipeline
 from support import naive
 from support.synthetic import arx_runs, stretches_of
 
 from skhoid import (
     ARXRegressor,
-    Decimator,
     DelaySearchCV,
-    DelayShift,
-    OrderSearchCV,
-    RunInTrimmer,
-    VAFScorer,
     run_labels,
 )
 from skhoid.arx.folds import folds_of
@@ -95,32 +89,6 @@ def test_folds_equal_refits(holed, cv, n_inputs, intercept):
         twins = [refitted(X, y, inputs, nk, train, test, intercept) for nk in CANDIDATES]
         found = results[f"split{number}_test_score"]
         np.testing.assert_allclose(100 - found, 100 - np.array(twins), rtol=1e-9)
-
-
-@quiet
-@pytest.mark.parametrize(
-    "wrap",
-    [
-        pytest.param(lambda model: make_pipeline(Decimator(2), model), id="decimated"),
-        pytest.param(lambda model: make_pipeline(RunInTrimmer(0.2), model), id="trimmed"),
-        pytest.param(lambda model: make_pipeline(DelayShift(0.01), model), id="shifted"),
-    ],
-)
-@pytest.mark.parametrize(
-    "scoring", [VAFScorer(centered=True, average="mean"), VAFScorer(run_in=0.1)]
-)
-def test_marks_and_scorers_as_on_the_path_that_refits(wrap, scoring):
-    """With na = 6 every candidate is fitted on the same rows on both paths."""
-    X, y = arx_runs(lengths=[150, 200, 120, 160], noise=0.4)
-    keep = np.ones(len(X), dtype=bool)
-    keep[210:230] = False  # a gap
-    X, y = X[keep], y[keep]
-    fast, slow = (
-        OrderSearchCV(wrap(model()), na=[6], nb=[1, 2], nk=[1, 2], scoring=scoring, cv=2).fit(X, y)
-        for model in (ARXRegressor, SlowARX)
-    )
-    for key in ("split0_test_score", "split1_test_score", "bic"):
-        np.testing.assert_allclose(fast.cv_results_[key], slow.cv_results_[key], rtol=1e-8)
 
 
 # Work
