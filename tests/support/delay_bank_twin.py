@@ -92,13 +92,3 @@ def value_of(path, fits, leave):
         log_pi = np.log(transitions(fits.shape[1], leave))
     value = log_pi[:, path[0]].max() + fits[np.arange(len(path)), path].sum()
     return value + sum(log_pi[i, j] for i, j in pairwise(path))
-
-
-def path_by_table(fits, leave):
-    """Value of the most probable path, by dynamic programming over full matrices."""
-    with np.errstate(divide="ignore"):
-        log_pi = np.log(transitions(fits.shape[1], leave))
-    value = np.zeros(fits.shape[1])
-    for fit in fits:
-        value = (value[:, None] + log_pi).max(axis=0) + fit
-    return value.max()

@@ -14,13 +14,3 @@ def regressors(X, begin, end, lags):
 def information(phi, u, weights):
     """R, s and the sum of the weights of rows that are given at once."""
     return (phi.T * weights) @ phi, (phi.T * weights) @ u, weights.sum()
-
-
-def deltas(R, total, owner, prior, ridge):
-    """δ of each parameter, ridge trace(prior R) / w of its input."""
-    out = np.zeros(len(owner))
-    for j in set(owner) - {-1}:
-        own = np.flatnonzero(owner == j)
-        block = np.ix_(own, own)
-        out[own] = ridge * np.trace(prior[block] @ R[block]) / total
-    return out
