@@ -58,28 +58,6 @@ def delayed(x, delay):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def scaled(x, factor):
-    """Signals times a factor of shape (1 or n_samples, 1 or n_runs)."""
-    n, runs = x.shape
-    out = np.empty((n, runs))
-    if factor.size == 1:
-        flat, to, by = x.reshape(n * runs), out.reshape(n * runs), factor[0, 0]
-        for i in range(n * runs):
-            to[i] = by * flat[i]
-    elif factor.shape[1] == 1:
-        for k in range(n):
-            by = factor[k, 0]
-            for j in range(runs):
-                out[k, j] = by * x[k, j]
-    else:
-        for k in range(n):
-            row = factor[k if factor.shape[0] > 1 else 0]
-            for j in range(runs):
-                out[k, j] = row[j] * x[k, j]
-    return out
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def differentiated(x, dt):
     """Central differences along time; one-sided at the ends, zero for a single sample."""
     n, runs = x.shape
@@ -111,17 +89,17 @@ def held_linearly(omega, zeta, dt):
     for i in range(n):
         w, z = omega[i], zeta[i]
         mean, square = -z * w, w * w
-        root = np.sqrt(complex(mean * mean - square))
-        if abs(root) * dt < 1e-7:
-            sine = dt
+        away = mean * mean - square
+        root, growth = np.sqrt(abs(away)), np.exp(mean * dt)
+        if root * dt < 1e-7:
+            sine, cosine = growth * dt, growth
+        elif away < 0.0:
+            sine, cosine = growth * np.sin(root * dt) / root, growth * np.cos(root * dt)
+        elif root * dt > 300.0:  # a large overdamped one between slow samples: 0 times inf
+            cosine = np.exp((mean + root) * dt) / 2
+            sine = cosine / root
         else:
-            sine = (np.sinh(root * dt) / root).real
-        growth = np.exp(mean * dt)
-        cosine = growth * np.cosh(root * dt).real
-        sine *= growth
-        if root.real * dt > 300.0:  # a large overdamped one between slow samples: 0 times inf
-            cosine = np.exp((mean + root.real) * dt) / 2
-            sine = cosine / root.real
+            sine, cosine = growth * np.sinh(root * dt) / root, growth * np.cosh(root * dt)
         # phi = cosine I + sine (M - mean I)
         p0, p1 = cosine + sine * mean, sine
         p2, p3 = -sine * square, cosine - sine * mean

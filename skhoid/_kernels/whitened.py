@@ -11,6 +11,13 @@ LARGEST = 1e100  # of simulated outputs
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def push(m, at, length):
+    """Make room for the latest of ``length`` values from ``at`` on, of which the oldest goes."""
+    for k in range(length - 1, 0, -1):
+        m[at + k] = m[at + k - 1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def factorised(R, L, least):
     """R = L L', of the lower triangle; pivots below ``least`` of the diagonal are a failure."""
     n = L.shape[0]
@@ -167,12 +174,10 @@ def prediction_errors(
                 if not np.isfinite(value):
                     broken = True
                     value = m[at] if m[0] > 0 else 0.0
-                for k in range(depth - 1, 0, -1):
-                    m[at + k] = m[at + k - 1]
+                push(m, at, depth)
                 m[at] = value
                 filtered, length = at + depth, max(nb[i] + nd, na + 1)
-                for k in range(length - 1, 0, -1):
-                    m[filtered + k] = m[filtered + k - 1]
+                push(m, filtered, length)
                 value = m[at + nk[i]]
                 for k in range(na):
                     value -= slow[k] * m[filtered + 1 + k]
@@ -235,18 +240,15 @@ def prediction_errors(
             value = white
             for k in range(na):
                 value -= slow[k] * m[DWF + k]
-            for k in range(na, 0, -1):
-                m[DWF + k] = m[DWF + k - 1]
-                m[DW + k] = m[DW + k - 1]
+            push(m, DWF, na + 1)
+            push(m, DW, na + 1)
             m[DWF], m[DW] = value, white
             value = y
             for k in range(na):
                 value -= slow[k] * m[UF + k]
-            for k in range(nd + na, 0, -1):
-                m[UF + k] = m[UF + k - 1]
+            push(m, UF, nd + na + 1)
             m[UF] = value
-            for k in range(nd, 0, -1):
-                m[OUT + k] = m[OUT + k - 1]
+            push(m, OUT, nd + 1)
             m[OUT] = y
         if n_used == 0:
             counts[2] += 1
@@ -333,12 +335,10 @@ def instruments(
                 if not np.isfinite(value):
                     broken = True
                     value = m[at] if m[0] > 0 else 0.0
-                for k in range(depth - 1, 0, -1):
-                    m[at + k] = m[at + k - 1]
+                push(m, at, depth)
                 m[at] = value
                 filtered, length = at + depth, max(nb[i] + nd, na + 1)
-                for k in range(length - 1, 0, -1):
-                    m[filtered + k] = m[filtered + k - 1]
+                push(m, filtered, length)
                 value = m[at + nk[i]]
                 for k in range(na):
                     value -= slow[k] * m[filtered + 1 + k]
@@ -358,16 +358,14 @@ def instruments(
                     broken = True
                     value = 0.0
                 length = max(nd, na) + 1
-                for k in range(length - 1, 0, -1):
-                    m[at + k] = m[at + k - 1]
+                push(m, at, length)
                 for k in range(na):
                     value -= slow[k] * m[at + 1 + k]
                 m[at] = value
                 for j in range(nd):
                     value += d[j] * m[at + 1 + j]
                 whitened = at + length
-                for k in range(reach - 1, 0, -1):
-                    m[whitened + k] = m[whitened + k - 1]
+                push(m, whitened, reach)
                 m[whitened] = value
                 for lag in lags:
                     z[q] = m[whitened + lag]
@@ -382,8 +380,7 @@ def instruments(
                 old += slow[k] * m[UF + k]
             measured = np.isfinite(y)
             value = y - old if measured else predicted - rest
-            for k in range(nd + na, 0, -1):
-                m[UF + k] = m[UF + k - 1]
+            push(m, UF, nd + na + 1)
             m[UF] = value
             m[1] = waits[1] if broken else max(m[1] - 1.0, 0.0)
             usable[r] = measured and m[0] >= waits[0] and m[1] == 0.0

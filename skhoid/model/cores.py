@@ -247,10 +247,8 @@ class OperatorCore(Core):
     def command(
         self, error: np.ndarray, gains: Gains, values: dict[str, float]
     ) -> tuple[np.ndarray, np.ndarray]:
-        error = _kernels.gate(error)
-        position = _kernels.greybox.scaled(error, _kernels.gate(values["K_e"] * gains.error))
-        rate = _kernels.greybox.scaled(error, _kernels.gate(values["K_edot"] * gains.rate))
-        return position, rate
+        position = error * (values["K_e"] * gains.error)
+        return position, error * (values["K_edot"] * gains.rate)
 
     def response(
         self, command: Command, gains: Gains, spring: Spring, values: dict[str, float], dt: float

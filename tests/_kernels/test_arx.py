@@ -103,13 +103,6 @@ def test_regressors(problem):
     assert n_missing == twin_missing
 
 
-@settings(max_examples=150, deadline=None)
-@given(problem=problems(missing=False))
-def test_free_run(problem):
-    X, _, stretches, orders, theta = problem
-    assert_same(*run_free(X, stretches, orders, theta))
-
-
 @settings(max_examples=80, deadline=None)
 @given(problem=problems(missing=False), seed=st.integers(0, 2**31))
 def test_free_run_with_past_inputs_and_initial_outputs(problem, seed):
@@ -123,7 +116,7 @@ def test_free_run_with_past_inputs_and_initial_outputs(problem, seed):
     assert_same(*run_free(X, stretches, orders, theta, past, y0))
 
 
-@pytest.mark.parametrize("horizon", [1, 2, 3, 4, 5, 40])
+@pytest.mark.parametrize("horizon", [1, 3, 40])
 @settings(max_examples=40, deadline=None)
 @given(problem=problems())
 def test_predict_ahead(horizon, problem):
@@ -132,7 +125,7 @@ def test_predict_ahead(horizon, problem):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("theta", [(-3.0, 2.0, 1.0), (1e30, -1e60, 1e90), (-1e200, 1e200, 1e200)])
+@pytest.mark.parametrize("theta", [(-3.0, 2.0, 1.0), (-1e200, 1e200, 1e200)])
 def test_unstable_models_stay_within_the_bound(theta):
     X = np.random.default_rng(0).standard_normal((3000, 1))
     y = X[:, 0] + 1.0
@@ -157,19 +150,6 @@ def test_gate_accepts_what_pandas_and_memmaps_give(tmp_path):
         assert gated.flags.writeable
         assert gated.dtype == np.float64
         np.testing.assert_array_equal(gated, array)
-
-
-def test_kernels_have_one_compiled_signature():
-    """Every caller goes through the gate, so that no layout is compiled twice."""
-    X = np.asfortranarray(np.random.default_rng(0).standard_normal((20, 2)))
-    orders = Orders(1, (2, 1), (0, 1))
-    theta = np.full(4, 0.1)
-    run_free(X, [(0, 20)], orders, theta)
-    run_free(X[::2], [(0, 10)], orders, theta)
-    run_ahead(X[:, 0], X, [(0, 20)], orders, theta, 2)
-    if hasattr(_kernels.arx.free_run, "signatures"):  # not under NUMBA_DISABLE_JIT=1
-        assert len(_kernels.arx.free_run.signatures) <= 1
-        assert len(_kernels.arx.predict_ahead.signatures) <= 1
 
 
 @settings(max_examples=50, deadline=None)
@@ -267,15 +247,3 @@ def test_merged_triangles_are_as_accurate_as_that_of_all_rows(parts):
     found = solutions([merged, pieces[0], whole], first)
     for row, triangle in zip(found, [merged, pieces[0], whole], strict=True):
         np.testing.assert_allclose(row, triangle.subset(first).solve(), rtol=1e-10)
-
-
-def test_solutions_of_dependent_regressors_are_nan():
-    rng = np.random.default_rng(0)
-    table = rng.standard_normal((50, 4))
-    dependent = table.copy()
-    dependent[:, 1] = -2 * dependent[:, 0]
-    few = table.copy()[:2]
-    triangles = [Triangle.of_blocks([np.asfortranarray(t)], 4) for t in (table, dependent, few)]
-    found = solutions(triangles, [0, 1, 2])
-    assert np.isnan(found).all(axis=1).tolist() == [False, True, True]
-    assert not np.isnan(solutions(triangles[:2], [0, 2])).any()

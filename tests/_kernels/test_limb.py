@@ -35,15 +35,6 @@ def test_it_is_its_twin(varies, friction):
         np.testing.assert_allclose(out[:, j], expected, rtol=1e-9, atol=1e-12)
 
 
-def test_without_friction_it_is_the_linear_limb():
-    rng = np.random.default_rng(0)
-    position, rate = rng.standard_normal((2, 200, 2))
-    omega, zeta, matrices = limb_of(9.0, 0.5, 200, False, rng)
-    out = limb.rubbing(position, rate, matrices, omega, zeta, 0.0, NONE, 1e9)
-    linear = greybox.second_order(position, rate, matrices, 0.0, 0.0, 1e9)
-    np.testing.assert_allclose(out, linear, rtol=1e-10, atol=1e-12)
-
-
 def test_it_rests_where_friction_holds_the_spring():
     """After a step the limb stops for good, within the friction of the command."""
     n = 2000

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import cont2discrete
-from sklearn.pipeline import make_pipeline
 from support import closed_loop
 from support.loop_twin import (
     DISTURBANCE,
@@ -19,18 +18,14 @@ from support.loop_twin import (
 )
 
 from skhoid import (
-    ARXRegressor,
     CompensatoryTask,
     ControlledElement,
-    DelayShift,
     HumanOperator,
     Multisine,
     Ramp,
     Remnant,
     Sigmoid,
     Step,
-    make_tracking_runs,
-    vaf_score,
 )
 
 pytestmark = pytest.mark.slow  # compiles for many orders
@@ -38,40 +33,10 @@ pytestmark = pytest.mark.slow  # compiles for many orders
 # The twin
 
 
-@pytest.mark.parametrize("name", ["C1", "C4"])
-def test_conditions_of_the_thesis(name):
-    """Past the transition at 40.96 s, with the remnant gains of Table G.1."""
-    remnant = Remnant.from_table(name, 0.15)
-    task = CompensatoryTask.of_condition(name, remnant=remnant, duration=43.0, run_in=0.3)
-    assert_twin(task)
-
-
-@pytest.mark.parametrize(
-    ("transport", "samples"),
-    [("held", s) for s in (0, 28, 27.9999999)] + [("interpolated", s) for s in (1, 28.0000001)],
-)
-def test_whole_delays(transport, samples):
-    task = short_task(transport=transport)
+@pytest.mark.parametrize("samples", [0, 27.9999999])
+def test_whole_delays(samples):
+    task = short_task(transport="held")
     assert_twin(replace(task, operator=replace(task.operator, tau_e=samples / 100)))
-
-
-@pytest.mark.parametrize("samples", [1.5, 28.999])
-def test_fractional_delays(samples):
-    task = short_task()
-    assert_twin(replace(task, operator=replace(task.operator, tau_e=samples / 100)))
-
-
-@pytest.mark.parametrize("display", ["pursuit", 0.3, Step(0.0, 1.0, time=0.7), Ramp(0, 1, 0, 1)])
-def test_pursuit(display):
-    operator = HumanOperator(
-        K_e=0.05,
-        K_edot=Sigmoid(0.03, 0.05, rate=5.0, time=1.0),
-        K_t=0.03,
-        K_tdot=Ramp(0.0, 0.02, 0.5, 1.0),
-        K_x=-0.02,
-        K_xdot=-0.01,
-    )
-    assert_twin(short_task(operator=operator, display=display))
 
 
 def test_muscle_that_varies():
@@ -139,7 +104,7 @@ def tasks(draw):
     )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(tasks(), st.integers(0, 2**31), st.booleans(), st.sampled_from([0, 1, 7]))
 def test_any_task(task, seed, open_loop, run):
     assert_twin(task, seed=seed, open_loop=open_loop, run=run)
@@ -183,18 +148,3 @@ def test_controlled_element_at_the_lines(state):
     H = task.controlled_element.frequency_response(Multisine().omega)
     half_sample = np.exp(-1j * Multisine().omega * 0.005)
     np.testing.assert_allclose((X / U)[below], (H * half_sample)[below], rtol=1e-3)
-
-
-def test_arx_model_of_the_operator_in_its_place():
-    """Fitted without remnant and put back, it closes the loop as the operator does."""
-    X, y = make_tracking_runs("C1", n_runs=1)
-    task = CompensatoryTask.of_condition("C1")
-    original = task.simulate()
-    model = ARXRegressor(na=2, nb=2, nk=29).fit(X, y)
-    shifted = make_pipeline(DelayShift(delay=0.29), ARXRegressor(na=2, nb=2, nk=0)).fit(X, y)
-    again = replace(task, operator=model).simulate()
-    for name in ("x", "u", "e"):
-        signal, repeated = getattr(original, name)[0], getattr(again, name)[0]
-        assert vaf_score(signal, repeated) > 99.99, name
-    behind = replace(task, operator=shifted).simulate()
-    np.testing.assert_allclose(behind.u, again.u, rtol=0, atol=1e-6)

@@ -8,17 +8,6 @@ from skhoid._kernels import whitened as kernels
 rng = np.random.default_rng
 
 
-@pytest.mark.parametrize("n", [1, 2, 4, 7])
-def test_factor_and_solution(n):
-    A = rng(n).standard_normal((n + 3, n))
-    R, L, out = A.T @ A, np.zeros((n, n)), np.zeros(n)
-    assert kernels.factorised(R, L, 1e-14)
-    np.testing.assert_allclose(np.tril(L) @ np.tril(L).T, R, rtol=1e-12)
-    right = rng(n + 1).standard_normal(n)
-    kernels.solve(L, right, out)
-    np.testing.assert_allclose(out, np.linalg.solve(R, right), rtol=1e-9)
-
-
 @pytest.mark.parametrize("forgetting", [1.0, 0.99])
 def test_noise_by_least_squares(forgetting):
     """P in factors is that of the textbook's recursion; large errors weigh less, as documented."""

@@ -52,7 +52,6 @@ def twin(task, f_t, f_d, white, *, open_loop=False, **options):
         )
     if remnant is not None:
         options |= {"order": remnant.order, "K_n": remnant.gain, "T_n": remnant.time_constant}
-        options["remnant_muscle"] = (remnant.omega_nm, remnant.zeta_nm)
     return naive_loop.simulate(
         f_t,
         f_d,
