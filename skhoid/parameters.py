@@ -91,6 +91,10 @@ class ModelParameter:
             )
         return float(value)
 
+    def given(self, value: float) -> ModelParameter:
+        """The same, not estimated, at a value."""
+        return replace(self, kind=Kind.GIVEN, value=value, sd=0.0, low=value, high=value)
+
     def moved_to(self, value: float) -> ModelParameter:
         """The same at another value, which has no standard error."""
         return replace(self, value=value, sd=np.nan, low=np.nan, high=np.nan)
@@ -171,8 +175,7 @@ class ParameterTable(Mapping[str, ModelParameter]):
         """
         one = self._settable(name)
         value = one.checked(one.value if value is None else value)
-        fixed = replace(one, kind=Kind.GIVEN, value=value, sd=0.0, low=value, high=value)
-        return self._with(fixed)
+        return self._with(one.given(value))
 
     def vary(self, name: str, start: float | None = None) -> ParameterTable:
         """Another table in which a parameter is estimated.

@@ -273,9 +273,19 @@ def fourier_coefficients(
     table.columns = [*(names[p] for p in positions), output, *lines][: table.shape[1]]
     spectra = _Spectra(windows, windows.numbers(table), lines)
     of_inputs = [str(names[p]) for p in positions]
+    shared: dict[str, Any] = {"omega": spectra.omega, "runs": spectra.layout.labels, "dof": DOF}
+    shared["output"] = output
     if several:
-        return _estimate_several(spectra, of_inputs, output)
-    return _estimate_one(spectra, of_inputs[0], output)
+        return _estimate_several(spectra, of_inputs, shared)
+    response, covariance = spectra.ratio()
+    return FrequencyResponse(
+        response=response,
+        input=of_inputs[0],
+        covariance=covariance,
+        coherence=spectra.coherence(),
+        coefficients=(spectra.at_lines[:, 0], spectra.at_lines[:, 1]),
+        **shared,
+    )
 
 
 def _check_numbers(inputs: list[Any], lines: dict[Any, np.ndarray]) -> None:
@@ -294,24 +304,8 @@ def _check_numbers(inputs: list[Any], lines: dict[Any, np.ndarray]) -> None:
         )
 
 
-def _estimate_one(spectra: _Spectra, name: str, output: str) -> FrequencyResponse:
-    """The response from the only input."""
-    response, covariance = spectra.ratio()
-    return FrequencyResponse(
-        omega=spectra.omega,
-        response=response,
-        runs=spectra.layout.labels,
-        input=name,
-        output=output,
-        dof=DOF,
-        covariance=covariance,
-        coherence=spectra.coherence(),
-        coefficients=(spectra.at_lines[:, 0], spectra.at_lines[:, 1]),
-    )
-
-
 def _estimate_several(
-    spectra: _Spectra, names: list[str], output: str
+    spectra: _Spectra, names: list[str], shared: dict[str, Any]
 ) -> dict[str, FrequencyResponse]:
     """Responses from several inputs, with a warning of lines where there are none."""
     spectra.check_excitation(len(names) + 1)
@@ -326,13 +320,10 @@ def _estimate_several(
         )
     return {
         name: FrequencyResponse(
-            omega=spectra.omega,
             response=solved[:, i],
-            runs=spectra.layout.labels,
             input=name,
-            output=output,
-            dof=DOF,
             covariance=variance[:, i, :, None, None] / 2 * np.eye(2),
+            **shared,
         )
         for i, name in enumerate(names)
     }

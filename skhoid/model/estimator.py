@@ -45,7 +45,6 @@ from .model import AT_BOUND, Model
 from .parameters import (
     difference_notes,
     effects_with_values,
-    label_covariance,
     move_parameters,
     parameter_table,
 )
@@ -197,7 +196,8 @@ class GreyBox(RunRegressor):
         )
         self.parameters_ = self.parameter_table_.estimates()
         self.effects_ = effects_with_values(model)
-        self.covariance_ = label_covariance(model.simulator, covariance)
+        names = model.simulator.names
+        self.covariance_ = pd.DataFrame(covariance, index=names, columns=names)
         self.simulation_ = Simulation(
             spec=prepared.spec,
             effects=model.effects,

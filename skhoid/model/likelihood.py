@@ -109,11 +109,11 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
         before, noise = model, criterion.noise
         residual = find_residual(model.simulator, criterion, model.theta)
         if i == 0 or core != CoreKind.ARX:
-            power = _power(residual)
+            power = float((residual**2).sum())
         criterion.set_noise(fit_remnant(residual, criterion.known))
         model = model.refined(criterion)
         moved = model.theta - before.theta
-        after = _power(find_residual(model.simulator, criterion, model.theta))
+        after = float((find_residual(model.simulator, criterion, model.theta) ** 2).sum())
         worse = i >= N_FREELY[core] and after > WORSE[core] * power
         if worse or not after <= max(power, criterion.power):
             if not noise.ar.size:
@@ -152,10 +152,6 @@ def choose_among_jumps(
     found = found.under(criterion)
     found.fit.beside = covariance
     return found, noise
-
-
-def _power(signal: np.ndarray) -> float:
-    return float((signal**2).sum())
 
 
 def collect_prior(simulator: Simulator) -> Prior:

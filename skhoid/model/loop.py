@@ -127,11 +127,8 @@ class LoopSimulator:
         self._error = self._inside = self._columns.input
         self._chosen = False
 
-    def _with_error(self, error: np.ndarray) -> Record:
-        return move_channels(self._columns, error, self._follow)
-
     def _open(self, error: np.ndarray) -> Simulator:
-        return self._open_loop.beside(self._with_error(error))
+        return self._open_loop.beside(move_channels(self._columns, error, self._follow))
 
     def run(self, theta: np.ndarray) -> np.ndarray:
         """Output in the loop, the mean over draws of the remnant; NaN where none is found."""

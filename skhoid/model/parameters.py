@@ -74,7 +74,8 @@ def parameter_table(
                     row = replace(row, sd=np.nan, low=-np.inf, high=np.inf)
                 rows.append(row)
     for name, value in fixed.items():
-        rows.append(set_given(ModelParameter(name, unit=S.label(units), meaning="given"), value))
+        one = ModelParameter(name, unit=S.label(units), meaning="given")
+        rows.append(one.given(value))
     for name, effect in simulator.effects:
         limits = effect.limits(simulator.record)
         for spec in effect.parameters:
@@ -83,7 +84,7 @@ def parameter_table(
                 one = spec.on(simulator.record, effect.place, f"{name}__{key}", limits[key])
                 meaning = f"{spec.meaning} (given)"
                 one = replace(one, unit=one.dimension.label(units), meaning=meaning)
-                rows.append(set_given(one, effect.fixed[key]))
+                rows.append(one.given(effect.fixed[key]))
         for key, number in derive_numbers(simulator, theta, covariance, name).items():
             rows.append(derived(f"{name}__{key}", *number))
     return ParameterTable(rows)
@@ -98,11 +99,6 @@ def set_estimate(
     """A parameter at an estimate with its standard error, and the interval that follows from it."""
     low, high = interval or (value - NORMAL_95 * sd, value + NORMAL_95 * sd)
     return replace(parameter, value=value, sd=sd, low=low, high=high)
-
-
-def set_given(parameter: ModelParameter, value: float) -> ModelParameter:
-    """A parameter that is not estimated."""
-    return replace(parameter, kind=Kind.GIVEN, value=value, sd=0.0, low=value, high=value)
 
 
 def derive_numbers(
@@ -134,10 +130,6 @@ def derive_numbers(
         variance = float(slope @ covariance[np.ix_(felt, felt)] @ slope)
         found[key] = (value, float(np.sqrt(np.maximum(variance, 0.0))), dimension, meaning)
     return found
-
-
-def label_covariance(simulator: Simulator, covariance: np.ndarray) -> pd.DataFrame:
-    return pd.DataFrame(covariance, index=simulator.names, columns=simulator.names)
 
 
 def effects_with_values(model: Model) -> Effects:

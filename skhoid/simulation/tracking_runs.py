@@ -170,7 +170,11 @@ def task_of(
         name: parameter.default
         for name, parameter in signature(make_tracking_runs).parameters.items()
     }
-    given = {name: value for name, value in given.items() if not _is_default(value, defaults[name])}
+    given = {
+        name: value
+        for name, value in given.items()
+        if not (value is defaults[name] or (np.isscalar(value) and value == defaults[name]))
+    }
     of_task = {name: value for name, value in given.items() if name not in CHANGES}
     if not isinstance(condition, CompensatoryTask):
         task = CompensatoryTask.of_condition(condition, **of_task)
@@ -203,10 +207,6 @@ def frames_of(
 
 def _make_index(record: TrackingRecord) -> pd.MultiIndex:
     return pd.MultiIndex.from_product([range(len(record.u)), record.time], names=["run", "time"])
-
-
-def _is_default(value: Any, default: Any) -> bool:
-    return value is default or (np.isscalar(value) and value == default)
 
 
 def _adapt(
