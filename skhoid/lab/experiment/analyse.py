@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -315,11 +316,6 @@ def analyse_experiment(
     ValueError
         If there is no column of the error, or an option is not valid.
 
-    See Also
-    --------
-    simulate_experiment : Simulate recordings whose truth is known.
-    skhoid.read_runs : Read your own recordings.
-
     Notes
     -----
     Runs of a subject in a condition are compared over the time that they share; runs with different
@@ -350,6 +346,9 @@ def analyse_experiment(
         raise ValueError(f"memory_horizon must be more than one sample; got {memory_horizon:g}.")
     cells, dt, notes = read_cells(X, y, last, input, measurement_time, region)
     plan = AnalysisPlan(float(memory_horizon), delay, input, region, fit_intercept, dt)
+    times = {} if transition_time is None else transition_time
+    if not isinstance(times, Mapping):
+        times = dict.fromkeys((cell.condition for cell in cells), float(times))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MissingDataWarning)  # the notes count it
         warnings.simplefilter("ignore", RunTimeWarning)  # and say what runs do not share
@@ -368,13 +367,5 @@ def analyse_experiment(
         dt=dt,
         memory_horizon=plan.memory_horizon,
         region=region,
-        transition_times=_transition_times(transition_time, [cell.condition for cell in cells]),
+        transition_times=dict(times),
     )
-
-
-def _transition_times(given: Any, conditions: list[Any]) -> dict[Any, float]:
-    if given is None:
-        return {}
-    if isinstance(given, (int, float, np.number)):
-        return dict.fromkeys(conditions, float(given))
-    return {name: float(time) for name, time in dict(given).items() if name in conditions}

@@ -237,10 +237,6 @@ def write_long(
     ValueError
         If there is no result, or there are several of one parameter.
 
-    See Also
-    --------
-    write_wide : A row for each person, for SPSS and JASP.
-
     Notes
     -----
     The CSV file has dots for decimals, UTF-8, and a column ``unit``, as parameters differ in it.
@@ -306,10 +302,6 @@ def write_wide(table: pd.DataFrame, path: str | Path, *, overwrite: bool = False
     ------
     FileExistsError
         If the file is there, and ``overwrite`` is False.
-
-    See Also
-    --------
-    write_long : All rows, with weights and an R script.
 
     Notes
     -----

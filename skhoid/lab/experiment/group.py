@@ -255,11 +255,6 @@ class GroupEffectSearch(BaseEstimator):
     identified_ : PeopleResult
         Parameters of the best models, failures, and who looks wrong.
 
-    See Also
-    --------
-    skhoid.EffectSearchCV : The search for one person.
-    skhoid.identify_people : Parameters of everybody.
-
     Notes
     -----
     The Bayes factor of a person for an effect is exp((ΔBIC - 12) / 2), at most exp(6), and not

@@ -355,11 +355,6 @@ def identify_people(
     WorkersLostError
         If workers die repeatedly.
 
-    See Also
-    --------
-    analyse_experiment : Time-varying parameters, and who adapts.
-    simulate_experiment : Simulate recordings whose truth is known.
-
     Notes
     -----
     Each fit is the one that ``estimator.fit`` makes of these rows alone, to the last bit. A search

@@ -255,11 +255,6 @@ def mixed_model(
         If there is no such parameter, condition or option; if there is one person only; if no row
         can be used; if "log" meets an estimate that is not above 0.
 
-    See Also
-    --------
-    repeated_measures : The classical analysis of run means.
-    write_long : The rows and an R script that reproduces the result.
-
     Notes
     -----
     First the runs r of person p in condition c become one value, with weights that count precise

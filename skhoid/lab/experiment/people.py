@@ -117,17 +117,7 @@ class PeopleResult(Told):
         return Document(_how_many(self), blocks)
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw the VAF of everybody's runs against the noise ceiling.
-
-        Parameters
-        ----------
-        ax : sequence of Axes or None, default=None
-            One for each person; None makes a figure.
-
-        Returns
-        -------
-        display : PeopleDisplay
-        """
+        """Draw the VAF of everybody's runs against the noise ceiling, on Axes for each person."""
         from ...plotting import PeopleDisplay
 
         return PeopleDisplay.from_result(self, ax=ax)

@@ -33,10 +33,6 @@ class RepeatedMeasuresResult(Told):
         Means of runs: a row for each person, a column for each condition.
     notes : list of str
         What was left out, and who has no runs in some condition.
-
-    Examples
-    --------
-    See :func:`repeated_measures`, which makes it.
     """
 
     parameter: str
@@ -115,10 +111,6 @@ def repeated_measures(
     ValueError
         If there is no such parameter or option, or there are fewer than two conditions or two
         people with all of them.
-
-    See Also
-    --------
-    mixed_model : Weighs runs by their precision, and uses people with missing conditions.
 
     Notes
     -----

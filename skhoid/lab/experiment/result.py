@@ -125,18 +125,10 @@ class ExperimentResult(Told):
         return sorted(found) if all(isinstance(name, str) for name in found) else found
 
     def score_table(self, condition: Any = None) -> pd.DataFrame:
-        """Mean scores over the runs, as in Table VI.
+        """Mean scores over the runs of a condition, or of all, as in Table VI.
 
-        Parameters
-        ----------
-        condition : label or None, default=None
-            Condition; None averages over all of them.
-
-        Returns
-        -------
-        table : DataFrame
-            One row per subject; columns are pairs of score (``rms_e``, ``tracking_score``,
-            ``control_activity``) and window.
+        One row per subject; columns are pairs of score (``rms_e``, ``tracking_score``,
+        ``control_activity``) and window.
         """
         table = self.scores
         if condition is not None:

@@ -338,11 +338,6 @@ def simulate_experiment(
     ValueError
         If a number or name is not valid.
 
-    See Also
-    --------
-    analyse_experiment : Analyse such recordings.
-    skhoid.make_tracking_runs : Simulate runs of one operator with parameters that you choose.
-
     Notes
     -----
     Standard deviations of logarithms between people: K_e 0.25, T_L 0.15, tau_e 0.10 (to whole

@@ -87,16 +87,9 @@ class StudyResult:
     def save(
         self, folder: str | os.PathLike[str], *, figures: bool = True, table_format: str = "csv"
     ) -> list[Path]:
-        """Write table, summary, claims and figures into a folder.
+        """Write table, summary, claims and figures into a folder; the files are returned.
 
-        Parameters
-        ----------
-        folder : path
-            Created if it does not exist.
-        figures : bool, default=True
-            Save the figures too.
-        table_format : {"csv", "tsv", "parquet"}, default="csv"
-            Format of the tables; Parquet needs ``pip install "skhoid[io]"``.
+        ``table_format`` is "csv", "tsv" or "parquet" (which needs ``pip install "skhoid[io]"``).
         """
         check_table_format(table_format)
         folder = Path(folder)

@@ -202,34 +202,21 @@ def _figures(table: pd.DataFrame) -> dict[str, Any]:
     figures: dict[str, Any] = {}
     for (condition, rate, open_loop), part in table.groupby(columns, sort=False):
         where = f"{condition}-{rate:g}Hz" + ("-open-loop" if open_loop else "")
-        figures[f"fig9-{where}"] = partial(_draw_delays, part)
-        figures[f"fig10-{where}"] = partial(_draw_bias, part)
+        estimated = part[part["delay"] == ESTIMATED]
+        true = float(part.loc[part["delay"] == FIXED, "nk"].iloc[0])
+        figures[f"fig9-{where}"] = partial(_draw, estimated, "nk", reference=true)
+        figures[f"fig10-{where}"] = partial(_draw, part, BIASES, by="delay")
     second = table[table["remnant_order"] == "2"]
     if "vaf_validation" in table and len(second):
-        figures["fig12"] = partial(_draw_difference, second)
+        options = {"group": "condition", "difference": ("delay", FIXED, ESTIMATED)}
+        figures["fig12"] = partial(_draw, second, "vaf_validation", **options)
     return figures
 
 
-def _draw_delays(table: pd.DataFrame) -> Any:
+def _draw(table: pd.DataFrame, values: Any, **options: Any) -> Any:
     from ...plotting import StudyBoxDisplay
 
-    estimated = table[table["delay"] == ESTIMATED]
-    true = float(table.loc[table["delay"] == FIXED, "nk"].iloc[0])
-    return StudyBoxDisplay.from_table(estimated, "nk", reference=true)
-
-
-def _draw_bias(table: pd.DataFrame) -> Any:
-    from ...plotting import StudyBoxDisplay
-
-    return StudyBoxDisplay.from_table(table, BIASES, by="delay")
-
-
-def _draw_difference(table: pd.DataFrame) -> Any:
-    from ...plotting import StudyBoxDisplay
-
-    return StudyBoxDisplay.from_table(
-        table, "vaf_validation", group="condition", difference=("delay", FIXED, ESTIMATED)
-    )
+    return StudyBoxDisplay.from_table(table, values, **options)
 
 
 DELAYS = PaperStudy(

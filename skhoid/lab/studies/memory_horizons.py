@@ -150,16 +150,13 @@ def _summary(table: pd.DataFrame) -> pd.DataFrame:
     return means.assign(se_gain=errors, overfit=overfit)
 
 
-def best_horizons(summary: pd.DataFrame) -> pd.Series:
-    """Memory horizon with the highest mean VAF on validation runs, by cell and form."""
-    return summary["vaf_validation"].unstack("memory_horizon").idxmax(axis=1)
-
-
 def _claims(summary: pd.DataFrame, table: pd.DataFrame) -> Iterator[Claim]:
     gain = summary["gain"].unstack("memory_horizon")
     cells = {key[:2] for key in summary.index}
     whole = cells >= {(condition, P_n) for condition in CONDITIONS for P_n in INTENSITIES}
-    best = best_horizons(summary).reset_index(name="N0")
+    # With the highest mean VAF on validation runs, by cell and form.
+    best = summary["vaf_validation"].unstack("memory_horizon").idxmax(axis=1)
+    best = best.reset_index(name="N0")
     overall = gain.groupby("form").mean()
     for form, sign in (("lambda", "λ"), ("Lambda", "Λ")):
         N0 = float(overall.loc[form].idxmax())
@@ -357,17 +354,7 @@ class ForgettingAdvice:
         return Document(head, [Paragraph(text) for text in texts])
 
     def plot(self, kind: str = "gain") -> Any:
-        """Draw the trade-off.
-
-        Parameters
-        ----------
-        kind : str, default="gain"
-            As in :class:`skhoid.plotting.MemoryHorizonDisplay`.
-
-        Returns
-        -------
-        display : MemoryHorizonDisplay
-        """
+        """Draw the trade-off, by kinds of :class:`skhoid.plotting.MemoryHorizonDisplay`."""
         from ...plotting import MemoryHorizonDisplay
 
         return MemoryHorizonDisplay.from_summary(self.summary, kind=kind)
@@ -495,24 +482,20 @@ def _advice(table: pd.DataFrame, window: tuple[float, float], rate: float) -> Fo
     close = [float(N0) for N0 in vaf.columns if best == N0 or near[N0]]
     if np.inf in close:
         best = np.inf
+    grouped = with_gain(good, RUNS).groupby(["remnant_intensity", *SETTING])
+    summary = grouped[["vaf_estimation", "vaf_validation", "gain"]].mean()
+    summary["se_gain"] = [
+        _crossed_standard_error(part.set_index(RUNS)[["gain"]])["gain"] for _, part in grouped
+    ]
     return ForgettingAdvice(
         memory_horizon=best,
         close=close,
         gain=float(vaf[best].mean() - vaf[np.inf].mean()),
-        summary=_advice_summary(good),
+        summary=summary,
         table=table,
         window=window,
         sampling_rate=rate,
     )
-
-
-def _advice_summary(table: pd.DataFrame) -> pd.DataFrame:
-    grouped = with_gain(table, RUNS).groupby(["remnant_intensity", *SETTING])
-    means = grouped[["vaf_estimation", "vaf_validation", "gain"]].mean()
-    errors = [
-        _crossed_standard_error(part.set_index(RUNS)[["gain"]])["gain"] for _, part in grouped
-    ]
-    return means.assign(se_gain=errors)
 
 
 def _crossed_standard_error(values: pd.DataFrame) -> pd.Series:

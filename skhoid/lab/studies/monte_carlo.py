@@ -75,10 +75,6 @@ class MonteCarloStudy:
         If a name is neither an option of the simulation nor an argument of the function, or if a
         cell's physics are not valid.
 
-    See Also
-    --------
-    skhoid.lab.studies.summarize : Means, deviations, quantiles and intervals by cell.
-
     Examples
     --------
     >>> from skhoid import ARXRegressor, MonteCarloStudy

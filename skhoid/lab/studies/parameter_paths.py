@@ -134,11 +134,13 @@ def _figures(table: pd.DataFrame) -> dict[str, Any]:
     def draw(condition: str, form: str, parameters: str) -> Any:
         from ...plotting import EnsembleDisplay
 
+        task = task_of(condition, {"run_in": 1.0})
+        truth = truth_of(task, task.simulate(1))
         return EnsembleDisplay.from_table(
             table[table["condition"] == condition],
             form=form,
             parameters=parameters,
-            truth=true_paths(condition),
+            truth=truth.arx_parameters.join(truth.parameters[list(FROM_POLES)]),
             transition_time=None if condition in STATES else T_M,
         )
 
@@ -148,13 +150,6 @@ def _figures(table: pd.DataFrame) -> dict[str, Any]:
         for figure, parameters in (("fig14", "arx"), ("fig15", "operator"))
         for form in ("lambda", "Lambda")
     }
-
-
-def true_paths(condition: Any) -> pd.DataFrame:
-    """The true parameters of a condition over time."""
-    task = task_of(condition, {"run_in": 1.0})
-    truth = truth_of(task, task.simulate(1))
-    return truth.arx_parameters.join(truth.parameters[list(FROM_POLES)])
 
 
 PATHS = PaperStudy(

@@ -166,10 +166,6 @@ def run_tournament(
     ValueError
         If a method is not known, two cells have the same name, or no run can be simulated.
 
-    See Also
-    --------
-    recommend_method : The same for one's own experiment and question.
-
     Examples
     --------
     >>> from skhoid.lab.studies import run_tournament, tournament_cells
@@ -371,19 +367,7 @@ class MethodAdvice(Told):
         )
 
     def plot(self, kind: str = "bias", **options: Any) -> Any:
-        """Draw the tournament behind it, as :meth:`TournamentResult.plot` does.
-
-        Parameters
-        ----------
-        kind : {"bias", "settling", "winners"}, default="bias"
-            What to draw.
-        **options
-            Of the display.
-
-        Returns
-        -------
-        display : TournamentDisplay
-        """
+        """Draw the tournament behind it, as :meth:`TournamentResult.plot` does."""
         return self.result.plot(kind, **options)
 
 
@@ -458,10 +442,6 @@ def recommend_method(
     ValueError
         If there is no remnant, nothing changes but the question is about a change, or a method is
         not known.
-
-    See Also
-    --------
-    skhoid.recommend_forgetting : The memory of recursive least squares alone, more finely.
 
     Notes
     -----

@@ -253,33 +253,16 @@ class TournamentResult(Told):
     def best(
         self, question: str = "follow", *, causal: bool | None = None, parameter: str = FOLLOWED
     ) -> str:
-        """The name of the method that answers a question best; see :meth:`ranking`.
-
-        Parameters
-        ----------
-        question, causal, parameter : str, bool or None, str
-            As for :meth:`ranking`.
-
-        Returns
-        -------
-        name : str
-        """
+        """The name of the method that answers a question best; options as of :meth:`ranking`."""
         return str(self.ranking(question, causal=causal, parameter=parameter).index[0])
 
     def winners(
         self, question: str = "follow", *, causal: bool | None = None, parameter: str = FOLLOWED
     ) -> pd.DataFrame:
-        """The method with the lowest median loss in each cell, and the next one.
+        """By cell the method with the lowest median loss, and the next one.
 
-        Parameters
-        ----------
-        question, causal, parameter : str, bool or None, str
-            As for :meth:`ranking`.
-
-        Returns
-        -------
-        winners : DataFrame
-            By cell: ``method``, ``loss``, ``next``, ``next_loss``, and what describes the cell.
+        Options are those of :meth:`ranking`. Columns are ``method``, ``loss``, ``next``,
+        ``next_loss``, and what describes the cell.
         """
         of_cells = self._losses(question, causal, parameter).groupby("cell", sort=False).median()
         rows = []
@@ -342,18 +325,9 @@ class TournamentResult(Told):
         return pd.DataFrame(found)
 
     def by_method(self, window: str = "all") -> pd.DataFrame:
-        """The same of each method, over cells.
+        """The same of each method and parameter, as medians over cells.
 
-        Parameters
-        ----------
-        window : {"all", "before", "around", "after"}, default="all"
-            Part of the run.
-
-        Returns
-        -------
-        summary : DataFrame
-            By method and parameter: medians over cells, of the size of the bias too; means of
-            ``failed``, ``coverage`` and ``diverged``.
+        Of the size of the bias too; means of ``failed``, ``coverage`` and ``diverged``.
         """
         found = self.by_cell(window)
         grouped = found.assign(bias=found["bias"].abs()).groupby(
@@ -363,15 +337,7 @@ class TournamentResult(Told):
         return grouped.median().assign(**{name: grouped[name].mean() for name in means})
 
     def detection(self) -> pd.DataFrame:
-        """How well changes are seen in K_edot(t), with one detector for all methods.
-
-        Returns
-        -------
-        detection : DataFrame
-            By method and remnant intensity: ``roc_area``; with one false alarm in ten ``threshold``
-            of the change of ln K_edot, shares ``found``, ``missed``, ``too_early``, and the median
-            ``delay`` in s of those found.
-        """
+        """How well changes are seen in K_edot(t), by method and remnant intensity; see detect."""
         return detect(self.table[self.table["parameter"] == FOLLOWED])
 
     def _losses(self, question: str, causal: bool | None, parameter: str) -> pd.DataFrame:
@@ -390,12 +356,7 @@ class TournamentResult(Told):
         return str(self.summary())
 
     def document(self) -> Document:
-        """Use this when, in plain words, with the figures behind it.
-
-        Returns
-        -------
-        document : Document
-        """
+        """Use this when, in plain words, with the figures behind it."""
         n_sets = len(self.table.drop_duplicates(["cell", "replication"]))
         title = (
             f"{len(self.methods)} methods on {len(self.cells)} conditions, {n_sets} simulated "
@@ -492,19 +453,10 @@ class TournamentResult(Told):
         return grouped[["noise", "settling"]].median().reset_index()
 
     def plot(self, kind: str = "winners", *, ax: Any = None) -> Any:
-        """Draw the result.
+        """Draw it by :meth:`skhoid.plotting.TournamentDisplay.from_result`.
 
-        Parameters
-        ----------
-        kind : {"winners", "bias", "settling"}, default="winners"
-            The best method by cell; bias against standard deviation by method; error before and
-            settling time after the change.
-        ax : Axes, sequence of Axes or None, default=None
-            Where to draw. None makes a figure.
-
-        Returns
-        -------
-        display : TournamentDisplay
+        ``kind`` is "winners" (the best method by cell), "bias" (against the standard deviation, by
+        method) or "settling" (error before and settling time after the change).
         """
         from ...plotting import TournamentDisplay
 
@@ -513,22 +465,9 @@ class TournamentResult(Told):
     def save(
         self, folder: str | os.PathLike[str], *, figures: bool = True, table_format: str = "csv"
     ) -> list[Path]:
-        """Write all tables, and figures.
+        """Write all tables, and the three figures, into a folder; the files are returned.
 
-        Parameters
-        ----------
-        folder : path
-            Created if it does not exist.
-        figures : bool, default=True
-            Save the three figures too.
-        table_format : {"csv", "tsv", "parquet"}, default="csv"
-            Format of the tables; Parquet needs ``pip install "skhoid[io]"``.
-
-        Returns
-        -------
-        files : list of Path
-            ``table.csv.gz``, ``tuning.csv``, ``methods.csv``, ``cost.csv``, ``summary.csv``,
-            ``by_cell.csv`` and PNG files.
+        ``table_format`` is "csv", "tsv" or "parquet" (which needs ``pip install "skhoid[io]"``).
         """
         check_table_format(table_format)
         packed = "" if table_format == "parquet" else ".gz"

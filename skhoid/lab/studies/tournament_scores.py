@@ -92,12 +92,9 @@ def tuning_scores(
     rows = []
     for place, setting in enumerate(how.settings):
         _, _, vaf, failure = fitted(data, how, setting, delay, path=False)
-        rows.append({"setting": place, "vaf": _at_least(vaf), "failure": failure})
+        vaf = max(vaf, LOWEST_VAF) if np.isfinite(vaf) else LOWEST_VAF
+        rows.append({"setting": place, "vaf": vaf, "failure": failure})
     return rows
-
-
-def _at_least(vaf: float) -> float:
-    return max(vaf, LOWEST_VAF) if np.isfinite(vaf) else LOWEST_VAF
 
 
 def fitted(
