@@ -497,7 +497,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         from ..lab.explore import Exploration
         from ..lab.explore.component import of_exploration
 
-        return of_exploration(Exploration.of_search(self, *self._data_of_fit(X, y)))
+        data = self._data_of_fit(X, y)
+        return of_exploration(Exploration(self.estimator, *data, search=self))
 
     def _data_of_fit(self, X: Any, y: Any) -> tuple[Any, Any]:
         if (X is None) != (y is None):

@@ -11,7 +11,7 @@ from skhoid import EffectSearchCV, OperatorRegressor, compare, make_tracking_run
 from skhoid.effects import Bias, DeadZone
 from skhoid.lab.explore import component
 from skhoid.lab.explore import payloads as wire
-from skhoid.lab.explore.payloads import payload_of_comparison, payload_of_search
+from skhoid.lab.explore.payloads import payload_of, payload_of_comparison
 from skhoid.lab.explore.view import AWAY
 
 ActionChains = pytest.importorskip("selenium.webdriver").ActionChains
@@ -38,7 +38,7 @@ def runs():
 @pytest.fixture(scope="module")
 def payload(runs):
     search = EffectSearchCV(OperatorRegressor(), effects=["bias", "dead_zone"]).fit(*runs)
-    payload = payload_of_search(search, *runs)
+    payload = payload_of(search, None, *runs)
     payload["view"]["title"] = "A person"  # which a report says itself
     return payload
 

@@ -21,10 +21,10 @@ from ...model import simulated_model
 from ...runs import of_person
 from .models import OUT, TRAIN, USES, History, Models, Position, Runs, own_values
 from .script import script_of
-from .view import FOUND, HELPS, Figures, Found, curve_of, effects_of, others_of
+from .view import Figures, Found, curve_of, effects_of, others_of
 
 MOST_NAMED = 3  # runs
-WARMED = 4  # cards whose models are fitted ahead
+ACTIONS = ("change", "any", "drag", "split", "search", "script", "report", "session")
 USED = {"train": "Fit", "hold": "Hold out", "out": "Leave out"}
 
 
@@ -69,10 +69,6 @@ class Exploration:
     ValueError
         If the baseline cannot be fitted, with the reason.
 
-    See Also
-    --------
-    EffectSearchCV.explore : The same to touch, in a notebook.
-
     Examples
     --------
     >>> from skhoid import OperatorRegressor, make_tracking_runs
@@ -90,15 +86,6 @@ class Exploration:
     >>> reply = by_hand.act("add", {"effect": "bias"})
     >>> [step["title"] for step in reply["state"]["stair"]]
     ['baseline', 'bias']
-    >>> reply = by_hand.act("release", {"name": "bias__level", "value": 0.05})
-    >>> print(by_hand.script())  # doctest: +ELLIPSIS
-    from skhoid import OperatorRegressor, VAFScorer
-    from skhoid.effects import Bias
-    ...
-    model = OperatorRegressor(effects=Bias())
-    model.fit(X, y)
-    model = model.with_parameters({'bias__level': 0.05})  # moved by hand
-    ...
     """
 
     def __init__(
@@ -146,11 +133,6 @@ class Exploration:
             self.found = Found.of(search, range(self.runs.n))
         self.models.fitted(self.here.effects, self.here.train)
 
-    @classmethod
-    def of_search(cls, search: EffectSearchCV, X: Any, y: Any, **options: Any) -> Exploration:
-        """What begins from the baseline of a search that was fitted to X and y."""
-        return cls(search.estimator, X, y, search=search, **options)
-
     @property
     def here(self) -> Position:
         return self.history.here
@@ -164,23 +146,9 @@ class Exploration:
     def act(self, name: str, args: Mapping[str, Any]) -> dict[str, Any]:
         """Do what was asked in the component; returns what it is told.
 
-        Parameters
-        ----------
-        name : str
-            trace, add, remove, preview, drag, release, refit, free, undo, redo, use, state or
-            script.
-        args : dict
-            Arguments by name; ``run`` is the number of the run that is shown.
-
-        Returns
-        -------
-        reply : dict
-            ``state``, ``simulated`` or what else the action gives.
-
-        Raises
-        ------
-        ValueError
-            If it is not possible; nothing has changed then.
+        ``args`` are by name; ``run`` is the number of the run that is shown. The reply has
+        ``state``, ``simulated`` or what else the action gives. What is not possible is a
+        ValueError, and nothing has changed then.
         """
         actions: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
             "trace": self._trace,
@@ -233,22 +201,6 @@ class Exploration:
         with self.lock:
             self._progress = None if progress is None else dict(progress)
 
-    def warm(self) -> None:
-        """Fit the models that are likely asked for next, so that they are there at once."""
-        with self.lock:
-            here, (cards, _) = self.here, self._cards(self.here)
-            wanted = [c["id"] for c in cards if c["status"] in (FOUND, HELPS)][:WARMED]
-            named = [self.effect(name) for name in self.found.named if name in wanted]
-            tried = [here.effects + self.effect(name) for name in wanted]
-            for i in range(2, len(named) + 1):
-                tried.append(Effects.of([here.effects, *named[:i]]))
-        for effects in tried:
-            try:
-                self.models.prediction(effects, here.train, {})
-                curve_of(self.models.fitted(effects, here.train), effects.names[-1])
-            except ValueError:
-                continue  # said when it is asked for
-
     def judge(self) -> None:
         """Find the noise ceiling and the findings of the present model."""
         with self.lock:
@@ -271,15 +223,12 @@ class Exploration:
         runs = self.runs
         people = runs.people()
         person = {run: name for name, of_person in people for run in of_person}
-        can = dict.fromkeys(
-            ("change", "any", "drag", "split", "search", "script", "report", "session"), True
-        )
         return {
             "title": self.title,
             "output": {"name": runs.output, "unit": runs.units.get(runs.output)},
             "dt": runs.layout.dt,
             "settling": float(getattr(self.estimator, "settling", 0.0)),
-            "can": can,
+            "can": dict.fromkeys(ACTIONS, True),
             "channels": [
                 {"name": name, "role": role, "unit": runs.units.get(name)}
                 for name, role in runs.roles.items()

@@ -24,7 +24,7 @@ from ... import Comparison, EffectSearchCV
 from ...effects import Effects
 from ...model import GreyBox
 from ...runs import RunLayout, read_layout, run_name
-from .exploration import Exploration
+from .exploration import ACTIONS, Exploration
 from .models import TRAIN, History, Position, own_values
 from .script import plain
 
@@ -32,16 +32,6 @@ MOST_SUBSETS_OF = 4  # effects; of more only those that a search went through
 MOST_VALUES = 600_000  # in a page
 LEAST_RATE = 25.0  # Hz, to which rows are thinned at most
 SHOWN_CHANNELS = 4
-NOTHING = {
-    "change": False,
-    "any": False,
-    "drag": False,
-    "split": False,
-    "search": False,
-    "script": False,
-    "report": False,
-    "session": False,
-}
 ALIGNED = 8  # bytes
 LEVELS = 65_533  # of a compact array, in which one more stands for NaN
 MISSING = -32_768
@@ -51,21 +41,17 @@ LITTLE = "<"
 def payload_of(
     search: EffectSearchCV | None, comparison: Comparison | None, X: Any, y: Any
 ) -> dict[str, Any] | None:
-    """What a page shows of a search on X and y, or else of a comparison; None where neither can."""
-    if search is not None and isinstance(search.best_estimator_, GreyBox):
-        return payload_of_search(search, X, y)
-    return None if comparison is None else payload_of_comparison(comparison)
+    """What a page shows of every subset of the effects that a search found on X and y.
 
-
-def payload_of_search(search: EffectSearchCV, X: Any, y: Any) -> dict[str, Any]:
-    """Traces and figures of every subset of the effects that a fitted search found on X and y."""
+    Where it cannot, what it shows of a comparison, if there is one.
+    """
+    if search is None or not isinstance(search.best_estimator_, GreyBox):
+        return None if comparison is None else payload_of_comparison(comparison)
     fitted = [search.baseline_, search.best_estimator_]
-    exploration = Exploration.of_search(search, X, y, fitted=fitted)
+    exploration = Exploration(search.estimator, X, y, search=search, fitted=fitted)
     uses = (TRAIN,) * exploration.runs.n
-    best = Position(uses, Effects.of(search.best_estimator_.effects))
-    exploration.history = History(best)
-    begun = Effects.of(search.baseline_.effects).names
-    payload = payload_of_exploration(exploration, kept=begun)
+    exploration.history = History(Position(uses, Effects.of(search.best_estimator_.effects)))
+    payload = payload_of_exploration(exploration, Effects.of(search.baseline_.effects).names)
     for state in payload["states"].values():  # the page around it says these
         state |= {"verdict": "", "verdict_kind": ""}
     payload["view"]["title"] = ""
@@ -95,7 +81,10 @@ def payload_of_exploration(exploration: Exploration, kept: Sequence[str] = ()) -
         predictions[key] = exploration.models.prediction(effects, here.train, moved)
     view = exploration.view()
     start = ",".join(sorted(n for n in here.effects.names if n not in kept))
-    view |= {"can": {**NOTHING, "change": len(names) > 0}, "state": states[start]}
+    view |= {
+        "can": {**dict.fromkeys(ACTIONS, False), "change": len(names) > 0},
+        "state": states[start],
+    }
     channels = {str(n): runs.frame.iloc[:, i].to_numpy(float) for i, n in enumerate(runs.frame)}
     traces = _Traces(runs.layout, runs.measured, runs.scored, channels, predictions)
     return traces.payload(view, start, states)
@@ -135,7 +124,7 @@ def payload_of_comparison(found: Comparison) -> dict[str, Any]:
         "output": {"name": found.output, "unit": found.unit},
         "dt": found.dt,
         "settling": 0.0,
-        "can": dict(NOTHING),
+        "can": dict.fromkeys(ACTIONS, False),
         "channels": [{"name": name, "role": name, "unit": None} for name in channels],
         "people": [],
         "runs": [
@@ -229,8 +218,7 @@ def pack(value: Any, *, compact: bool = False) -> bytes:
     value : dict, list, ndarray, number, str or None
         Numbers that are not finite become None; arrays keep NaN.
     compact : bool, default=False
-        Write float arrays as differences of 16-bit numbers, exact to 1/65533 of their range, which
-        compress well.
+        Write float arrays as 16-bit numbers, exact to 1/65533 of their range.
 
     Returns
     -------
@@ -315,15 +303,10 @@ def _array(array: np.ndarray, compact: bool) -> tuple[dict[str, Any], bytes]:
     finite = np.isfinite(values)
     low = float(values[finite].min()) if finite.any() else 0.0
     scale = (float(values[finite].max()) - low) / LEVELS if finite.any() else 0.0
-    zero = low - (MISSING + 1) * scale
-    level = np.full(values.size, MISSING, dtype=np.int64)
-    if scale > 0.0:
-        level[finite] = np.rint((values[finite] - low) / scale).astype(np.int64) + MISSING + 1
-    else:
-        level[finite] = 0
-        zero = low
-    steps = np.diff(level, prepend=0).astype(np.uint16).astype(f"{LITTLE}u2")
-    return {"dtype": "i2", "delta": True, "zero": zero, "scale": scale}, steps.tobytes()
+    level = np.full(values.size, MISSING)
+    level[finite] = np.rint((values[finite] - low) / (scale or 1.0)) + MISSING + 1
+    about = {"dtype": "i2", "zero": low - (MISSING + 1) * scale, "scale": scale}
+    return about, level.astype(f"{LITTLE}i2").tobytes()
 
 
 def _values(about: dict[str, Any], data: memoryview) -> np.ndarray:
@@ -331,7 +314,6 @@ def _values(about: dict[str, Any], data: memoryview) -> np.ndarray:
     found = np.frombuffer(data, kinds[about["dtype"]], about["n"], about["offset"])
     if about["dtype"] != "i2":
         return found.copy()
-    level = np.cumsum(found.astype(np.int64)).astype(np.uint16).astype(np.int16)
-    values = about["zero"] + about["scale"] * level.astype(float)
-    values[level == MISSING] = np.nan
+    values = about["zero"] + about["scale"] * found.astype(float)
+    values[found == MISSING] = np.nan
     return values

@@ -22,7 +22,7 @@ from ..guessing import UnclearColumnsError
 from ..opening import estimator_of
 from .columns import KINDS, Choices, Columns, Recorded, look, noted, read, search_settings
 from .jobs import SearchJob
-from .session import NotSaved, SessionFolder, changed, digest_of, gone
+from .session import NotSaved, SessionFolder, digest_of
 
 __all__ = ["HISTORY", "News", "Workbench", "words_of"]
 
@@ -381,9 +381,16 @@ class Workbench:
         for name in self.chosen:
             path, digest = self.files[name]["path"], self.files[name].get("digest", {})
             if not path.is_file():
-                raise ValueError(gone(path))
+                raise ValueError(
+                    f"{shown(path)} is not there any more, and this session is about it: put it "
+                    "back and start the workbench again, or choose files anew."
+                )
             if digest.get("sha256") and digest_of(path) != digest:
-                found.append(changed(path))
+                found.append(
+                    f"{shown(path)} has changed since this session was kept, so its numbers would "
+                    "not be the same. Put the old file back and start the workbench again, or fit "
+                    "anew."
+                )
         return " ".join(found)
 
     def _look(self, this: int, paths: list[Path]) -> None:
@@ -487,7 +494,6 @@ class Workbench:
             self.news.tell("state", revision=exploration.revision)
             with contextlib.suppress(NotSaved):  # said at the next step
                 self.save()
-            exploration.warm()
 
     def note(self, text: str) -> None:
         """Say something beside what was asked for."""

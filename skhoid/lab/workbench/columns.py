@@ -16,7 +16,7 @@ import numpy as np
 
 from ... import check_channels
 from ...io import FileTable, numbers_of, open_table, split_header
-from ...runs import OUTPUT, read_layout, role_of
+from ...runs import read_layout, role_of
 from ...text import counted
 from ..guessing import ColumnGuess, Problem, guess_columns
 from ..opening import read_chosen, read_element, trimmed
@@ -54,6 +54,8 @@ KINDS = {
     "motion": "motion",
     "other": "other channel",
 }
+LEVELS = ("subject", "condition", "session", "block")
+CHANNELS = ("e", "x", "f_t", "dist", "motion", "other")
 CORES = ("operator", "arx")
 DISPLAYS = ("compensatory", "pursuit", "preview")
 LONGEST = 200  # characters of a unit
@@ -152,12 +154,12 @@ def _one_of(value: Any, allowed: tuple[Any, ...], what: str) -> Any:
 
 @dataclass(frozen=True)
 class Columns:
-    """The columns of the files, and how they are read."""
+    """The columns of the files, how they are read, and what of it is not a guess."""
 
     guess: ColumnGuess
     table: list[dict[str, Any]]
     problems: list[dict[str, Any]]
-    as_guessed: bool = True
+    asked: dict[str, Any]
 
     @property
     def names(self) -> list[str]:
@@ -168,41 +170,72 @@ class Columns:
 def look(paths: list[Path], choices: Choices) -> Columns:
     """Look at the first file, and say which column is what."""
     opened = open_table(paths[0])
-    base = guess_columns(paths, **_named(choices))
-    kinds, units = _kinds_of(base), _units_of(base, opened)
-    as_guessed = not _differs(choices.kinds, kinds) and not _differs(choices.units, units)
-    kinds |= choices.kinds or {}
-    units |= choices.units or {}
-    guess = base if as_guessed else _corrected(base, kinds, units, choices)
+    asked = {**choices.named, "dt": choices.clock}
+    guess = guess_columns(paths, **asked)
+    kinds, units = _kinds_of(guess), _units_of(guess, opened)
+    if _differs(choices.kinds, kinds) or _differs(choices.units, units):
+        kinds |= choices.kinds or {}
+        units |= choices.units or {}
+        if choices.clock is not None:  # then no column is the time
+            kinds = {name: NOT_USED if kind == "time" else kind for name, kind in kinds.items()}
+        twice = list(_find_doubled(kinds))
+        asked |= _as_options(kinds, units)
+        before, guess = guess, guess_columns(paths, **asked)
+        guess.levels = {name: kind for name, kind in kinds.items() if kind in LEVELS}
+        guess.error_from = _form_error(before, kinds)
+        guess.problems = [*twice, *guess.problems]
+        kinds = kinds if twice else _kinds_of(guess)
     table = list(_table(opened, kinds, units))
     problems = [noted(problem, table) for problem in guess.problems]
-    plain = as_guessed and not any(choices.named.values()) and choices.clock is None
-    return Columns(guess, table, problems, plain)
-
-
-def _named(choices: Choices) -> dict[str, Any]:
-    return choices.named | {"dt": choices.clock}
+    said = {key: value for key, value in asked.items() if value or key == "signals"}
+    return Columns(guess, table, problems, said)
 
 
 def _differs(chosen: Mapping[str, str] | None, guessed: Mapping[str, str]) -> bool:
     return any(guessed.get(name, "") != value for name, value in (chosen or {}).items())
 
 
+def _as_options(kinds: Mapping[str, str], units: Mapping[str, str]) -> dict[str, Any]:
+    """What a guess is told, so that it takes these columns and no others."""
+    first = {kind: name for name, kind in reversed(list(kinds.items()))}
+    return {
+        "roles": {n: "" if k == "other" else k for n, k in kinds.items() if k in CHANNELS},
+        "output": first.get("u"),
+        "time": first.get("time"),
+        "run": first.get("run"),
+        "units": {name: unit for name, unit in units.items() if unit and kinds.get(name)},
+        "signals": not any(kind in CHANNELS for kind in kinds.values()),
+    }
+
+
+def _form_error(before: ColumnGuess, kinds: Mapping[str, str]) -> str:
+    """How the error is made: of f_t and x where no column holds it; its sign stays as found."""
+    roles = set(kinds.values()) & {"e", "x", "f_t"}
+    if roles == {"x", "f_t"}:
+        return "f_t - x"
+    same = {n for n, k in kinds.items() if k in roles} <= set(before.channels)
+    return "-e" if before.error_from == "-e" and len(roles) == 3 and same else ""
+
+
+def _find_doubled(kinds: Mapping[str, str]) -> Iterator[Problem]:
+    for kind in ("time", "run", "u", "e", "x", "f_t"):
+        names = [name for name, other in kinds.items() if other == kind]
+        if len(names) > 1:
+            listed = " and ".join(f'"{name}"' for name in names)
+            options = tuple((_option(kind), name) for name in names)
+            yield Problem(f"{listed} are both called {KINDS[kind]}.", options)
+
+
 def _kinds_of(guess: ColumnGuess) -> dict[str, str]:
     kinds = dict.fromkeys(guess.columns, NOT_USED)
     for name, channel in guess.channels.items():
         role = role_of(channel, guess.roles)
-        kinds[_whole(name, guess.columns)] = _kind_of(role)
+        # There may be several disturbances and motions.
+        several = next((kind for kind in ("dist", "motion") if role.startswith(kind)), role)
+        kinds[_whole(name, guess.columns)] = several if several in CHANNELS else "other"
     kinds |= {_whole(name, guess.columns): level for name, level in guess.levels.items()}
     single = (("time", guess.time), ("run", guess.run), ("u", guess.output and guess.output[0]))
-    kinds |= {_whole(name, guess.columns): kind for kind, name in single if name}
-    return {name: kind if kind in KINDS else "other" for name, kind in kinds.items()}
-
-
-def _kind_of(role: str) -> str:
-    """A role as a kind; there may be several disturbances and motions."""
-    several = next((kind for kind in ("dist", "motion") if role.startswith(kind)), role)
-    return several if several in KINDS and several else "other"
+    return kinds | {_whole(name, guess.columns): kind for kind, name in single if name}
 
 
 def _whole(asked: str, columns: list[str]) -> str:
@@ -223,97 +256,6 @@ def _units_of(guess: ColumnGuess, opened: FileTable) -> dict[str, str]:
         unit = guess.units.get(keys.get(name, name)) or guess.units.get(name)
         found[name] = unit or opened.unit_of(position) or ""
     return {name: unit for name, unit in found.items() if name}
-
-
-def _corrected(
-    base: ColumnGuess, kinds: dict[str, str], units: dict[str, str], choices: Choices
-) -> ColumnGuess:
-    """The guess that says what the user says, and nothing else."""
-    if choices.clock is not None:  # then no column is the time
-        kinds.update({name: NOT_USED for name, kind in kinds.items() if kind == "time"})
-    single: dict[str, str | None] = {}
-    problems = []
-    for kind in ("time", "run", "u", "e", "x", "f_t"):
-        names = [name for name, other in kinds.items() if other == kind]
-        if len(names) > 1:
-            listed = " and ".join(f'"{name}"' for name in names)
-            options = tuple((_option(kind), name) for name in names)
-            problems.append(Problem(f"{listed} are both called {KINDS[kind]}.", options))
-        single[kind] = names[0] if names else None
-    guess = ColumnGuess(
-        base.paths, time=single["time"], run=single["run"], columns=base.columns, guessed=False
-    )
-    guess.dt = choices.clock
-    guess.levels = {
-        name: kind
-        for name, kind in kinds.items()
-        if kind in ("subject", "condition", "session", "block")
-    }
-    own = base.output is not None and _whole(base.output[0], base.columns) == single["u"]
-    if single["u"] is not None:
-        guess.output = base.output if own else (single["u"], OUTPUT)
-    taken = {guess.output[1]} if guess.output else set()
-    _name_channels(base, guess, kinds, taken)
-    _form_error(base, guess, single)
-    _set_units(guess, units)
-    used = {*guess.channels, *guess.levels, *filter(None, single.values())}
-    guess.unused = [name for name in base.columns if name not in used]
-    guess.problems = problems + _missing(guess, single)
-    return guess
-
-
-def _name_channels(
-    base: ColumnGuess, guess: ColumnGuess, kinds: dict[str, str], taken: set[str]
-) -> None:
-    """A channel is called as in the guess, or by its role, or as its column."""
-    before = {_whole(name, base.columns): channel for name, channel in base.channels.items()}
-    for name, kind in kinds.items():
-        if kind not in ("e", "x", "f_t", "dist", "motion", "other"):
-            continue
-        role = "" if kind == "other" else kind
-        header = split_header(name)[0]
-        kept = before.get(name, "")
-        if kept and _kind_of(role_of(kept, base.roles)) == kind and kept not in taken:
-            channel, role = kept, role_of(kept, base.roles)
-        elif kind == "other":
-            channel = header if header not in taken else name
-        else:
-            channel = role = kind if kind not in taken else f"{kind}_{header}"
-        taken.add(channel)
-        guess.channels[name] = channel
-        if role_of(channel) != role:
-            guess.roles[channel] = role
-
-
-def _form_error(base: ColumnGuess, guess: ColumnGuess, single: dict[str, str | None]) -> None:
-    """Form e of f_t and x where no column holds it; its sign stays as it was found."""
-    if single["f_t"] and single["x"] and not single["e"]:
-        guess.error_from = "f_t - x"
-    elif base.error_from == "-e":
-        before = _kinds_of(base)
-        same = all(before.get(single[kind] or "") == kind for kind in ("e", "x", "f_t"))
-        guess.error_from = "-e" if same else ""
-
-
-def _set_units(guess: ColumnGuess, units: dict[str, str]) -> None:
-    keys = dict(guess.channels)
-    if guess.output is not None:
-        keys[guess.output[0]] = guess.output[1]
-    if guess.time is not None:
-        keys[guess.time] = "time"
-    guess.units = {keys[name]: unit for name, unit in units.items() if unit and name in keys}
-
-
-def _missing(guess: ColumnGuess, single: dict[str, str | None]) -> list[Problem]:
-    found = []
-    if guess.output is None:
-        found.append(Problem("No column is called the output u, what the person did."))
-    if not guess.channels:
-        found.append(Problem("No column is called the error e, the target f_t, or a channel."))
-    if guess.time is None and guess.dt is None:
-        options = (("dt", "SECONDS"),)
-        found.append(Problem("No column is called the time.", options))
-    return found
 
 
 def _option(kind: str) -> str:
@@ -440,27 +382,15 @@ def _source(paths: list[Path], columns: Columns, choices: Choices) -> list[str]:
     """Lines of Python that make X and y as they were made here; the script imports readers."""
     names = [str(path) for path in paths]
     listed = pprint.pformat(names[0] if len(names) == 1 else names, width=WIDTH - 4)
-    if columns.as_guessed and not choices.resample:
-        lines = [f"X, y = read_runs({listed})"]
-    else:
-        lines = [
-            "from skhoid.lab.guessing import ColumnGuess, read_guessed",
-            "",
-            f"columns = ColumnGuess({listed})",
-            *_set(columns.guess),
-            f"X, y = read_guessed(columns{', irregular=True' if choices.resample else ''})",
-        ]
+    if not columns.asked and not choices.resample:
+        return [f"X, y = read_runs({listed})", *_worked_on(choices)]
+    options = [f"    {name}={value!r}," for name, value in columns.asked.items()]
+    lines = ["from skhoid.lab.guessing import guess_columns, read_guessed", ""]
+    lines += ["columns = guess_columns(", f"    {listed},", *options, ")"]
+    for name in ("levels", "error_from"):
+        lines += [f"columns.{name} = {getattr(columns.guess, name)!r}"]
+    lines += [f"X, y = read_guessed(columns{', irregular=True' if choices.resample else ''})"]
     return lines + _worked_on(choices)
-
-
-def _set(guess: ColumnGuess) -> list[str]:
-    names = ("channels", "roles", "output", "time", "dt", "run", "levels", "units", "error_from")
-    values = {name: getattr(guess, name) for name in names}
-    return [
-        f"columns.{name} = {pprint.pformat(value, width=WIDTH - 20, sort_dicts=False)}"
-        for name, value in values.items()
-        if value
-    ]
 
 
 def _worked_on(choices: Choices) -> list[str]:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
-import os
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import Connection
 from typing import Any
 
 __all__ = ["SearchJob"]
@@ -103,16 +102,11 @@ def _without_interrupts() -> Iterator[None]:
 
 
 def _ended(code: int | None) -> str:
-    if code is not None and code < 0:
-        number = -code
-        name = signal.Signals(number).name if number in set(signal.Signals) else str(number)
-        memory = (
-            " The system does that where memory does not suffice: close other programs, or leave "
-            "runs out."
-            if name == "SIGKILL"
-            else ""
+    if code == -signal.SIGKILL:
+        return (
+            "The search was ended from outside (SIGKILL) and has found nothing. The system does "
+            "that where memory does not suffice: close other programs, or leave runs out."
         )
-        return f"The search was ended from outside ({name}) and has found nothing.{memory}"
     return f"The search ended without a result (exit code {code}). Start it again."
 
 
@@ -153,29 +147,16 @@ class _Telling:
 
 def _searching(pipe: Connection) -> None:
     """What the other process does."""
-    _end_with_parent()
     try:
         search, X, y = pipe.recv()
         search.set_callbacks(_Telling(pipe, int(search.max_effects) + 1))
         search.fit(X, y)
         search.set_callbacks()
         pipe.send(("done", search, ""))
+    except OSError:  # nobody waits: the server was killed
+        return
     except MemoryError:
         pipe.send(("failed", None, "The memory does not suffice for this search."))
     except Exception as error:
         text = " ".join(str(error).split()) or type(error).__name__
         pipe.send(("failed", None, f"The search failed: {text}"))
-
-
-def _end_with_parent() -> None:
-    """Nobody waits for the result of a search whose server was killed."""
-    parent = multiprocessing.parent_process()
-    if parent is None:
-        return
-    sentinel = parent.sentinel
-
-    def watch() -> None:
-        wait([sentinel])
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()

@@ -15,11 +15,9 @@ import webbrowser
 from collections.abc import Awaitable, Callable, Iterator, MutableMapping
 from dataclasses import dataclass, field
 from functools import cache
-from http.cookies import CookieError, SimpleCookie
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs
 
 from ... import __version__
 from ...io import require, written_whole
@@ -38,8 +36,7 @@ FOLDER = "skhoid-workbench"
 GRACE = 3  # s, for replies that are under way when the server ends
 MOST_BYTES = 2_000_000_000  # of a file
 MOST_ASKED = 1_000_000  # bytes of what a page asks
-SCRIPT = "text/javascript; charset=utf-8"
-STYLE = "text/css; charset=utf-8"
+KINDS = {"js": "text/javascript; charset=utf-8", "css": "text/css; charset=utf-8"}
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
@@ -92,110 +89,65 @@ class Guard:
         self.hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        from starlette.requests import Request
+
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
         elif scope["type"] == "http":
-            send = _with_headers(send)
-            reply = self._refusal(scope) or self._exchange(scope)
-            if reply is None:
-                await self.app(scope, receive, send)
-            else:
-                await _reply(send, *reply)
+            request = Request(scope)
+            answer = self._refuse(request) or self._exchange(request) or self.app
+            await answer(scope, receive, _with_headers(send))
         else:
             await send({"type": "websocket.close", "code": 1008})
 
-    def _refusal(self, scope: Scope) -> tuple[int, dict[str, str], str] | None:
-        headers = _headers(scope)
+    def _refuse(self, request: Any) -> Any:
+        """The reply to a stranger; None to who may ask."""
+        headers = request.headers
         host = headers.get("host", "").lower()
         if host not in self.hosts:  # another name for this machine, made to pass as our page
-            return _no(421, f"This server answers as 127.0.0.1:{self.port} alone.")
-        origin = headers.get("origin")
-        if origin is not None and origin.lower() != f"http://{host}":
-            return _no(403, "Requests of other pages are refused.")
-        site = headers.get("sec-fetch-site")
-        if scope["method"] not in ("GET", "HEAD") and origin is None and site != "same-origin":
-            return _no(403, "Requests that do not come from the workbench's own page are refused.")
-        if scope["path"] != "/" and site not in (None, "same-origin", "none"):
-            return _no(403, "Requests of other pages are refused.")
-        if not self._is_known(scope, headers):
-            return _no(403, NO_KEY)
-        return None
+            return _failed(f"This server answers as 127.0.0.1:{self.port} alone.", 421)
+        origin, site = headers.get("origin"), headers.get("sec-fetch-site")
+        changes = request.method not in ("GET", "HEAD")
+        if (
+            (origin is not None and origin.lower() != f"http://{host}")
+            or (changes and origin is None and site != "same-origin")
+            or (request.url.path != "/" and site not in (None, "same-origin", "none"))
+        ):
+            return _failed("Requests that do not come from the workbench's own page.", 403)
+        kept = request.cookies.get(self.keys.cookie_name(self.port), "")
+        bearer = f"Bearer {self.keys.token}"
+        known = _same(kept, self.keys.cookie) or _same(headers.get("authorization", ""), bearer)
+        return None if known or self._has_token(request) else _failed(NO_KEY, 403)
 
-    def _is_known(self, scope: Scope, headers: dict[str, str]) -> bool:
-        kept = _cookie(headers.get("cookie", ""), self.keys.cookie_name(self.port))
-        if kept is not None and _same(kept, self.keys.cookie):
-            return True
-        return _has_token(scope, self.keys.token) or _same(
-            headers.get("authorization", ""), f"Bearer {self.keys.token}"
-        )
-
-    def _exchange(self, scope: Scope) -> tuple[int, dict[str, str], str] | None:
+    def _exchange(self, request: Any) -> Any:
         """Give the browser a cookie for the token, which then leaves the address."""
-        if scope["path"] != "/" or not _has_token(scope, self.keys.token):
+        from starlette.responses import RedirectResponse
+
+        if not self._has_token(request):
             return None
-        cookie = (
-            f"{self.keys.cookie_name(self.port)}={self.keys.cookie}; "
-            "Path=/; HttpOnly; SameSite=Strict"
-        )
-        return 303, {"location": "/", "set-cookie": cookie}, ""
+        reply = RedirectResponse("/", 303)
+        name = self.keys.cookie_name(self.port)
+        reply.set_cookie(name, self.keys.cookie, httponly=True, samesite="strict")
+        return reply
 
-
-def _has_token(scope: Scope, token: str) -> bool:
-    if scope["path"] != "/" or scope["method"] not in ("GET", "HEAD"):
-        return False
-    query = scope.get("query_string", b"").decode("latin-1")
-    given = parse_qs(query, keep_blank_values=True).get("token", [])
-    return len(given) == 1 and _same(given[0], token)
+    def _has_token(self, request: Any) -> bool:
+        given = request.query_params.getlist("token")
+        at_home = request.url.path == "/" and request.method in ("GET", "HEAD")
+        return at_home and len(given) == 1 and _same(given[0], self.keys.token)
 
 
 def _same(given: str, wanted: str) -> bool:
     return secrets.compare_digest(given.encode(), wanted.encode())
 
 
-def _headers(scope: Scope) -> dict[str, str]:
-    """Of a header that stands twice nothing is believed: its values are joined, as in a list."""
-    found: dict[str, str] = {}
-    for name, value in scope["headers"]:
-        key, text = name.decode("latin-1").lower(), value.decode("latin-1")
-        found[key] = f"{found[key]}, {text}" if key in found else text
-    return found
-
-
-def _cookie(text: str, name: str) -> str | None:
-    try:
-        found = SimpleCookie(text).get(name)
-    except CookieError:
-        return None
-    return None if found is None else found.value
-
-
-def _no(status: int, message: str) -> tuple[int, dict[str, str], str]:
-    return status, {"content-type": "application/json"}, json.dumps({"message": message})
-
-
 def _with_headers(send: Send) -> Send:
     async def sending(message: MutableMapping[str, Any]) -> None:
         if message["type"] == "http.response.start":
-            own = {name.lower() for name, _ in message.get("headers", [])}
-            message["headers"] = [
-                *message.get("headers", []),
-                *(
-                    (name.encode(), value.encode())
-                    for name, value in HEADERS.items()
-                    if name.encode() not in own
-                ),
-            ]
+            own = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+            message["headers"] = [*message.get("headers", []), *own]
         await send(message)
 
     return sending
-
-
-async def _reply(send: Send, status: int, headers: dict[str, str], text: str) -> None:
-    body = text.encode()
-    listed = [(name.encode(), value.encode()) for name, value in headers.items()]
-    listed.append((b"content-length", str(len(body)).encode()))
-    await send({"type": "http.response.start", "status": status, "headers": listed})
-    await send({"type": "http.response.body", "body": body})
 
 
 @cache
@@ -258,16 +210,16 @@ class _Answers:
     async def static(self, request: Any) -> Any:
         from starlette.responses import Response
 
-        texts: dict[str, tuple[Callable[[], str], str]] = {
-            "bench.js": (component.script, SCRIPT),
-            "bench.css": (component.style, STYLE),
-            "start.js": (lambda: static("start.js"), SCRIPT),
-            "start.css": (lambda: static("start.css"), STYLE),
+        texts: dict[str, Callable[[], str]] = {
+            "bench.js": component.script,
+            "bench.css": component.style,
+            "start.js": lambda: static("start.js"),
+            "start.css": lambda: static("start.css"),
         }
-        if request.path_params["name"] not in texts:
+        name = request.path_params["name"]
+        if name not in texts:
             return _failed("There is nothing at this address.", 404)
-        text, kind = texts[request.path_params["name"]]
-        return Response(text(), media_type=kind)
+        return Response(texts[name](), media_type=KINDS[name.rpartition(".")[2]])
 
     async def events(self, request: Any) -> Any:
         from starlette.responses import StreamingResponse

@@ -12,25 +12,21 @@ from pathlib import Path
 from typing import Any
 
 from ... import __version__
-from ...io import READERS, shown, written_whole
+from ...io import READERS, written_whole
 
 __all__ = [
     "BrokenSession",
     "NotSaved",
     "SessionFolder",
     "SessionInUse",
-    "changed",
     "digest_of",
     "free_name",
-    "gone",
     "safe_name",
 ]
 
 VERSION = 1
 FILE = "session.json"
-BLOCK = 1 << 20  # bytes
 LONGEST_NAME = 80  # characters before the ending
-RESERVED = {"con", "prn", "aux", "nul", *(f"{p}{n}" for p in ("com", "lpt") for n in range(10))}
 
 
 class SessionInUse(ValueError):
@@ -152,30 +148,9 @@ class SessionFolder:
 
 def digest_of(path: Path) -> dict[str, Any]:
     """Size and SHA-256 of a file, by which it is known again."""
-    digest = hashlib.sha256()
-    size = 0
     with path.open("rb") as file:
-        while block := file.read(BLOCK):
-            digest.update(block)
-            size += len(block)
-    return {"size": size, "sha256": digest.hexdigest()}
-
-
-def gone(path: Path) -> str:
-    """What to say of a file of a session that is not there any more."""
-    return (
-        f"{shown(path)} is not there any more, and this session is about it: put it back and start "
-        "the workbench again, or choose files anew, which begins from the start."
-    )
-
-
-def changed(path: Path) -> str:
-    """What to say of a file of a session that is another one now."""
-    return (
-        f"{shown(path)} has changed since this session was kept, so its numbers would not be the "
-        "same. Put the old file back and start the workbench again, or fit anew, which begins from "
-        "the start with what is there now."
-    )
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return {"size": path.stat().st_size, "sha256": digest}
 
 
 def _locked(file: Any) -> bool:
@@ -215,8 +190,6 @@ def safe_name(name: str) -> str:
             f"{', '.join(READERS)}. Save it in one of these formats, such as CSV."
         )
     stem = re.sub(r"[^\w.-]+", "_", stem)[:LONGEST_NAME].strip("._-") or "file"
-    if stem.partition(".")[0].casefold() in RESERVED:  # which Windows keeps for devices
-        stem = f"file-{stem}"
     return stem + suffix
 
 

@@ -11,13 +11,12 @@ from skhoid.lab.explore.payloads import (
     payload_of,
     payload_of_comparison,
     payload_of_exploration,
-    payload_of_search,
 )
 
 
 @pytest.fixture(scope="module")
 def payload(search, runs):
-    return payload_of_search(search, *runs)
+    return payload_of(search, None, *runs)
 
 
 def test_every_subset_is_there(payload):
@@ -60,34 +59,22 @@ def test_survives_the_page(payload):
     ("most", "note"),
     [
         (30_000, None),
-        (15_000, "One row in 2 of all runs is in this page; "),
         (5_000, "One row in 2 of 1 of 3 runs is in this page; "),
     ],
 )
 def test_large_data_are_thinned_and_left_out(search, runs, monkeypatch, most, note):
     monkeypatch.setattr(payloads, "MOST_VALUES", most)
-    found = payload_of_search(search, *runs)
+    found = payload_of(search, None, *runs)
     said = found["view"]["note"]
     assert (said is None) if note is None else said.startswith(note)
     kept = [t for t in found["traces"] if t["measured"] is not None]
     values = sum(t["measured"].size * (1 + len(t["channels"]) + len(t["simulated"])) for t in kept)
     assert values <= most
     assert found["traces"][found["view"]["shown"]]["measured"] is not None
-    assert (
-        found["states"]["bias"]["run_vaf"]
-        == payload_of_search(search, *runs)["states"]["bias"]["run_vaf"]
-    )
-
-
-def test_of_many_effects_only_the_way_of_the_search(search, runs, monkeypatch):
-    monkeypatch.setattr(payloads, "MOST_SUBSETS_OF", 1)
-    added = list(search.error_path_["effect"].iloc[1:])
-    found = payload_of_search(search, *runs)
-    assert set(found["states"]) == {"", added[0], ",".join(sorted(added))}
 
 
 def test_an_exploration_offers_what_was_found_and_keeps_what_was_moved(search, runs):
-    exploration = Exploration.of_search(search, *runs)
+    exploration = Exploration(search.estimator, *runs, search=search)
     exploration.act("add", {"effect": "bias", "run": 0})
     moved = exploration.act("release", {"name": "bias__level", "value": 0.02, "run": 0})
     payload = payload_of_exploration(exploration)

@@ -35,8 +35,8 @@ def test_from_a_file_to_a_model(begun, runs_file):
 def test_columns_are_corrected_and_read_again(begun, runs_file):
     page = begun(runs_file)
     page.wait("columns")
-    page.post("columns", kinds={"stick": "", "target": ""})
-    assert "No column is called the output u" in page.wait("columns")["problems"][0]["text"]
+    page.post("columns", kinds={"target": "u"})
+    assert "are both called output u" in page.wait("columns")["problems"][0]["text"]
     for _ in range(3):  # the newest counts, whatever is still under way
         page.post("columns", kinds={"target": "f_t"}, units={})
         page.post("columns", kinds={"target": ""}, units={"stick": "N"})
@@ -44,8 +44,8 @@ def test_columns_are_corrected_and_read_again(begun, runs_file):
     sent = {f"{what}s": {c["name"]: c[what] for c in found["columns"]} for what in ("kind", "unit")}
     page.post("fit", **sent)
     page.wait("bench")
-    assert list(page.bench.recorded.X.columns) == ["e", "x"]
-    assert page.bench.recorded.y.attrs["units"] == {"u": "N"}
+    assert list(page.bench.recorded.X.columns) == ["error", "pitch"]
+    assert page.bench.recorded.y.attrs["units"] == {"stick": "N"}
 
 
 def test_what_is_wrong_with_a_file_is_said_before_the_fit(begun, runs, tmp_path):
@@ -72,7 +72,7 @@ def test_what_is_not_clear_is_said_and_can_be_settled(begun, runs, tmp_path):
     offer = problem["offers"][0]
     page.post("fit", kinds={offer["column"]: offer["kind"]})
     page.wait("bench")
-    assert page.bench.recorded.y.name == "u"
+    assert page.bench.recorded.y.name == offer["column"]
 
 
 def test_a_session_comes_back_to_the_last_digit(fitted, begun):

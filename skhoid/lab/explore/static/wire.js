@@ -1,4 +1,4 @@
-// The envelope in which numbers travel: see skhoid/lab/explore/wire.py.
+// The envelope in which numbers travel: see skhoid/lab/explore/payloads.py.
 
 function unpack(buffer) {
   const size = new DataView(buffer).getUint32(0, true);
@@ -18,7 +18,7 @@ function withArrays(value, arrays) {
   );
 }
 
-function decodedArray(buffer, start, { dtype, offset, n, zero, scale, delta }) {
+function decodedArray(buffer, start, { dtype, offset, n, zero, scale }) {
   const at = start + offset;
   if (dtype === "u1") return new Uint8Array(buffer, at, n);
   if (dtype === "f8") {
@@ -29,11 +29,7 @@ function decodedArray(buffer, start, { dtype, offset, n, zero, scale, delta }) {
   if (dtype !== "i2") throw new Error(`An array of the kind "${dtype}" is not known here.`);
   const stored = new Int16Array(at % 2 ? buffer.slice(at, at + 2 * n) : buffer, at % 2 ? 0 : at, n);
   const out = new Float64Array(n);
-  let q = 0;
-  for (let i = 0; i < n; i++) {
-    q = delta ? ((q + stored[i]) << 16) >> 16 : stored[i];
-    out[i] = q === -32768 ? NaN : zero + scale * q;
-  }
+  for (let i = 0; i < n; i++) out[i] = stored[i] === -32768 ? NaN : zero + scale * stored[i];
   return out;
 }
 
