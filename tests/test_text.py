@@ -26,11 +26,8 @@ from skhoid import (
     RecursiveARXCV,
     RunInTrimmer,
     make_tracking_runs,
-    vaf_score,
 )
 from skhoid.text import WIDTH, Estimate, estimates_table, number
-
-pytestmark = pytest.mark.slow  # many models, each compiled
 
 COLUMNS = ["coef", "std err", "z", "P>|z|", "[0.025", "0.975]"]
 NASTY = "<script>alert(1)</script>"
@@ -93,10 +90,6 @@ def check_numbers(rows, names, values, errors, intervals=None):
         assert (float(low), float(high)) == pytest.approx(tuple(ends), abs=0.06 * sd)
 
 
-def slowly_less(time):
-    return np.where(time < 20, 0.99, 0.999)
-
-
 def check_lines(text):
     assert max(map(len, text.splitlines())) <= WIDTH
     assert not re.search(r"\bnan\b", text)
@@ -110,7 +103,6 @@ def check_lines(text):
         ARXRegressor(1, [2, 1], [15, 0], inputs=["e", "f_t"]),
         ARXRegressor(2, 2, 15, method="iv", instruments=["f_t"]),
         RecursiveARX(2, 2, 15, memory_time=5.0),
-        RecursiveARX(2, 2, 15, memory_horizon=[np.inf, np.inf, 64, 64]),
     ],
     ids=lambda model: str(model).split(" at 0x")[0],  # addresses differ from process to process
 )
@@ -140,19 +132,6 @@ def test_header_of_a_batch_model(arx, runs):
     assert X.attrs["units"]["e"] == "deg"
 
 
-def test_with_data_it_says_both_vafs(arx, operator, runs):
-    X, y = runs
-    text = arx.summary(X, y)
-    check_lines(text)
-    assert f"VAF, free run: {arx.score(X, y):.1f} %" in facts_of(text)
-    ahead = vaf_score(y, arx.predict_ahead(X, y))
-    assert f"VAF, one step: {ahead:.1f} %" in facts_of(text)
-    assert "VAF, free run" not in arx.summary()
-    assert "VAF, one step" not in operator.summary(X, y)
-    with pytest.raises(ValueError, match="requires y"):
-        arx.summary(X)
-
-
 def test_path_of_a_recursive_model(runs):
     model = RecursiveARX(2, 2, 15, memory_horizon=100).fit(*runs)
     text = model.summary(*runs)
@@ -170,22 +149,6 @@ def test_path_of_a_recursive_model(runs):
     assert "Memory: N0 = 100 samples, 2 s (λ = 0.99)" in facts
     assert f"{model.n_updates_} updates Runs: 3, pooled" in facts
     assert "Protection: forgetting held back at 0 instants" in facts
-
-
-def test_stream_has_no_path_and_dashes_before_the_first_update():
-    rng = np.random.default_rng(0)
-    X, y = rng.normal(size=(50, 1)), rng.normal(size=50)
-    model = RecursiveARX(2, 2, init=np.zeros(4), p0=1.0)
-    model.partial_fit(X[:2], y[:2])
-    text = model.summary()
-    check_lines(text)
-    assert table_of(text)["a1"][1:] == ["-"] * 5
-    assert "partial_fit keeps no path" in text
-    model.partial_fit(X[2:], y[2:])
-    check_numbers(
-        table_of(model.summary()), model.parameter_names_, model.coef_, model.standard_errors_
-    )
-    assert "Path over" not in model.summary()
 
 
 def test_operator_with_an_effect(operator):
@@ -222,20 +185,6 @@ def test_delay_search_says_what_it_searched(runs):
     assert search.best_estimator_[-1].summary() in search.summary()
 
 
-@pytest.mark.parametrize("criterion", ["vaf", "bic"])
-def test_order_search_marks_the_chosen(runs, criterion):
-    search = OrderSearchCV(
-        ARXRegressor(), na=[1, 2, 3], nb=[1, 2], nk=[15], criterion=criterion
-    ).fit(*runs)
-    text = search.summary()
-    check_lines(text)
-    chosen = next(line for line in text.splitlines() if line.endswith("chosen"))
-    assert [int(x) for x in chosen.split()[:4]] == list(search.best_params_.values())
-    by_vaf = f"{search.best_score_:.1f} %" if criterion == "vaf" else "by the lowest BIC."
-    assert by_vaf in " ".join(text.split())
-    assert ("VAF" in text.split("ARXRegressor")[0]) == (criterion == "vaf")
-
-
 @pytest.mark.parametrize(
     ("model", "later"),
     [
@@ -252,16 +201,6 @@ def test_order_search_marks_the_chosen(runs, criterion):
 def test_parameters_set_later_change_nothing(model, later, runs):
     text = model.fit(*runs).summary()
     assert model.set_params(**later).summary() == text
-
-
-def test_recursive_search_shows_the_horizons(runs):
-    search = RecursiveARXCV([64, 256, np.inf], nk=15).fit(*runs)
-    text = search.summary()
-    check_lines(text)
-    best = text.split("gain\n")[1].split()
-    assert float(best[0]) == search.best_memory_horizon_
-    assert float(best[1]) == pytest.approx(search.best_score_, abs=0.006)
-    assert "Path over" in text
 
 
 def test_small_and_large_numbers_keep_the_digits_that_count():

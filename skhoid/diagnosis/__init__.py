@@ -4,11 +4,9 @@
 from .ceiling import consistent_ceiling as consistent_ceiling
 from .ceiling import noise_ceiling as noise_ceiling
 from .comparison import Comparison, compare
-from .identification import Identification as Identification
 from .identification import ModelChoice as ModelChoice
 from .identification import identify as identify
 from .remnant_estimate import RemnantEstimate, remnant_estimate
-from .repeats import repeat_labels as repeat_labels
 from .scores import performance_scores
 from .signals import read_signals as read_signals
 

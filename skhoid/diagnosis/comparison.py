@@ -43,14 +43,12 @@ class Figures:
 
     Parameters
     ----------
-    vaf : float
-        VAF of the free run on all scored rows, in percent, about zero and unclipped.
-    vaf_about_mean : float
-        The same relative to the power of the output about its mean, 100 (1 - Σr²/Σ(y - ȳ)²). An
-        error of the mean counts in both. NaN where the output is constant.
+    vaf, vaf_about_mean : float
+        VAF of the free run on all scored rows, in percent, unclipped: about zero, and about the
+        mean of the output (NaN where it is constant).
     mean_share : float
-        Share (0 to 1) of the output's power that is due to its mean. Above one half, texts give
-        VAF, ceiling and points about the mean.
+        Share (0 to 1) of the output's power that is due to its mean; above one half, texts are
+        about the mean.
     one_step_vaf : float
         VAF one step ahead; NaN for a model that makes no such prediction.
     rmse : float
@@ -58,8 +56,7 @@ class Figures:
     estimation_vaf : float
         VAF on the runs given as ``estimation``; NaN if there are none.
     overfit_ratio : float
-        Mean squared residual, relative to the output's power, on validation runs divided by that on
-        estimation runs.
+        Mean squared residual over the output's power, on validation over estimation runs.
     """
 
     vaf: float
@@ -112,9 +109,8 @@ class Views:
         a role, row by row.
     by_run, by_time, by_frequency, by_operating_point : DataFrame
         The residual by run, by window of time in the run, by frequency, and by value of signals.
-        ``exceeds`` is two-sided: a window with less than the others exceeds chance too.
-        In ``by_time``, ``explainable`` is the part of ``share`` (VAF points lost) that repeats
-        over runs.
+        A window with less than the others ``exceeds`` chance too; ``explainable`` is the part of
+        ``share`` (VAF points lost) that repeats over runs.
     correlations : DataFrame
         Cross-correlation of the prewhitened residual with signals, by lag.
     time_frequency : DataFrame
@@ -153,17 +149,14 @@ class Comparison(Told):
     figures : Figures
         How good the predictions are.
     ceiling : NoiseCeiling
-        How good those of any model could be. The gap to it is not thresholded: by chance it is
-        below 0 where nothing is left, and the ceiling is then the VAF.
+        How good those of any model could be.
     leak : LeakTest or None
-        Whether the prediction is the output rebuilt from x; None without x (or e and f_t), and for
-        a model with inputs only from outside the loop.
+        Whether the prediction is the output rebuilt from x, where x is known.
     views : Views
         Where the residual is, as tables.
     tests : DataFrame
-        One row per test; ``p`` accounts for the search inside the test, ``exceeds`` is p <
-        0.01; ``cost`` is in VAF points; ``valid`` is False for what is described but not
-        tested.
+        One row per test; ``p`` accounts for the search inside the test, ``exceeds`` is p < 0.01;
+        ``cost`` is in VAF points; ``valid`` is False for what is described but not tested.
     notes : list of Note
         What was left out.
     findings : list of Finding

@@ -43,7 +43,6 @@ from ..runs.selection import run_labels
 from ..text import Note
 from .leaks import LEAST_DELAY, SLOPE, LeakTest, leak_test
 
-MOST_DELAYS = 2_000
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
 SLOPE_OF_X = 0.15  # of the unseen disturbance that a regression on x holds at once, at most
 OPPOSED = -0.15  # correlation, below which a residual opposes what the prediction holds
@@ -129,7 +128,8 @@ class FittedModel:
 
     def as_dict(self) -> dict[str, Any]:
         model, leak = self.model, self.leak
-        tested = leak is not None and leak.leaks is not None
+        names = model.parameter_names_
+        numbers = zip(names, model.coef_.tolist(), model.standard_errors_.tolist(), strict=True)
         return {
             "name": self.name,
             "na": model.orders_.na,
@@ -141,16 +141,11 @@ class FittedModel:
             "ratio": self.ratio,
             "verdict": self.verdict.value,
             "leaks": leak.leaks if leak is not None else None,
-            "leak_slope": leak.slope if leak is not None and tested else None,
+            "leak_slope": leak.slope if leak is not None and leak.leaks is not None else None,
             "leak_reason": leak.reason if leak is not None else None,
             "parameters": [
                 {"name": name, "value": value, "standard_error": error}
-                for name, value, error in zip(
-                    model.parameter_names_,
-                    model.coef_.tolist(),
-                    model.standard_errors_.tolist(),
-                    strict=True,
-                )
+                for name, value, error in numbers
             ],
         }
 
@@ -289,15 +284,17 @@ def identify(
         candidates[without] = {**orders, "nk": shortest}
         longest = int(np.floor(whole_samples(longest_delay, layout.dt * factor)))
         if longest < least.samples:
-            doubt, hint, options = _doubted(layout.dt * factor, longest_delay)
             raise UsageError(
                 f"The longest delay to try, {longest_delay:g} s, is below the least, "
-                f"{least.seconds:.3g} s: {least.reason}. Allow a longer one, or a smaller "
-                f"least_delay.{doubt}",
-                hint,
-                options,
+                f"{least.seconds:.3g} s, of rows {layout.dt * factor:.3g} s apart: "
+                f"{least.reason}. Allow a longer one, or a smaller least_delay."
             )
-        _check_longest(longest_delay, longest - least.samples, layout)
+        shortest_run = float(np.diff(layout.run_starts).min()) * layout.dt
+        if longest_delay > shortest_run / 2:
+            raise UsageError(
+                f"The longest delay to try, {longest_delay:g} s, is more than half of the "
+                f"shortest run, {shortest_run:.3g} s. Allow a shorter one."
+            )
         for how in ("one_step", "vaf"):
             search = DelaySearchCV(
                 pipeline, nk=range(least.samples, longest + 1), criterion=how, scoring=scorer
@@ -455,29 +452,6 @@ def _spare(model: Any, least: LeastDelay) -> float:
     if not least.closed or least.domain != "human":
         return np.inf
     return float(_loop_delay(model, least) - least.samples)
-
-
-def _check_longest(longest_delay: float, n_candidates: int, layout: RunLayout) -> None:
-    """Refuse delays that no run can show, and more of them than one would wait for."""
-    shortest = float(np.diff(layout.run_starts).min()) * layout.dt
-    if longest_delay > shortest / 2:
-        raise ValueError(
-            f"The longest delay to try, {longest_delay:g} s, is more than half of the shortest "
-            f"run, {shortest:.3g} s. Allow a shorter one."
-        )
-    if n_candidates > MOST_DELAYS:
-        raise ValueError(
-            f"Up to {longest_delay:g} s there are {n_candidates} delays to try, a sample apart, "
-            f"and at most {MOST_DELAYS} are tried. Allow a shorter one, or decimate."
-        )
-
-
-def _doubted(dt: float, longest_delay: float) -> tuple[str, str, list[str]]:
-    """A doubt about a clock that ticks less often than any delay that is tried, and its remedy."""
-    if dt <= longest_delay:
-        return "", "", []
-    text = f" The rows are counted as {dt:.3g} s apart: if the times are not in seconds, say so."
-    return text, "State their unit with units={'time': ...}.", ["unit"]
 
 
 def _held_out_rows(

@@ -13,12 +13,11 @@ from scipy.stats import poisson
 
 from .ceiling import Ceiling
 from .signals import Signals
-from .tests_table import FALSE_ALARM, Test
+from .tests_table import FALSE_ALARM, N_DRAWS, Test, draws_of
 
 N_BINS = 12
 LONGEST_LAG = 1.5  # s, by which the response follows a channel at most
 LEAST_COUNT = 0.005  # of the samples, in a bin
-N_DRAWS = 2000
 
 
 def by_operating_point(signals: Signals, ceiling: Ceiling) -> tuple[pd.DataFrame, list[Test]]:
@@ -130,10 +129,8 @@ def _bins(
     mean, center = sums[kept] / n, moments[kept] / n
     covariance = covariance[np.ix_(kept, kept)] / np.outer(n, n)
     sd = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    band = (
-        float(np.quantile(_largest_of_bins(covariance, sd, ceiling.noise.free), 1 - FALSE_ALARM))
-        * sd
-    )
+    largest = _largest_of_bins(covariance, sd, ceiling.noise.free)
+    band = float(np.quantile(largest, 1 - FALSE_ALARM)) * sd
     table = pd.DataFrame(
         {
             "channel": name,
@@ -151,11 +148,8 @@ def _bins(
         }
     )
     power = float(np.mean(signals.y[signals.scored] ** 2))
-    tests = [
-        _shape(name, "nonlinearity", center, mean, covariance, n, ceiling.noise.free, power, valid),
-        _shape(name, "asymmetry", center, mean, covariance, n, ceiling.noise.free, power, valid),
-    ]
-    return table, tests
+    found = name, center, mean, covariance, n, ceiling.noise.free, power, valid
+    return table, [_shape(kind, *found) for kind in ("nonlinearity", "asymmetry")]
 
 
 def _coordinates(
@@ -179,16 +173,14 @@ def _linear_in_remnant(r: np.ndarray, z: np.ndarray, known: np.ndarray) -> np.nd
 
 def _largest_of_bins(covariance: np.ndarray, sd: np.ndarray, free: float) -> np.ndarray:
     """Draws of the largest mean, in its standard deviations, that noise alone would give."""
-    values, vectors = np.linalg.eigh(covariance / np.outer(sd, sd))
-    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
     rng = np.random.default_rng(0)
-    draws = rng.standard_normal((N_DRAWS, sd.size)) @ root.T
+    draws = draws_of(covariance / np.outer(sd, sd), rng)
     return np.abs(draws).max(axis=1) / np.sqrt(rng.chisquare(free, N_DRAWS) / free)
 
 
 def _shape(
-    name: str,
     kind: str,
+    name: str,
     z: np.ndarray,
     mean: np.ndarray,
     covariance: np.ndarray,
@@ -220,7 +212,9 @@ def _shape(
     # Noise alone gives that mean square too, on average that of its own in these bins.
     by_chance = float(np.average(np.diag(project @ covariance), weights=count))
     cost = 100 * max(size**2 - by_chance, 0.0) / mean_square
+    what = f"mean residual over {name} against a straight line"
     if kind == "asymmetry":
+        what = f"mean residual over {name}: gain of one sign against the other"
         # Of a channel that has one sign only, the two patterns differ by rounding.
         told = M[0, 0] > 1e-9 * (extra.T @ inverse @ extra)[0, 0]
         size = float(g[0] / M[0, 0]) if told else 0.0
@@ -233,10 +227,7 @@ def _shape(
         size=size,
         cost=cost,
         valid=valid,
-        description={
-            "nonlinearity": f"mean residual over {name} against a straight line",
-            "asymmetry": f"mean residual over {name}: gain of one sign against the other",
-        }[kind],
+        description=what,
     )
 
 

@@ -34,23 +34,31 @@ def by_frequency(signals: Signals, ceiling: Ceiling) -> pd.DataFrame:
     parts = [_GroupSpectra.of(signals, group, n) for group in signals.groups]
     total = sum(float(np.sum(signals.y[rows] ** 2)) for g in signals.groups for rows in g.rows)
     omega = 2 * np.pi * fft.rfftfreq(n, signals.dt)
-    S, known = ceiling.noise.at(omega), ceiling.noise.known(omega)
+    noise, density = ceiling.noise, signals.dt / np.pi
+    S, known = noise.at(omega), noise.known(omega)
+    n_runs = sum(part.group.n_runs for part in parts)
     rows = []
     for kind, bins in _sets_of_bins(parts, n, omega):
-        rows.append(
-            _row(
-                kind,
-                bins,
-                parts,
-                omega,
-                S,
-                known,
-                total,
-                signals.dt,
-                ceiling.route,
-                ceiling.noise.free,
-            )
-        )
+        weight = np.where((bins == omega.size - 1) & (omega.size > 1), 1.0, 2.0)
+        U2 = sum(np.sum(np.abs(part.output[:, bins]) ** 2, axis=0) for part in parts)
+        R2 = sum(np.sum(np.abs(part.residual[:, bins]) ** 2, axis=0) for part in parts)
+        has_noise = ceiling.route is not Route.NONE
+        row = {
+            "omega": float(np.exp(np.mean(np.log(omega[bins])))),
+            "kind": kind,
+            "n_bins": bins.size,
+            "psd_output": float(np.mean(U2)) / n_runs * density,
+            "psd_residual": float(np.mean(R2)) / n_runs * density,
+            "psd_noise": float(np.mean(S[bins])) * density if has_noise else np.nan,
+            "share": 100 * float(np.sum(weight * R2)) / total,
+            "p": np.nan,
+            **dict.fromkeys(COLUMNS[7:14], np.nan),
+        }
+        if kind in ("excited", "band") and parts[0].F is not None:
+            row |= _response(bins, parts, S[bins], bool(known[bins].all()), noise.free)
+        elif ceiling.route is Route.REPEATS and known[bins].all():
+            row["p"] = _repeatable(bins, parts, S[bins], noise.free)
+        rows.append(row)
     table = pd.DataFrame(rows).sort_values(["omega", "kind"], ignore_index=True)
     for kind in ("measured_phase", "model_phase"):
         known = table[kind].notna().to_numpy()
@@ -233,41 +241,6 @@ def _bands(bins: np.ndarray, member: np.ndarray) -> list[np.ndarray]:
     if held.size:
         sets = [*sets[:-1], np.concatenate([*sets[-1:], held])]
     return sets
-
-
-def _row(
-    kind: str,
-    bins: np.ndarray,
-    parts: list[_GroupSpectra],
-    omega: np.ndarray,
-    S: np.ndarray,
-    known: np.ndarray,
-    total: float,
-    dt: float,
-    route: Route,
-    free: float,
-) -> dict[str, object]:
-    weight = np.where((bins == omega.size - 1) & (omega.size > 1), 1.0, 2.0)
-    density = dt / np.pi
-    n_runs = sum(part.group.n_runs for part in parts)
-    U2 = sum(np.sum(np.abs(part.output[:, bins]) ** 2, axis=0) for part in parts)
-    R2 = sum(np.sum(np.abs(part.residual[:, bins]) ** 2, axis=0) for part in parts)
-    row: dict[str, object] = {
-        "omega": float(np.exp(np.mean(np.log(omega[bins])))),
-        "kind": kind,
-        "n_bins": bins.size,
-        "psd_output": float(np.mean(U2)) / n_runs * density,
-        "psd_residual": float(np.mean(R2)) / n_runs * density,
-        "psd_noise": float(np.mean(S[bins])) * density if route is not Route.NONE else np.nan,
-        "share": 100 * float(np.sum(weight * R2)) / total,
-        "p": np.nan,
-        **dict.fromkeys(COLUMNS[7:14], np.nan),
-    }
-    if kind in ("excited", "band") and parts[0].F is not None:
-        row |= _response(bins, parts, S[bins], bool(known[bins].all()), free)
-    elif route is Route.REPEATS and known[bins].all():
-        row["p"] = _repeatable(bins, parts, S[bins], free)
-    return row
 
 
 def _response(

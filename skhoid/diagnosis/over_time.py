@@ -15,10 +15,9 @@ from scipy.stats import f as f_distribution
 from .ceiling import Ceiling, Route
 from .repeats import Group
 from .signals import Signals, coherent_part
-from .tests_table import FALSE_ALARM, Test, of_one, of_several
+from .tests_table import FALSE_ALARM, N_DRAWS, Test, of_one, of_several
 
 TRIM = 0.05  # of the information, at either end, where no change is looked for
-N_DRAWS = 2000
 
 
 @dataclass(frozen=True)

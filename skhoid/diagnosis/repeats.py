@@ -69,23 +69,14 @@ class Group:
         return 2 * np.pi * fft.rfftfreq(self.n_samples, dt)
 
 
-@dataclass(frozen=True)
-class Grouped:
-    """Groups of runs, how it was decided which are repeats, and what was left out for it."""
-
-    found: list[Group]
-    decided: Note
-    notes: list[Note]
-
-
 def grouped(
     layout: RunLayout,
     stretches: Mapping[int, tuple[int, int]],
     measured: np.ndarray,
     channels: Mapping[str, np.ndarray],
     repeats: Any,
-) -> Grouped:
-    """Sort runs into groups of repeats: of one target, and of one disturbance."""
+) -> tuple[list[Group], Note, list[Note]]:
+    """Groups of repeats (of one target and disturbance), how that was decided, and notes."""
     labels = repeat_labels(layout, repeats)
     outside = {name: values for name, values in channels.items() if is_external(name)}
     members, apart = runs_in_common(layout, stretches, outside, labels)
@@ -108,7 +99,7 @@ def grouped(
             group, note = _in_whole_periods(group, outside, layout)
             groups.append(group)
             notes += note
-    return Grouped(groups, decided, list(dict.fromkeys(notes)))
+    return groups, decided, list(dict.fromkeys(notes))
 
 
 def repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:

@@ -15,7 +15,7 @@ from .ceiling import Ceiling
 from .over_time import tail_probability
 from .repeats import Group
 from .signals import Signals, bandwidth, coherent_part, tap_spacing
-from .tests_table import FALSE_ALARM, Test
+from .tests_table import FALSE_ALARM, Test, draws_of
 
 
 def linear_misfit(signals: Signals, ceiling: Ceiling) -> list[Test]:
@@ -222,7 +222,6 @@ def _refined(delays: np.ndarray, loss: np.ndarray, k: int) -> float:
 
 N_LAGS = 40  # on either side
 LONGEST_LAG = 3.0  # s, for lags of loops that a person closes
-N_DRAWS = 2000
 
 
 def correlations(signals: Signals, ceiling: Ceiling) -> tuple[pd.DataFrame, list[Test]]:
@@ -297,10 +296,8 @@ def _correlation(
         R, Z = fft.rfft(pair[:, 0], size), fft.rfft(pair[:, 1], size)
         cross += fft.irfft(R * Z.conj(), size)[lags]
         auto += fft.irfft(np.abs(Z) ** 2, size)[step * np.arange(2 * n_lags + 1)]
-    values, vectors = np.linalg.eigh(toeplitz(auto / power_z))
-    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-    # The same draws for equal data; the largest of them has the distribution without a fault.
-    draws = np.random.default_rng(0).standard_normal((N_DRAWS, lags.size)) @ root.T
+    # The largest of them has the distribution without a fault.
+    draws = draws_of(toeplitz(auto / power_z), np.random.default_rng(0))
     return (
         lags * signals.dt,
         cross / np.sqrt(power_z),  # whitened noise has the density 1

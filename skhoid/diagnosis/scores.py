@@ -23,7 +23,7 @@ Window = str | tuple[float, float]
 
 
 @checked(
-    windows=[str, Mapping, tuple, list, np.ndarray],
+    windows=[Mapping, tuple, list],
     change=[Real, None],
     roles=ROLES,
     dt=DT,
@@ -50,10 +50,10 @@ def performance_scores(
         Channels, with the roles e, x and f_t. Without e it is f_t - x, without f_t it is e + x.
     y : Series, array of shape (n_rows,) or None
         The operator's output u. An output of the role x, such as a cursor, serves as x too.
-    windows : sequence, dict or str, default=("T_m", "ini", "tran", "fin")
+    windows : sequence or dict, default=("T_m", "ini", "tran", "fin")
         ``"T_m"`` is the whole run, ``"ini"`` its first and ``"fin"`` its last 30.72 s, ``"tran"``
         the 20.48 s around ``change``. Your own windows are (start, stop), in seconds of the time
-        index and excluding the row at stop, or ``{name: (start, stop)}``; a sequence may mix these.
+        index and excluding the row at stop; a dict names them.
     change : float or None, default=None
         Time around which ``"tran"`` is centred, in seconds of the time index. None means the middle
         of the run.
@@ -81,10 +81,6 @@ def performance_scores(
     ValueError
         If there is neither an error nor an output, or a window is not valid.
 
-    Notes
-    -----
-    A run-in marked by :class:`~skhoid.RunInTrimmer` is not part of the run.
-
     References
     ----------
     Van Grootheest, thesis, Section VI-B and Table VI.
@@ -106,7 +102,7 @@ def performance_scores(
     >>> scores.shape
     (40, 10)
 
-    The average over the runs of each subject, as in Table VI:
+    The average over the runs of each subject:
 
     >>> table = scores.groupby(["subject", "window"], sort=False)["tracking_score"].mean().unstack()
     >>> table.round(2)
@@ -182,41 +178,18 @@ def _level_names(X: Any, layout: RunLayout, run: Any) -> list[Any]:
 
 def _wanted(windows: Any) -> dict[str, Window]:
     """Windows by name."""
-    if isinstance(windows, (str, Mapping)) or _is_pair(windows):
-        windows = [windows]
-    found: list[tuple[str, Window]] = []
-    for window in windows:
-        if isinstance(window, Mapping):
-            found += [(str(name), _checked(edges)) for name, edges in window.items()]
-        else:
-            edges = _checked(window)
-            name = edges if isinstance(edges, str) else f"{edges[0]:g}-{edges[1]:g} s"
-            found.append((name, edges))
-    named = dict(found)
-    if not 0 < len(named) == len(found):
-        raise ValueError(
-            f"windows must name each window once, at least one; got {[name for name, _ in found]}."
-        )
-    return named
-
-
-def _checked(window: Any) -> Window:
-    if isinstance(window, str) and window in NAMED:
-        return window
-    if _is_pair(window) and window[0] < window[1]:
-        return float(window[0]), float(window[1])
-    raise ValueError(
-        f"A window must be one of {NAMED}, (start, stop) in seconds or {{name: (start, stop)}}, "
-        f"and must begin before it ends; got {window!r}."
-    )
-
-
-def _is_pair(window: Any) -> bool:
-    return (
-        isinstance(window, (tuple, list, np.ndarray))
-        and len(window) == 2
-        and all(isinstance(edge, (int, float, np.number)) for edge in window)
-    )
+    if not isinstance(windows, Mapping):
+        windows = {w if isinstance(w, str) else "{:g}-{:g} s".format(*w): w for w in windows}
+    for window in windows.values():
+        named = isinstance(window, str) and window in NAMED
+        if not named and not (len(window) == 2 and window[0] < window[1]):
+            raise ValueError(
+                f"A window must be one of {NAMED} or (start, stop) in seconds, and must begin "
+                f"before it ends; got {window!r}."
+            )
+    if not windows:
+        raise ValueError("windows must name one window at least.")
+    return windows
 
 
 def _rows_inside(

@@ -243,17 +243,11 @@ def sorted_signals(
         notes.append(Note("missing output", missed))
     stretches = _longest_stretches(layout, used, channels)
     if not stretches:
-        if run_in and _longest_stretches(layout, ~missing & ~read.trimmed, channels):
-            longest, least = max(np.diff(layout.starts)) * layout.dt, LEAST_ROWS * layout.dt
-            raise ShortRunError(
-                f"run_in={run_in:g} s leaves no run {LEAST_ROWS} rows ({least:.3g} s) to compare; "
-                f"the longest run lasts {longest:.4g} s. Give a shorter run_in, or longer runs."
-            )
         raise ShortRunError(
             f"No run has {LEAST_ROWS} successive rows ({LEAST_ROWS * layout.dt:.3g} s) in which "
             "the output and all channels with a role were measured, and compare needs as many for "
-            "spectra and tests. Join pieces of a recording, interpolate single missing values, or "
-            "leave out the channel that is missing."
+            "spectra and tests. Join pieces of a recording, interpolate single missing values, "
+            "leave out the channel that is missing, or give a shorter run_in."
         )
     covered = sum(stop - start for start, stop in stretches.values())
     beside = int(used.sum()) - covered
@@ -261,9 +255,8 @@ def sorted_signals(
         notes.append(
             Note(
                 "gaps",
-                f"{counted(beside, 'row')} outside the longest gapless stretch of "
-                f"{'its' if beside == 1 else 'their'} run count{'s' * (beside == 1)} in the VAF, "
-                "but not in spectra and tests",
+                f"outside the longest gapless stretch of each run, {counted(beside, 'row')} "
+                "counted in the VAF are left out of spectra and tests",
             )
         )
     mean, sd = (float(f(measured[scored])) for f in (np.mean, np.std))
@@ -276,7 +269,7 @@ def sorted_signals(
                 "mean",
             )
         )
-    groups = grouped(layout, stretches, measured, channels, repeats)
+    groups, decided, more = grouped(layout, stretches, measured, channels, repeats)
     return Signals(
         model=read.model,
         layout=layout,
@@ -287,11 +280,11 @@ def sorted_signals(
         one_step=np.full(layout.n_rows, np.nan),
         scored=scored,
         channels=channels,
-        groups=groups.found,
+        groups=groups,
         output=read.output,
         units=_units_by_role(read),
-        notes=notes + groups.notes,
-        decided=groups.decided,
+        notes=notes + more,
+        decided=decided,
         judged=judged,
     )
 

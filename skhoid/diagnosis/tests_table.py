@@ -28,6 +28,7 @@ class Test:
     __test__ = False  # not a test of pytest
 
 
+N_DRAWS = 2000
 FALSE_ALARM = 0.01  # of each test, and of each table as a whole, with nothing missing
 COLUMNS = (
     "test",
@@ -62,3 +63,10 @@ def of_several(p: np.ndarray, n: Any = None) -> np.ndarray:
 def of_one(false_alarm: Any, n: Any) -> Any:
     """Rate of each of n independent tests that together have a false-alarm rate."""
     return -np.expm1(np.log1p(-false_alarm) / n)
+
+
+def draws_of(covariance: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Normal draws (rows) with a covariance; equal data are to have equal ones."""
+    values, vectors = np.linalg.eigh(covariance)
+    root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+    return rng.standard_normal((N_DRAWS, len(covariance))) @ root.T

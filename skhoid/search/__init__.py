@@ -14,7 +14,6 @@ from .shape import Shape
 from .sketch import checked_name as checked_name
 from .statuses import Reason, Status, Verdict
 from .telling import HOW_TO_GO_ON as HOW_TO_GO_ON
-from .telling import in_loop_text as in_loop_text
 from .telling import parameters_table as parameters_table
 from .telling import tell_baseline as tell_baseline
 from .telling import tell_candidates as tell_candidates

@@ -33,7 +33,7 @@ from ..model.smoothing import (
     posterior_of,
 )
 from ..model.uncertainty import covariance_of
-from ..text import Document, Paragraph, Summary, TextTable, number
+from ..text import Document, Paragraph, TextTable, Told, number
 from .data import on_rows_of
 from .formulas import Fitted, formula_of
 from .judges import HeldOutRows, held_out
@@ -83,7 +83,7 @@ AT_A_KINK = 3.0  # times the change by half the distance of knots; twice if noth
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Shape:
+class Shape(Told):
     """An effect without a name: where it acts, its curve, and what it explains.
 
     Parameters
@@ -231,7 +231,7 @@ class Shape:
             words.append("a free delay")
         return f"the model with {' and '.join(words)}" if words else "the baseline"
 
-    def tell(self) -> Document:
+    def document(self) -> Document:
         """All of it: sentences, the curve at a few points, and the effects that are nearest.
 
         Returns
@@ -240,16 +240,6 @@ class Shape:
         """
         first, *others = self.sentences()
         return Document(first, [*self.tables(), *map(Paragraph, others)])
-
-    def summary(self) -> Summary:
-        """All of it in plain sentences and tables.
-
-        Returns
-        -------
-        text : Summary
-            A string that notebooks show line by line.
-        """
-        return self.tell().text()
 
     def tables(self) -> list[TextTable]:
         """The curve with its band at nine points, and the nearest effects, if there are any.
@@ -310,9 +300,6 @@ class Shape:
 
     def __repr__(self) -> str:
         return str(self.summary())
-
-    def _repr_html_(self) -> str:
-        return self.tell().html()
 
 
 def labels_of(model: Model, name: str, units: dict[str, str | None]) -> tuple[str, str]:

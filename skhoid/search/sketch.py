@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import keyword
-import os
 import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 from typing import Any
 
 import numpy as np
@@ -90,7 +89,7 @@ def why_no_shape(ids: Sequence[str]) -> str:
 
 
 def written(name: str, path: Any, shape: Shape, *, overwrite: bool = False) -> Path:
-    """Write the file of an effect, whole or not at all."""
+    """Write the file of an effect."""
     checked_name(name)
     target = Path(path)
     if target.is_dir():
@@ -105,27 +104,8 @@ def written(name: str, path: Any, shape: Shape, *, overwrite: bool = False) -> P
             f"{str(target)!r} exists, and may have been changed by hand: give another path, or "
             "overwrite=True."
         )
-    text = source_of(name, shape)
-    with NamedTemporaryFile(
-        "w", dir=target.parent, suffix=".py", delete=False, encoding="utf-8", newline="\n"
-    ) as file:
-        try:
-            file.write(text)
-            file.close()
-            Path(file.name).chmod(0o666 & ~_mask())
-            Path(file.name).replace(target)
-        except BaseException:
-            file.close()
-            Path(file.name).unlink(missing_ok=True)
-            raise
+    target.write_text(source_of(name, shape), encoding="utf-8", newline="\n")
     return target
-
-
-def _mask() -> int:
-    """What the user takes away from the rights of new files."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def checked_name(name: Any) -> None:
@@ -239,7 +219,7 @@ def _by_table(name: str, shape: Shape) -> Iterator[str]:
     yield "KNOTS = tuple(x for x, _ in TABLE)"
     yield from ["", ""]
     yield from _head(name, shape, "with a curve from a table")
-    yield "    neutral = {'size': 0.0}".replace("'", '"')
+    yield '    neutral = {"size": 0.0}'
     yield "    parameters = ("
     meaning = "multiple of the table"
     yield f'        Parameter("size", Dimension(), -3.0, 3.0, (1.0,), meaning="{meaning}"),'
@@ -252,23 +232,12 @@ def _by_table(name: str, shape: Shape) -> Iterator[str]:
     given = {k: v for k, v in form.get_params().items() if k not in ("knots", "values", "spread")}
     own = [f"{k}={_literal(v)}" for k, v in given.items() if v != defaults[k]]
     arguments = [*own, "knots=KNOTS", "values=values"]
-    yield from _call(f"form = {type(form).__name__}(", arguments, ")")
+    yield f"        form = {type(form).__name__}({', '.join(arguments)})"
     yield "        return form.apply(signal, record)"
 
 
-def _call(begin: str, arguments: Sequence[str], end: str) -> Iterator[str]:
-    joined = ", ".join(arguments)
-    line, inner = f"        {begin}{joined}{end}", f"            {joined}"
-    if len(line) <= WIDTH:
-        yield line
-        return
-    yield f"        {begin}"
-    yield from [inner] if len(inner) <= WIDTH else [f"            {one}," for one in arguments]
-    yield f"        {end}"
-
-
 def _literal(value: Any) -> str:
-    return f'"{value}"' if isinstance(value, str) else repr(value)
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
 
 
 def _head(name: str, shape: Shape, how: str) -> Iterator[str]:
@@ -279,23 +248,10 @@ def _head(name: str, shape: Shape, how: str) -> Iterator[str]:
     yield ""
     yield f'    name = "{name}"'
     yield f'    place = "{form.place}"'
-    yield from _attribute("physics", f"{sentence}.")
+    yield f"    physics = {_literal(f'{sentence}.')}"
     formula = form.formula if shape.formula is None else _formula_text(form, shape.formula)
-    yield from _attribute("formula", formula)
+    yield f"    formula = {_literal(formula)}"
     yield '    source = "sketched from data by skhoid"'
-
-
-def _attribute(name: str, text: str) -> Iterator[str]:
-    safe = text.replace("\\", "\\\\").replace('"', '\\"')
-    line = f'    {name} = "{safe}"'
-    if len(line) <= WIDTH:
-        yield line
-        return
-    yield f"    {name} = ("
-    parts = textwrap.wrap(safe, WIDTH - 12, break_long_words=False)
-    for number, part in enumerate(parts):
-        yield f'        "{part}{" " if number < len(parts) - 1 else ""}"'
-    yield "    )"
 
 
 def _formula_text(form: FreeForm, fitted: Fitted) -> str:

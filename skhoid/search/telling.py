@@ -5,7 +5,7 @@ Summaries, notebooks, the command line and reports render what is told here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,7 @@ NO_FORM = "No free form explains it at any place either"
 
 def tell_search(found: SearchResult) -> Document:
     """The whole search: verdict, steps, what is left, and what to record next."""
+    notes = [*(Note("experiment", text) for text in found.experiments), *found.notes]
     blocks = [
         tell_baseline(found),
         *(tell_step(found, step) for step in range(1, len(found.added) + 1)),
@@ -52,15 +53,9 @@ def tell_search(found: SearchResult) -> Document:
             f"{VAF_RULE} The points required of an effect are about the mean. ± is one "
             "standard error."
         ),
-        *tell_notes(found),
+        *([Notes(notes)] if notes else []),
     ]
     return Document(tell_headline(found), blocks)
-
-
-def tell_notes(found: SearchResult) -> list[Block]:
-    """What to record next, and further remarks, if there are any."""
-    notes = [*(Note("experiment", text) for text in found.experiments), *found.notes]
-    return [Notes(notes)] if notes else []
 
 
 def tell_briefly(found: SearchResult) -> Document:
@@ -150,11 +145,23 @@ def tell_end(found: SearchResult) -> list[Block]:
     """What is left, whether it has a shape, and how to go on."""
     blocks: list[Block] = []
     if found.verdict is Verdict.NOTHING:
-        blocks += map(Paragraph, _tell_nearest_miss(found))
+        # The last step decides: the first one has a delay that was given, and is only a claim.
+        last = found.tried[found.tried["step"] == found.ranking["step"].max()]
+        near = last[last["status"] == Status.NOT_BETTER]
+        for _, best in near.head(1).iterrows():
+            text = (
+                f"Best of {counted(len(near), 'effect')} tried: {title_of(best['effect'])}, "
+                f"{best['vaf_gain']:+.2f} points ({p_text(best['p_value'])}). Not added: "
+                f"{best['reason']}."
+            )
+            blocks.append(Paragraph(text))
     if found.stand_ins:
         blocks.append(Paragraph(f"{tell_stand_ins(found.stand_ins)}."))
     if found.verdict.leaves_unknown and len(found.unexplained):
-        left = [Item(text) for text in tell_unexplained(found)]
+        left = [
+            Item(f"{row['description']} ({row['where']}): {row['points']:.1f} points")
+            for _, row in found.unexplained.iterrows()
+        ]
         blocks += [Paragraph(f"What {unexplained_by(found)}:"), Items(left, numbered=False)]
     texts = tell_no_name(found)
     if found.verdict in HOW_TO_GO_ON:
@@ -163,28 +170,6 @@ def tell_end(found: SearchResult) -> list[Block]:
     if np.isfinite(last["explainable_gap"]) and np.isfinite(last["ceiling"]):
         texts.append(f"Left to explain: {gap_text(last['explainable_gap'])}; the rest is remnant.")
     return [*blocks, *map(Paragraph, texts)]
-
-
-def _tell_nearest_miss(found: SearchResult) -> Iterator[str]:
-    """The best candidate where none was added, and why."""
-    # The last step decides: the first one has a delay that was given, and is only a claim.
-    last = found.tried[found.tried["step"] == found.ranking["step"].max()]
-    near = last[last["status"] == Status.NOT_BETTER]
-    if len(near):
-        best = near.iloc[0]
-        yield (
-            f"Best of {counted(len(near), 'effect')} tried: {title_of(best['effect'])}, "
-            f"{best['vaf_gain']:+.2f} points ({p_text(best['p_value'])}). Not added: "
-            f"{best['reason']}."
-        )
-
-
-def tell_unexplained(found: SearchResult) -> list[str]:
-    """Structure that is left, one text each."""
-    return [
-        f"{row['description']} ({row['where']}): {row['points']:.1f} points"
-        for _, row in found.unexplained.iterrows()
-    ]
 
 
 def unexplained_by(found: SearchResult) -> str:

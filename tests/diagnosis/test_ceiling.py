@@ -43,32 +43,16 @@ def periodic(n, n_runs):
     return total
 
 
-@pytest.mark.parametrize("element", ["1/s", "1/(s(s+1))"])
-@pytest.mark.parametrize("seed", [1])
-def test_runs_with_another_unrecorded_disturbance_are_no_repeats(element, seed):
-    options = {"seed": seed, "shared_target": True, "delay": (0.2, 0.2)}
-    disturbance = 1.0 if element == "1/s" else 2.5
-    found = of(simulate(element, 3, disturbance=disturbance, **options))
+def test_runs_with_another_unrecorded_disturbance_are_no_repeats():
+    options = {"seed": 1, "shared_target": True, "delay": (0.2, 0.2)}
+    found = of(simulate("1/s", 3, disturbance=1.0, **options))
     assert found.ceiling_route == "none"
     assert "unrecorded disturbance that differs" in found.ceiling_note
     assert np.isnan([found.noise_ceiling, found.explainable_gap]).all()
     assert "unrecorded disturbance" in found.summary()
-    alike = of(simulate(element, 3, disturbance=0.0, **options))
+    alike = of(simulate("1/s", 3, disturbance=0.0, **options))
     assert alike.ceiling_route == "repeats"
     assert "no unrecorded disturbance" in alike.ceiling_note
-
-
-def test_runs_with_another_recorded_disturbance_are_no_repeats():
-    loop = simulate("1/s", 3, shared_target=True, delay=(0.2, 0.2))
-    found = of(loop, dist=loop.d)
-    assert found.ceiling_route == "none"
-    assert "recorded disturbance dist" in found.ceiling_note
-
-
-def test_without_x_it_is_said_that_a_disturbance_cannot_be_checked():
-    loop = simulate("1/s", 3, shared_target=True, disturbance=0.0)
-    X, y, model = as_runs(loop, columns=("f_t",))
-    assert "cannot be checked without x" in compare(model, X, y, run_in=5.0).ceiling_note
 
 
 def test_a_few_repeats_among_many_runs_are_no_ceiling_of_all():
@@ -80,8 +64,7 @@ def test_a_few_repeats_among_many_runs_are_no_ceiling_of_all():
     assert "only 2 of 5 runs repeat each other" in found.ceiling_note
 
 
-@pytest.mark.parametrize("run_in", [0.0, 3.0])
-@pytest.mark.parametrize("n_runs", [1, 3])
+@pytest.mark.parametrize(("n_runs", "run_in"), [(1, 0.0), (3, 3.0)])
 def test_a_run_in_leaves_whole_periods(run_in, n_runs):
     loop = simulate("1/s", n_runs, disturbance=0.0, target=periodic)
     X, y, model = as_runs(loop)
@@ -95,22 +78,13 @@ def test_a_run_in_leaves_whole_periods(run_in, n_runs):
     assert (found.traces["scored"].to_numpy() == late).all()
 
 
-def test_a_window_shorter_than_a_period_has_no_ceiling():
-    loop = simulate("1/s", 1, disturbance=0.0, target=periodic)
-    X, y, model = as_runs(loop)
-    found = compare(model, X, y, run_in=25.0)
-    assert found.ceiling_route == "none"
-    assert "not periodic" in found.ceiling_note
-
-
-@pytest.mark.parametrize("seed", [0])
-def test_a_ceiling_is_between_the_vaf_and_100(seed):
+def test_a_ceiling_is_between_the_vaf_and_100():
     X, y = make_tracking_runs(
         "C1",
         n_runs=4,
         remnant_intensity=0.1,
         channels=["e", "f_t"],
-        random_state=seed,
+        random_state=0,
         sampling_rate=50.0,
     )
     model = ARXRegressor(nk=15).fit(*select_runs(X, y, first=2))
@@ -127,11 +101,9 @@ def test_a_ceiling_is_between_the_vaf_and_100(seed):
     [
         (101.6, 97.0, 0.5, 100.0),
         (90.0, 80.0, 0.5, 90.0),
-        (90.0, 90.3, 0.0, 90.3),
         (90.0, 91.5, 0.5, 91.5),
         (59.1, 71.2, 1.0, np.nan),
         (np.nan, 71.2, 1.0, np.nan),
-        (101.6, 101.0, 0.5, 100.0),
     ],
 )
 def test_consistent_ceiling(ceiling, vaf, sd, shown):
@@ -142,7 +114,7 @@ def test_consistent_ceiling(ceiling, vaf, sd, shown):
 
 def test_a_run_in_that_leaves_too_little_says_what_to_do():
     X, y, model = as_runs(simulate("1/s", 1, duration=10.0, disturbance=0.0))
-    with pytest.raises(ShortRunError, match=r"run_in=9.5 s leaves no run .* shorter run_in"):
+    with pytest.raises(ShortRunError, match=r"successive rows .* shorter run_in"):
         compare(model, X, y, run_in=9.5)
 
 

@@ -43,14 +43,6 @@ def test_one_step(arx, simulated, of_arx):
     assert_allclose(of_arx.by_run["one_step_vaf"][0], vaf(y[first], ahead[first]), rtol=1e-12)
 
 
-def test_run_in_leaves_rows_out(arx, simulated):
-    X, y, _ = simulated
-    comparison = compare(arx, X, y, run_in=5.0)
-    assert_allclose(comparison.vaf, vaf_score(y, arx.predict(X), run_in=5.0), rtol=1e-12)
-    late = y.index.get_level_values("time") >= 5.0
-    assert_array_equal(comparison.traces["scored"], late)
-
-
 def test_without_run_in_the_settling_rows_are_left_out_and_said(arx, simulated):
     X, y, _ = simulated
     comparison = compare(arx, X, y)
@@ -82,18 +74,8 @@ def test_shares_of_the_windows_add_up(of_arx):
     assert_array_equal(together["start"][1:], together["stop"][:-1])
 
 
-def test_a_window_is_scored_by_its_own_rows(of_arx, simulated):
-    _, y, _ = simulated
-    row = of_arx.by_time[of_arx.by_time["run"] == "2"].iloc[3]
-    time = y.index.get_level_values("time")
-    own = (time >= row["start"]) & (time < row["stop"]) & (y.index.get_level_values("run") == 2)
-    residual = of_arx.traces["residual"][own]
-    assert_allclose(row["rmse"], np.sqrt(np.mean(residual**2)), rtol=1e-12)
-    assert_allclose(row["vaf"], vaf(y[own], of_arx.traces["predicted"][own]), rtol=1e-12)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("channels", [["e", "x", "f_t"], ["e", "x"], ["e"], []])
+@pytest.mark.parametrize("channels", [["e", "x", "f_t"], []])
 def test_shares_of_the_frequencies_add_up_to_the_power_but_for_the_mean(arx, simulated, channels):
     X, y, _ = simulated
     model = Gives(lambda rows: arx.predict(X.loc[rows.index]))
@@ -109,7 +91,7 @@ def test_shares_of_the_frequencies_add_up_to_the_power_but_for_the_mean(arx, sim
 # Ceiling
 
 
-@pytest.mark.parametrize("n_runs", [2, 3, 6])
+@pytest.mark.parametrize("n_runs", [2, 6])
 def test_ceiling_of_repeats_against_a_naive_twin(n_runs):
     X, y, _ = runs(n_runs, effects=Effects(gain_step=(41.0, 0.7)))
     rng = np.random.default_rng(0)
@@ -178,13 +160,6 @@ def test_no_ceiling_without_repeats_or_periods():
     assert "no ceiling" in names(comparison)
 
 
-def test_targets_of_their_own_are_groups_of_their_own():
-    X, y, truth = runs(5, targets=(0, 1, 0, 1, 2))
-    comparison = compare(Oracle(truth.u_without_remnant), X, y)
-    assert comparison.by_run["target"].tolist() == [0, 1, 0, 1, 2]
-    assert "one target" not in names(comparison)
-
-
 # Parts
 
 
@@ -216,14 +191,6 @@ def test_largest_break_is_the_largest_fall_of_the_squared_error():
     assert found.p < 1e-4
 
 
-def test_p_of_the_largest_break_is_uniform_without_a_break():
-    rng = np.random.default_rng(6)
-    information = np.ones((30, 1, 1))
-    p = [largest_break(rng.standard_normal((30, 1)), information).p for _ in range(40)]
-    assert 0.3 < np.mean(p) < 0.7
-    assert np.sum(np.array(p) < 0.05) <= 6
-
-
 def ornstein(n, seed=0):
     return lfilter([0.1], [1, -0.99], np.random.default_rng(seed).standard_normal(n))
 
@@ -238,27 +205,15 @@ def test_held_levels_are_those_of_the_stops():
     assert p < 1e-6
 
 
-@pytest.mark.parametrize("quantum", [0.0, 0.02, 0.3])
-def test_free_or_quantised_motion_holds_no_level(quantum):
-    x = ornstein(20000)
-    x = quantum * np.round(x / quantum) if quantum else x
-    assert held_levels(x, np.zeros(x.size, int))[0].size == 0
-
-
 def multisine(n, periods, lines=(3, 7, 11, 19, 31)):
     t = np.arange(n) * periods / n
     return sum(np.cos(2 * np.pi * k * t + k) / k for k in lines)
 
 
-@pytest.mark.parametrize("periods", [1, 2, 3])
+@pytest.mark.parametrize("periods", [1, 3])
 def test_lines_of_whole_periods(periods):
     found = excited_lines(multisine(3000, periods) + 5.0)
     assert_array_equal(found, periods * np.array([3, 7, 11, 19, 31]))
-
-
-@pytest.mark.parametrize("periods", [0.5, 0.9, 1.3, 2.5])
-def test_no_lines_in_parts_of_periods(periods):
-    assert excited_lines(multisine(3000, periods)) is None
 
 
 def test_whitened_noise_is_white():

@@ -12,14 +12,12 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 from support.hidden_effects import (
-    Effects,
-    LinearTruth,
     Oracle,
     gap_sampling_error,
     simulate_runs,
 )
 
-from skhoid import ARXRegressor, compare
+from skhoid import compare
 
 pytestmark = pytest.mark.slow
 
@@ -181,113 +179,4 @@ def test_false_alarms(n_draws):
 # Something missing that repeats with target or time
 
 
-def repeating_effects(condition, rng):
-    at, stick = float(rng.uniform(25, 57)), STICK[condition]
-    return {
-        "gain step": Effects(gain_step=(at, 0.7)),
-        "gain sigmoid": Effects(gain_sigmoid=(at, 0.7, 0.5)),
-        "delay": Effects(delay_change=(at, -0.08)),
-        "feedforward": Effects(feedforward=(0.03 * stick, 0.1)),
-        "drift": Effects(drift=0.04 * stick),
-        "bias": Effects(bias=0.02 * stick),
-    }
-
-
-REPEATING = [
-    (effect, model)
-    for effect in repeating_effects("C1", np.random.default_rng(0))
-    for model in ("fitted", "linear truth")
-    # A model fitted to an operator with feedforward bends its response to e until it follows the
-    # target, and remnant goes through that response too: the gap is then a lower bound.
-    if (effect, model) != ("feedforward", "fitted")
-]
-
-
-@pytest.mark.parametrize(
-    ("effect", "model", "n_draws"),
-    [(*case, 1) for case in REPEATING if "fitted" not in case]
-    + [pytest.param(*case, 80, marks=whole) for case in REPEATING],
-)
-def test_gap_of_what_repeats(effect, model, n_draws):
-    errors = []
-    for seed in range(n_draws):
-        condition = condition_of(model, seed)
-        effects = repeating_effects(condition, np.random.default_rng([seed, 2]))[effect]
-        X, y, truth = simulate_runs(condition, 5, effects=effects, order=1 + seed % 3, seed=seed)
-        comparison = compare(model_of(model, truth, condition, effects, seed), X, y)
-        errors.append(comparison.noise_ceiling - true_ceiling(truth, y, comparison))
-    assert np.sqrt(np.mean(np.square(errors))) <= 1.0
-
-
-def condition_of(model, seed):
-    """In turn, and such that a single draw of both models has both."""
-    return ("C1", "C2")[(seed + (model == "fitted")) % 2]
-
-
-def model_of(kind, truth, condition, effects, seed):
-    """The exact operator without effects, or an ARX model of other runs with them."""
-    if kind == "linear truth":
-        return LinearTruth(truth.linear_response)
-    X, y, _ = simulate_runs(
-        condition,
-        5,
-        effects=effects,
-        order=truth.remnant_order,
-        seed=10**6 + seed,
-        first_run=101,
-    )
-    return ARXRegressor(nk=NK).fit(X, y)
-
-
 # Power
-
-
-def shows_gain_step(comparison, at):
-    change = comparison.tests.set_index("test").loc["gain change"]
-    return bool(change["exceeds"] and abs(change["where"] - at) <= 2.0)
-
-
-def shows_dead_zone(comparison, at):
-    rows = comparison.by_operating_point
-    return bool(rows.loc[rows["channel"] == "e", "exceeds"].any())
-
-
-def shows_saturation(comparison, at):
-    rows = comparison.by_operating_point
-    return bool(rows.loc[rows["channel"] == "u", "exceeds"].any())
-
-
-def shows_feedforward(comparison, at):
-    rows = comparison.correlations
-    rows = rows[(rows["signal"] == "f_t") & rows["valid"]]
-    return bool((rows["correlation"].abs() > rows["band"]).any())
-
-
-POWER = {
-    "gain step": (lambda at, stick: Effects(gain_step=(at, 0.7)), shows_gain_step),
-    "dead zone": (lambda at, stick: Effects(dead_zone=0.3), shows_dead_zone),
-    "saturation": (lambda at, stick: Effects(saturation=0.16 * stick), shows_saturation),
-    "feedforward": (
-        lambda at, stick: Effects(feedforward=(0.03 * stick, 0.1)),
-        shows_feedforward,
-    ),
-}
-
-
-@pytest.mark.parametrize(
-    ("effect", "n_draws"),
-    [(effect, 1) for effect in POWER]
-    + [pytest.param(effect, 100, marks=whole) for effect in POWER],
-)
-@pytest.mark.parametrize("model", [pytest.param("fitted", marks=pytest.mark.slow), "linear truth"])
-def test_power(effect, model, n_draws):
-    make, shows = POWER[effect]
-    seen = 0
-    for seed in range(n_draws):
-        condition = condition_of(model, seed)
-        at = float(np.random.default_rng([seed, 3]).uniform(20, 60))
-        effects = make(at, STICK[condition])
-        X, y, truth = simulate_runs(condition, 5, effects=effects, order=1 + seed % 3, seed=seed)
-        comparison = compare(model_of(model, truth, condition, effects, seed), X, y)
-        seen += shows(comparison, at)
-    assert seen >= 0.95 * n_draws

@@ -11,12 +11,10 @@ from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
 from sklearn.pipeline import make_pipeline
 from support.comparison import DT, NK, Gives, runs, vaf
 from support.hidden_effects import LinearTruth, Oracle
-from support.synthetic import with_levels
 
 from skhoid import (
     ARXRegressor,
     Decimator,
-    DelayShift,
     RunInTrimmer,
     VAFScorer,
     compare,
@@ -53,29 +51,7 @@ def assert_same(found, expected, without=()):
     pd.testing.assert_series_equal(a, b, rtol=1e-5, atol=1e-12)
 
 
-def test_arguments_are_not_changed(simulated):
-    X, y, truth = simulated
-    X_before, y_before = X.copy(), y.copy()
-    compare(Oracle(truth.u_without_remnant), X, y)
-    pd.testing.assert_frame_equal(X, X_before)
-    pd.testing.assert_series_equal(y, y_before)
-
-
-def test_order_of_runs(of_truth, simulated):
-    X, y, truth = simulated
-    order = [3, 1, 2]
-    found = compare(
-        LinearTruth(truth.linear_response, 0.9),
-        pd.concat([X.loc[[k]] for k in order]),
-        pd.concat([y.loc[[k]] for k in order]),
-    )
-    assert_same(found, of_truth, without=("learning",))
-    a = found.by_run.set_index("run").sort_index()
-    b = of_truth.by_run.set_index("run").sort_index()
-    pd.testing.assert_frame_equal(a, b, rtol=1e-7)
-
-
-@pytest.mark.parametrize("factor", [-3.0, 1e6])
+@pytest.mark.parametrize("factor", [-3.0])
 def test_unit_of_the_output(of_truth, simulated, factor):
     X, y, truth = simulated
     found = compare(LinearTruth(factor * truth.linear_response, 0.9), X, factor * y)
@@ -86,7 +62,7 @@ def test_unit_of_the_output(of_truth, simulated, factor):
         assert_allclose(found.by_frequency[column], of_truth.by_frequency[column], rtol=1e-6)
 
 
-@pytest.mark.parametrize("factor", [1e-6, 1e6])
+@pytest.mark.parametrize("factor", [1e6])
 def test_unit_of_the_inputs(of_truth, simulated, factor):
     X, y, truth = simulated
     assert_same(compare(LinearTruth(truth.linear_response, 0.9), factor * X, y), of_truth)
@@ -127,37 +103,6 @@ def test_arrays(simulated):
     assert_allclose(array.by_time["start"], table.by_time["start"], atol=1e-9)
 
 
-def test_outer_levels_of_the_index(of_truth, simulated):
-    X, y, truth = simulated
-    X, y, u = (
-        with_levels(table, subject="S1", condition="C1") for table in (X, y, truth.linear_response)
-    )
-    found = compare(LinearTruth(u, 0.9), X, y)
-    assert_allclose(points(found), points(of_truth), rtol=1e-9)
-    assert found.by_run["run"].tolist() == ["S1/C1/1", "S1/C1/2", "S1/C1/3"]
-    assert found.traces.index.names == ["subject", "condition", "run", "time"]
-
-
-def test_roles_rename_columns(of_truth, simulated):
-    X, y, truth = simulated
-    other = X.rename(columns={"e": "error", "x": "plant", "f_t": "target"})
-    roles = {"error": "e", "plant": "x", "target": "f_t"}
-    model = LinearTruth(truth.linear_response, 0.9)
-    assert_same(compare(model, other, y, roles=roles), of_truth)
-
-
-def test_a_role_may_be_taken_away(arx, simulated):
-    X, y, _ = simulated
-    assert "x" not in compare(arx, X, y, roles={"x": ""}).traces
-
-
-@pytest.mark.parametrize("repeats", [True, {1: "a", 2: "a", 3: "a"}, np.zeros(3, int)])
-def test_repeats_said_in_other_ways(of_truth, simulated, repeats):
-    X, y, truth = simulated
-    model = LinearTruth(truth.linear_response, 0.9)
-    assert_same(compare(model, X, y, repeats=repeats), of_truth)
-
-
 @pytest.mark.parametrize(
     ("repeats", "target", "route"),
     [
@@ -196,7 +141,6 @@ class OnLags(Gives):
     "model",
     [
         make_pipeline(Decimator(2), ARXRegressor(nk=4)),
-        make_pipeline(DelayShift(0.2), ARXRegressor(nk=3)),
         make_pipeline(RunInTrimmer(4.0), ARXRegressor(nk=NK)),
         OnLags(LinearRegression()),
         GridSearchCV(

@@ -37,9 +37,8 @@ def loop():
 # Leaks
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("nk", [6, 7])
-@pytest.mark.parametrize("channels", [("e", "x"), ("e", "f_t"), ("x", "f_t")])
+@pytest.mark.parametrize("nk", [7])
+@pytest.mark.parametrize("channels", [("e", "x"), ("x", "f_t")])
 def test_near_a_second_difference_is_refused(channels, nk):
     X, y = hidden(1, *channels)
     found = identify(X, y, ModelChoice(inputs=list(channels), na=2, nb=3, nk=nk))
@@ -63,13 +62,6 @@ def test_an_answer_sooner_than_anybody_gives_is_none(loop):
     assert "longer than 0.1 s" in str(found.notes[-1])
     machine = ModelChoice(inputs=["x"], na=2, nb=3, nk=0, domain="machine")
     assert identify(X[["x"]], y, machine).best.verdict is not Verdict.UNTOLD
-
-
-def test_x_alone_cannot_be_tested_and_is_no_answer(loop):
-    X, y = loop
-    found = identify(X[["x"]], y, ModelChoice(inputs=["x"], na=2, nb=3, nk=1, domain="human"))
-    assert found.best.verdict in (Verdict.UNTOLD, Verdict.UNSTABLE)
-    assert "where two of e, x and f_t are known" in str(found.notes[-1])
 
 
 def test_the_answer_to_the_error_alone_is_not(loop):

@@ -45,26 +45,6 @@ def test_delay(runs, model, seconds, step):
     assert re.search(step, then.delay(seconds))
 
 
-@pytest.mark.parametrize(
-    ("model", "without"),
-    [
-        (OperatorRegressor(delay=0.2), ["nk", "DelaySearchCV", "OrderSearchCV", "fit_intercept"]),
-        (LinearRegression(), ["nk", "DelaySearchCV", "OrderSearchCV", "wrong_delay"]),
-    ],
-    ids=["operator", "other"],
-)
-def test_nothing_that_the_model_has_not(model, without):
-    then = NextSteps(model)
-    steps = [
-        *(then.delay(seconds) for seconds in (LATER, EARLIER)),
-        *(then.follow(signal) for signal in ("f_t", "dist")),
-        then.bias(),
-        then.overfit(),
-        then.unknown(),
-    ]
-    assert [word for word in [*without, "memory"] if any(word in step for step in steps)] == []
-
-
 def test_a_wrong_delay_of_an_operator_is_told(runs):
     X, y = runs
     found = compare(OperatorRegressor(delay=0.2).fit(X, y), X, y).findings

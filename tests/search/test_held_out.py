@@ -7,7 +7,6 @@ from support.searching import search_of
 
 from skhoid.effects import FreeGain
 from skhoid.effects.composition import Effects
-from skhoid.model.estimator import vaf_of_output
 from skhoid.model.extend import refitted
 from skhoid.model.fitting import Criterion
 from skhoid.model.model import Model
@@ -19,17 +18,6 @@ from skhoid.search.judges import held_out, refitted_prediction, within_seen
 def fitted():
     search, model = search_of(*answered(dead=0.0, n_runs=3), ["bias"])
     return search, model
-
-
-def test_one_step_is_nearly_a_fit_to_the_end(fitted):
-    search, model = fitted
-    plain = Criterion(search.record)
-    one = held_out(model, plain, search.folds)
-    whole = refitted_prediction(model, plain, search.folds)
-    inside = vaf_of_output(search.record, model.output)
-    vafs = [vaf_of_output(search.record, p) for p in (one, whole)]
-    assert vafs[0] == pytest.approx(vafs[1], abs=0.05)
-    assert max(vafs) < inside
 
 
 def test_rows_held_out_are_predicted_by_the_fit_without_them(fitted):

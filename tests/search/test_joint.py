@@ -1,6 +1,5 @@
 """ΔBIC with a noise model that is estimated along: nothing where the remnant comes back."""
 
-import numpy as np
 import pytest
 from support.person_in_loop import pursued
 from support.searching import search_of
@@ -30,12 +29,3 @@ def test_remnant_that_comes_back_has_no_delta_bic():
 def test_a_response_to_the_target_is(text):
     _, joint = delta_bic(text, 2, feedforward=0.5, early=-0.1, remnant=0.2)
     assert joint > LEAST_DELTA_BIC
-
-
-@pytest.mark.whole
-@pytest.mark.parametrize("text", ["1/s", "1/(s(s+1))"])
-def test_delta_bic_over_seeds(text):
-    false = [delta_bic(text, seed)[1] for seed in range(60, 66)]
-    true = [delta_bic(text, s, feedforward=0.5, early=-0.1)[1] for s in range(66, 72)]
-    assert max(false) < 0.0
-    assert np.median(true) > max(false)

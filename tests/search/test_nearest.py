@@ -9,16 +9,13 @@ import pytest
 from skhoid.effects import (
     Backlash,
     CoreKind,
-    CubicGain,
     DeadZone,
-    Drift,
     Effect,
     Feedforward,
     FreeDelay,
     FreeGain,
     FreeHysteresis,
     FreeMap,
-    FreeOffset,
     FreePath,
     Friction,
     GainDrift,
@@ -63,14 +60,11 @@ def operator():
 
 CASES = [
     (FreeMap(at="error"), DeadZone(form="gap", width=0.5), "width = 0.5"),
-    (FreeMap(at="error"), CubicGain(form="square", hardening=0.1), "hardening = 0.1"),
     (FreeMap(at="output"), Saturation(form="soft", limit=0.6, at="output"), "limit = 0.6"),
-    (FreeMap(at="command"), DeadZone(form="gap", width=0.3, at="command"), "width = 0.3"),
     (FreeMap(at="spring"), HardeningStiffness(form="cubic", stiffness=0.1), "stiffness"),
     (FreeHysteresis(at="output"), Backlash(gap=0.2), "gap = 0.2"),
     (FreeGain(), GainDrift(rate=0.03, reference=12.0), "rate"),
     (FreeDelay(), TimeVaryingDelay(change=0.1, rate=1.0, time=12.0), "change = 0.1"),
-    (FreeOffset(), Drift(form="linear", rate=0.1, reference=12.0), "rate = 0.1"),
 ]
 
 
@@ -118,35 +112,12 @@ def test_a_response_to_a_channel(form, truth, reference, operator):
     assert first.distance < 0.5  # a pulse of a spline is wider than one of no width
 
 
-def test_the_table_and_units(operator):
-    effect = DeadZone(form="gap", width=0.5)
-    table = nearest_table(nearest_effects(*shape(FreeMap(), effect, operator), operator, UNITS))
-    assert list(table.columns) == ["title", "form", "distance", "within_band", "parameters"]
-    assert table.index.name == "effect"
-    assert table.loc["dead_zone", "title"] == "dead zone"
-    assert table.loc["dead_zone", "parameters"].endswith("mm")
-    assert table["distance"].is_monotonic_increasing
-    assert not {"bias", "extra_lag", "tv_gain"} & set(table.index)  # they act elsewhere
-
-
-def test_no_effect_is_near_where_none_acts(operator):
-    assert nearest_table([]).empty
-    form, curve = shape(FreeMap(), DeadZone(form="gap", width=0.5), operator)
-    assert recordings_for(form, curve, [], "mm") == []
-
-
 def test_recordings_say_what_separates_the_nearest_two(operator):
     form, curve = shape(FreeMap(), DeadZone(form="gap", width=0.5), operator, half=3.0)
     found = nearest_effects(form, curve, operator, UNITS)
     told = recordings_for(form, curve, found, "mm")
     assert found[1].within_band
     assert told[-1].startswith(f"To tell dead zone from {nearest_table(found)['title'].iloc[1]}, ")
-
-
-def test_an_effect_without_memory_has_no_hysteresis(operator):
-    form, curve = shape(FreeHysteresis(at="output"), Backlash(gap=0.2), operator)
-    names = {near.name for near in nearest_effects(form, curve, operator, UNITS)}
-    assert names <= {"backlash", "stiction", "rate_limit"}
 
 
 def test_a_curve_is_compared_whatever_the_gain(operator):

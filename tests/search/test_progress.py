@@ -38,12 +38,11 @@ def runs():
     )
 
 
-@pytest.mark.parametrize("n_jobs", [None, pytest.param(2, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("delay", [None, pytest.param(0.28, marks=pytest.mark.slow)])
-def test_each_candidate_is_told_twice(runs, n_jobs, delay):
+@pytest.mark.parametrize("delay", [None, 0.28])
+def test_each_candidate_is_told_twice(runs, delay):
     counts = Counts()
     search = EffectSearchCV(
-        OperatorRegressor(delay=delay), effects=["bias", "drift", "wrong_delay"], n_jobs=n_jobs
+        OperatorRegressor(delay=delay), effects=["bias", "drift", "wrong_delay"]
     )
     search.set_callbacks(counts)
     search.fit(*runs)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.shapes import a_shape, nothing_near
 
-from skhoid.effects import Bias, FreeMap, WrongDelay
+from skhoid.effects import Bias, WrongDelay
 from skhoid.plotting import EffectDisplay
 
 
@@ -23,11 +23,6 @@ def test_sentences_say_place_gain_names_and_what_to_do():
     )
     assert record == "To tell cubic gain from dead zone, record more."
     assert sketch.endswith('search.sketch_effect("my_effect", "my_effect.py").')
-
-
-def test_the_loop_and_the_effects_beside_are_said_where_there_are_any():
-    first = a_shape([("bias", Bias())], gain_loop=5.84).sentences()[0]
-    assert "by 9.9 points (in the closed loop by 5.8), 98 % of what the model with bias" in first
 
 
 def test_a_delay_beside_it_is_free_and_not_called_wrong():
@@ -56,11 +51,6 @@ def test_far_names_are_not_called_near():
     assert some.sentences()[1] == "Nearest name: cubic gain (distance 0.69, within the band)."
 
 
-def test_one_name_is_no_plural():
-    shape = a_shape(nearest=a_shape().nearest.iloc[:1])
-    assert shape.sentences()[1].startswith("Nearest name: cubic gain (")
-
-
 def test_the_summary_has_the_curve_and_the_names_in_tables():
     shape = a_shape()
     told = shape.summary()
@@ -81,14 +71,6 @@ def test_json_has_all_of_it():
         {"at": -2, "value": 0.227, "low": 0.177, "high": 0.277}, abs=1e-3
     )
     assert [row["effect"] for row in found["nearest"]] == ["cubic_gain", "dead_zone"]
-
-
-def test_a_machine_has_no_error():
-    said = "it acts on the input, as a function of its size and sign"
-    assert FreeMap().sentence_in("machine") == said
-    assert FreeMap().sentence == said.replace("input", "error")
-    spring = FreeMap(at="spring").sentence_in("machine")
-    assert spring == "it is a force against the input, as a function of the output"
 
 
 def test_it_draws_itself():

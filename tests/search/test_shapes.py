@@ -40,15 +40,6 @@ def test_its_curve_is_the_true_one_and_lies_in_its_band(hidden):
     assert 1.0 < shape.dof < 11.0
 
 
-@pytest.mark.slow
-def test_the_summary_tells_it(hidden):
-    search = hidden[0]
-    told = " ".join(search.summary().split())
-    assert all(" ".join(line.split()) in told for line in search.shape_.sentences())
-    labels = (search.shape_.x_label, search.shape_.y_label)
-    assert labels == ("error e, deg", "departure from a straight line, deg")
-
-
 def test_nothing_has_no_shape():
     search, _, _ = searched(None, seed=1, effects=["bias", "dead_zone"])
     assert search.best_effects_ == []
@@ -65,7 +56,7 @@ def test_a_name_at_the_wrong_place_is_a_stand_in():
     assert (search.shape_.id, search.shape_.over) == ("free_delay", "time")
 
 
-@pytest.mark.slow
+@pytest.mark.whole
 def test_a_gain_that_vanishes_for_seconds_is_shown_in_detail():
     away = Lapses(depth=1.0, shift=0.0, intervals=[(10.0, 12.0), (21.0, 24.0), (53.0, 55.0)])
     search, _, _ = searched(away, channels=("e", "x", "f_t"), effects=["bias"])

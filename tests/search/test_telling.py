@@ -2,10 +2,9 @@
 
 import json
 
-import numpy as np
 import pandas as pd
 import pytest
-from support.shapes import Fechner, a_shape
+from support.shapes import a_shape
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import (
@@ -18,7 +17,7 @@ from skhoid.effects import (
 )
 from skhoid.search import Reason, Status, Verdict, tell_candidates, tell_search
 from skhoid.search.results import describe_effect
-from skhoid.search.telling import in_loop_text, note_untried
+from skhoid.search.telling import note_untried
 
 
 def recorded(effects, n_runs=2):
@@ -119,14 +118,6 @@ def test_nobody_says_what_a_display_showed_unless_told(effect):
     assert describe_effect(effect, None, "machine") == effect.physics_in("machine")
 
 
-def test_figures_of_the_closed_loop():
-    path = pd.DataFrame({"vaf_loop": [41.24, 55.0, np.nan]})
-    rows = [row for _, row in path.iterrows()]
-    assert in_loop_text(rows[0]) == "; in the closed loop VAF 41.2 %"
-    assert in_loop_text(*rows[:2]) == "; in the closed loop VAF 41.2 -> 55.0 %"
-    assert in_loop_text(*rows) == ""
-
-
 def test_what_was_not_tried_is_said():
     row = {"step": 1, "effect": "motion_feedback", "status": Status.REFUSED, "reason": "no role"}
     ranking = pd.DataFrame([row])
@@ -142,15 +133,3 @@ def test_a_search_of_a_single_run_says_why_there_is_no_ceiling():
     search.fit(*recorded(Bias(level=0.1), n_runs=1))
     assert "not periodic" in search.ceiling_note_
     assert "The noise ceiling is not known" in " ".join(search.summary().split())
-
-
-@pytest.mark.slow
-def test_what_has_no_name_is_in_the_json_with_its_curve():
-    X, y = make_tracking_runs(
-        "C1", n_runs=4, remnant_intensity=0.1, random_state=0, effects=Fechner(knee=0.15)
-    )
-    search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(X, y)
-    found = json.loads(json.dumps(search.result_.as_dict()["shape"]))
-    assert found["sentence"] == search.shape_.sentence
-    assert len(found["curve"]) == len(search.shape_.curve)
-    assert search.shape_.explains in " ".join(search.summary().split())
