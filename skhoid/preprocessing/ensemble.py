@@ -72,49 +72,28 @@ def ensemble_average(X: pd.DataFrame, y: Any) -> tuple[pd.DataFrame, pd.Series]:
             "RunInTrimmer; average first and put these into the pipeline."
         )
     table = X.assign(**{"": as_output(y)})  # no channel has an empty name
-    outer = [name for name in index.names if name not in (RUN, TIME)]
-    starts = layout.run_starts
     number = layout.sample_numbers()
-    frames = []
-    keys = index.droplevel([RUN, TIME]) if outer else np.zeros(len(X), dtype=int)
-    for key in pd.unique(keys[starts[:-1]]):
-        runs = [r for r, first in enumerate(starts[:-1]) if keys[first] == key]
-        rows = [slice(starts[r], starts[r + 1]) for r in runs]
-        common = number[rows[0]]
-        for of_run in rows[1:]:
-            common = np.intersect1d(common, number[of_run])
-        if common.size == 0:
-            raise RunIndexError(
-                f"The runs {[layout.labels[r] for r in runs]} have no instant in common; count "
-                "their times from the start of the forcing function."
-            )
-        values = np.stack(
-            [table.iloc[r].to_numpy(dtype=float)[np.isin(number[r], common)] for r in rows]
+    outer = [index.get_level_values(name) for name in index.names if name not in (RUN, TIME)]
+    people = outer or [np.zeros(len(X), dtype=int)]
+    instants = table.groupby([*people, number], sort=False)
+    n_runs = pd.Series(layout.run_of(np.arange(len(X)))).groupby(people).transform("nunique")
+    common = instants[""].transform("size").to_numpy() == n_runs.to_numpy()
+    if not pd.Series(common).groupby(people).any().all():
+        raise RunIndexError(
+            f"The runs {list(layout.labels)} have no instant in common; count their times from the "
+            "start of the forcing function."
         )
-        _check_target(X, values, [layout.labels[r] for r in runs])
-        known = ~np.isnan(values)
-        total = np.where(known, values, 0.0).sum(axis=0)
-        count = known.sum(axis=0)
-        mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-        labels = dict(zip(outer, key if isinstance(key, tuple) else (key,), strict=False))
-        labels |= {RUN: MEAN, TIME: common * layout.dt}
-        names = list(index.names)
-        levels = [labels[n] if n == TIME else [labels[n]] * common.size for n in names]
-        averaged_index = pd.MultiIndex.from_arrays(levels, names=names)
-        frames.append(pd.DataFrame(mean, index=averaged_index, columns=table.columns))
-    averaged = pd.concat(frames)
+    if "f_t" in X.columns:
+        apart = (X["f_t"] - instants["f_t"].transform("mean")).abs()[common].max()
+        if apart > SAME * X["f_t"].abs().max():
+            raise ValueError(
+                "The runs have different targets f_t; only runs that share the forcing function "
+                "can be averaged."
+            )
+    first = common & (instants.cumcount().to_numpy() == 0)
+    averaged = instants.transform("mean")[first]
+    levels = {name: index.get_level_values(name)[first] for name in index.names}
+    levels |= {RUN: np.full(first.sum(), MEAN), TIME: number[first] * layout.dt}
+    averaged.index = pd.MultiIndex.from_arrays(list(levels.values()), names=index.names)
     averaged.attrs = dict(X.attrs)
     return averaged.drop(columns=""), averaged[""].rename(getattr(y, "name", None))
-
-
-def _check_target(X: pd.DataFrame, values: np.ndarray, labels: list[Any]) -> None:
-    if "f_t" not in X.columns:
-        return
-    target = values[:, :, list(X.columns).index("f_t")]
-    apart = np.abs(target - target[0]).max(axis=1)
-    if np.nanmax(apart) > SAME * np.nanmax(np.abs(target[0])):
-        other = labels[int(np.nanargmax(apart))]
-        raise ValueError(
-            f"The runs {labels[0]!r} and {other!r} have different targets f_t; only runs that "
-            "share the forcing function can be averaged."
-        )
