@@ -398,12 +398,21 @@ def run_recursion(
     if smooth:
         theta, covariance = _smoothed(paths, resets, with_covariance)
     elif with_covariance:
-        covariance = multiplied_out(paths.factors[:, :, 0], state.n_params)
         factors = used[:, None] if forgetting.nominal else forgetting.factors
-        weight = spread_weights(factors, _instants_so_far(errors, resets)[:, None])
-        covariance *= weight[:, :, None] * weight[:, None, :]
+        so_far = _instants_so_far(errors, resets)
+        covariance = covariance_along(paths.factors[:, :, 0], state.n_params, factors, so_far)
     covariance *= state.noise_variance
     return RunRecursion(state, theta, errors, covariance, used)
+
+
+def covariance_along(
+    P_factors: np.ndarray, n_params: int, forgetting: np.ndarray, n_instants: np.ndarray
+) -> np.ndarray:
+    """Covariance of theta over σ² at each instant, from the factors of P."""
+    covariance = multiplied_out(P_factors, n_params)
+    weight = spread_weights(forgetting, n_instants[:, None])
+    covariance *= weight[:, :, None] * weight[:, None, :]
+    return covariance
 
 
 def spread_weights(factors: np.ndarray, n_instants: Any) -> np.ndarray:

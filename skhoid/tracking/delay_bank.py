@@ -24,10 +24,9 @@ from ..arx.recursive import (
 from ..arx.rls import (
     RecursionData,
     RecursionState,
+    covariance_along,
     kernel_regressors,
-    multiplied_out,
     recurse,
-    spread_weights,
 )
 from ..arx.streaming import Recursion
 from ..preprocessing.base import as_fitted
@@ -470,23 +469,16 @@ class DelayBankARX(RecursiveLeastSquares):
         if self.store_covariance:
             chosen = paths.factors[block, at, :, place]
             updated = ~np.isnan(paths.errors[0, :, :, 0]).all(axis=1)
-            self.covariance_path_ = self._covariance_along(chosen, np.cumsum(updated), bank, lane)
+            covariance = covariance_along(
+                chosen, len(self.parameter_names_), bank.forgetting.factors, np.cumsum(updated)
+            )
+            each = np.arange(self.candidates_.size).tolist()
+            variance = np.array([bank.state_of(one).noise_variance for one in each])
+            self.covariance_path_ = covariance * variance[lane][:, None, None]
         if data.grid.rows is None and self.path == "filtered":
             alone = data.instants.n_runs == 1
             rows = BankRows(bank, data, paths.theta) if alone else BankRows(bank)
             self._leave_for_streams(rows, data.grid.layout)
-
-    def _covariance_along(
-        self, factors: np.ndarray, count: np.ndarray, bank: Bank, lane: np.ndarray
-    ) -> np.ndarray:
-        covariance = multiplied_out(factors, len(self.parameter_names_))
-        weight = spread_weights(self._forgetting.factors, count[:, None])
-        covariance *= weight[:, :, None] * weight[:, None, :]
-        variance = np.full(self.candidates_.size, np.nan)
-        for each in np.unique(lane):
-            variance[each] = bank.state_of(int(each)).noise_variance
-        covariance *= variance[lane][:, None, None]
-        return covariance
 
     def _set_last(self, bank: Bank, lane: int) -> None:
         """Set what holds at the end, with the delay of one lane."""
