@@ -58,25 +58,6 @@ def delayed(x, delay):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def differentiated(x, dt):
-    """Central differences along time; one-sided at the ends, zero for a single sample."""
-    n, runs = x.shape
-    out = np.zeros((n, runs))
-    if n < 2:
-        return out
-    m = (n - 2) * runs
-    flat = x.reshape(n * runs)
-    before, after, to = flat[:m], flat[2 * runs :], out.reshape(n * runs)[runs : runs + m]
-    by = 0.5 / dt
-    for i in range(m):
-        to[i] = by * (after[i] - before[i])
-    for j in range(runs):
-        out[0, j] = (x[1, j] - x[0, j]) / dt
-        out[n - 1, j] = (x[n - 1, j] - x[n - 2, j]) / dt
-    return out
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def held_linearly(omega, zeta, dt):
     """Exact discretisation of the neuromuscular system for inputs linear between samples.
 
@@ -276,27 +257,6 @@ def arx_response(x, a, b, cubic, square, constant, bound):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def filtered(x, b, a):
-    """Response from rest of (b0 + b1 q^-1 + b2 q^-2) / (1 + a0 q^-1 + a1 q^-2)."""
-    n, runs = x.shape
-    out = np.empty((n, runs))
-    flat, to = x.reshape(n * runs), out.reshape(n * runs)
-    for i in range(min(n, 1) * runs):
-        to[i] = b[0] * flat[i]
-    if n > 1:  # sums in a condition are rounded otherwise in lanes than beside them
-        first, second, at = flat[:runs], flat[runs : 2 * runs], to[runs : 2 * runs]
-        for i in range(runs):
-            at[i] = b[0] * second[i] + b[1] * first[i]
-    m = max(n - 2, 0) * runs
-    x0, x1, x2, late = flat[2 * runs :], flat[runs : runs + m], flat[:m], to[2 * runs :]
-    b0, b1, b2 = b[0], b[1], b[2]
-    for i in range(m):
-        late[i] = b0 * x0[i] + b1 * x1[i] + b2 * x2[i]
-    _recurred(out, -a[0], a[1])
-    return out
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def whitened(signals, ar, weight):
     """Prediction errors of signals (n_signals, n_samples, n_runs) under an AR(6) model, weighted.
 
@@ -433,30 +393,6 @@ def events_scanned(position, slope, y, known, points, matrices, damping, of_erro
         out[p, 0] = tt - gain * ty - along * tr if gain > 0.0 else tt
         out[p, 1] = along / gain if gain > 0.0 else 0.0
         out[p, 2] = gain
-    return out
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def smooth_levels(x, step, offset, first, second, third):
-    """Levels ``step`` apart with rounded corners: sines of one, two and three times the angle.
-
-    ``first`` to ``third`` are the amplitudes of the sines.
-    """
-    n, runs = x.shape
-    out = np.empty((n, runs))
-    flat, to = x.reshape(n * runs), out.reshape(n * runs)
-    for i in range(n * runs):
-        place = flat[i] / step - offset
-        half = np.pi * (place - np.floor(place + 0.5))
-        # Taylor's series to 1e-13 within a quarter of a turn, in a fifth of the library's time.
-        g = half * half
-        s = 1 - g / 72 * (1 - g / 110 * (1 - g / 156 * (1 - g / 210)))
-        s = half * (1 - g / 6 * (1 - g / 20 * (1 - g / 42 * s)))
-        c = 1 - g / 90 * (1 - g / 132 * (1 - g / 182 * (1 - g / 240)))
-        c = 1 - g / 2 * (1 - g / 12 * (1 - g / 30 * (1 - g / 56 * c)))
-        sine, cosine = 2 * s * c, 1 - 2 * s * s
-        steps = second * sine * cosine - first * sine - third / 3 * sine * (3 - 4 * sine * sine)
-        to[i] = step * (place + steps)
     return out
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
+from scipy.signal import lfilter
 
 from .. import _kernels
 from .base import Effect
@@ -560,7 +561,7 @@ class InputFilter(Effect):
             poles = bilinear([0.0, 0.0, omega**2], [1.0, 2 * zeta * omega, omega**2], record.dt)
         else:
             poles = bilinear([0.0, 0.0, 1.0], [0.0, time, 1.0], record.dt)
-        w = _kernels.greybox.filtered(_kernels.gate(signal), *poles)
+        w = lfilter(*poles, signal, axis=0)
         if self.form == "clipped":
             return np.clip(w, -width * (1 - skew), width * (1 + skew))
         if self.form in ("cubic", "square"):
@@ -671,7 +672,7 @@ class RateReflex(Effect):
         late = record.delayed(seen, delay)
         poles = [1.0, 2 * zeta * omega, omega**2]
         filtered = bilinear([0.0, 0.0, omega**2], poles, record.dt)
-        return _kernels.greybox.filtered(_kernels.gate(late), *filtered)
+        return lfilter(*filtered, late, axis=0)
 
     def apply(
         self,

@@ -675,7 +675,11 @@ class Quantised(StaticMap):
             return step * self._rounded(signal / step - offset)
         # Sines of once, twice and three times the angle make the steps, smoothed by the remnant.
         sines = np.exp(-2 * (np.pi * remnant * np.arange(1, 4)) ** 2) / np.pi
-        return _kernels.greybox.smooth_levels(_kernels.gate(signal), step, offset, *sines)
+        place = signal / step - offset
+        turn = 2 * np.pi * (place - np.round(place))
+        steps = (sine * np.sin(n * turn) / n for n, sine in enumerate(sines, start=1))
+        first, second, third = steps
+        return step * (place - first + second - third)
 
     def _rounded(self, place: np.ndarray) -> np.ndarray:
         if not self.softness:

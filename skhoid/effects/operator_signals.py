@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 
 from .. import _kernels
 
@@ -140,17 +141,14 @@ class Command(NamedTuple):
 
 def shaped(command: Any, record: Record, b: list[float], a: list[float]) -> Any:
     """A command through b(s) / a(s), both with s^2, s and 1."""
-    numerator, denominator = bilinear(b, a, record.dt)
-
-    def through(x: np.ndarray) -> np.ndarray:
-        return _kernels.greybox.filtered(_kernels.gate(x), numerator, denominator)
-
-    return command._replace(position=through(command.position), rate=through(command.rate))
+    poles = bilinear(b, a, record.dt)
+    position, rate = (lfilter(*poles, x, axis=0) for x in (command.position, command.rate))
+    return command._replace(position=position, rate=rate)
 
 
 def bilinear(b: Any, a: Any, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients b0, b1, b2 and a1, a2 of b(s) / a(s), both of s^2, s and 1, by Tustin's rule."""
+    """Coefficients in z^-1 of b(s) / a(s), both of s^2, s and 1, by Tustin's rule."""
     c = 2.0 / dt
     to_z = np.array([[c * c, c, 1.0], [-2 * c * c, 0.0, 2.0], [c * c, -c, 1.0]])
     numerator, denominator = to_z @ np.asarray(b, float), to_z @ np.asarray(a, float)
-    return numerator / denominator[0], denominator[1:] / denominator[0]
+    return numerator / denominator[0], denominator / denominator[0]

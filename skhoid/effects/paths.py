@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
-from .. import _kernels
 from ..runs.roles import OTHER
 from .base import Effect
 from .entry import Argument
@@ -163,8 +163,7 @@ class Integral(Effect):
 
     def apply(self, signal: Any, record: Record, gain: float, leak: float = 0.0) -> Any:
         dt = record.dt
-        b, a = np.array([dt, 0.0, 0.0]), np.array([leak * dt - 1.0, 0.0])
-        total = _kernels.greybox.filtered(_kernels.gate(signal.error), b, a)
+        total = lfilter([dt], [1.0, leak * dt - 1.0], signal.error, axis=0)
         return signal.plus(gain * total)
 
 
@@ -556,8 +555,8 @@ def shaped_target(record: Record, form: str | None) -> np.ndarray:
 
 def canal(motion: np.ndarray, dt: float) -> np.ndarray:
     """Response of the semicircular canals."""
-    b, a = bilinear([0.0, 0.11, 1.0], np.polymul([5.9, 1.0], [0.005, 1.0]), dt)
-    return _kernels.greybox.filtered(_kernels.gate(motion), b, a)
+    poles = bilinear([0.0, 0.11, 1.0], np.polymul([5.9, 1.0], [0.005, 1.0]), dt)
+    return lfilter(*poles, motion, axis=0)
 
 
 def moved_by_output(record: Record, channel: str) -> bool:

@@ -14,14 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import fftconvolve, lfilter
 
-from .. import _kernels
 from ..effects.composition import Effects
 from ..effects.parameter import CoreKind
 from ..effects.record import Record, differentiated
@@ -44,7 +42,6 @@ CURVED = 0.02  # of the output, by which the answer to a remnant and to its oppo
 FOLLOWS = 0.7  # share of a channel that x may leave, at most, if it moves with x
 ROUGH = 3  # differences that tell a rough signal from a smooth one
 SMOOTHED = 0.07  # s, over which averages are taken: between samples a sensor's error is rougher
-SECOND_ORDER = 3  # coefficients
 SETTLING = 3.0  # s, in which what preceded the record is forgotten
 MISSING = 0.005  # share of the output, at most
 
@@ -68,17 +65,7 @@ class Loop:
         """Change of the controlled output caused by a change of the output."""
         change = change.copy()
         change[: self.begin] = 0.0
-        if self._second_order is None:
-            return lfilter(self.b, self.a, change, axis=0)
-        return _kernels.greybox.filtered(_kernels.gate(change), *self._second_order)
-
-    @cached_property
-    def _second_order(self) -> tuple[np.ndarray, np.ndarray] | None:
-        """Coefficients for the kernel; None where they are too many."""
-        if max(len(self.b), len(self.a)) > SECOND_ORDER:
-            return None
-        b, a = (np.pad(c / self.a[0], (0, SECOND_ORDER - len(c))) for c in (self.b, self.a))
-        return b, a[1:]
+        return lfilter(self.b, self.a, change, axis=0)
 
 
 class LoopSimulator:

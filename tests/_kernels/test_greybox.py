@@ -154,17 +154,6 @@ def test_arx_response_is_its_twin(x, seed, na, nb, direct, cubic, square, consta
     np.testing.assert_allclose(out, expected, rtol=1e-9, atol=1e-9)
 
 
-def test_smooth_levels_are_three_sines_beside_a_line():
-    x, step, offset, sines = noise(), 0.3, 0.2, (0.2, 0.05, 0.01)
-    turns = x / step - offset
-    steps = sum(
-        (-1) ** n * amplitude / n * np.sin(2 * np.pi * n * turns)
-        for n, amplitude in enumerate(sines, start=1)
-    )
-    out = greybox.smooth_levels(x, step, offset, *sines)
-    np.testing.assert_allclose(out, step * (turns + steps), **EXACT)
-
-
 @given(n=st.integers(1, 20), runs=st.integers(1, 3), seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=60)
 def test_whitened_is_its_twin(n, runs, seed):
