@@ -19,8 +19,6 @@ from .. import (
 )
 from .guessing import ColumnGuess, read_guessed
 
-__all__ = ["about_means", "estimator_of", "read_chosen", "read_element", "trimmed"]
-
 LEVELS = ("subject", "condition")
 
 

@@ -33,7 +33,7 @@ class Exploration:
 
     Parameters
     ----------
-    estimator : OperatorRegressor, ARXRegressor or other GreyBox
+    estimator : OperatorRegressor, SimulatedARX or other model that simulates effects
         The model, unfitted; its effects are where it starts.
     X : DataFrame or array of shape (n_rows, n_columns)
         Channels, one row per sample.
@@ -42,8 +42,7 @@ class Exploration:
     search : EffectSearchCV or None, default=None
         A search that was fitted to X and y: its candidates are the cards.
     options : dict or None, default=None
-        Parameters of searches from here, such as ``display`` and ``domain``; None takes those of
-        the search.
+        Parameters of searches from here; None takes those of the search.
     title : str or None, default=None
         Title; None names the model and the output.
     source : list of str or None, default=None
@@ -53,35 +52,12 @@ class Exploration:
     fitted : sequence of estimators, default=()
         Models that are fitted to all runs already, known by their effects.
 
-    Attributes
-    ----------
-    model : estimator
-        The present model, fitted, with what was moved by hand.
-    here : Position
-        What it is made of.
-    revision : int
-        Grows with each change.
-
-    Raises
-    ------
-    TypeError
-        If the estimator is not a model that simulates effects.
-    ValueError
-        If the baseline cannot be fitted, with the reason.
-
     Examples
     --------
     >>> from skhoid import OperatorRegressor, make_tracking_runs
     >>> from skhoid.effects import Bias
     >>> from skhoid.lab.explore import Exploration
-    >>> X, y = make_tracking_runs(
-    ...     "C1",
-    ...     2,
-    ...     sampling_rate=50,
-    ...     remnant_intensity=0.05,
-    ...     effects=Bias(level=0.1),
-    ...     random_state=0,
-    ... )
+    >>> X, y = make_tracking_runs("C1", 2, sampling_rate=50, effects=Bias(level=0.1))
     >>> by_hand = Exploration(OperatorRegressor(), X, y)
     >>> reply = by_hand.act("add", {"effect": "bias"})
     >>> [step["title"] for step in reply["state"]["stair"]]
@@ -128,7 +104,6 @@ class Exploration:
         if memory is not None:
             self.history = History.of_dict(memory["history"])
             self.found = Found.of_dict(memory["found"])
-            self.figures.remember(memory["judged"])
         if search is not None:
             self.found = Found.of(search, range(self.runs.n))
         self.models.fitted(self.here.effects, self.here.train)
@@ -212,11 +187,7 @@ class Exploration:
     def memory(self) -> dict[str, Any]:
         """All that is needed to come back to this state, for JSON."""
         with self.lock:
-            return {
-                "history": self.history.as_dict(),
-                "found": self.found.as_dict(),
-                "judged": self.figures.memory(),
-            }
+            return {"history": self.history.as_dict(), "found": self.found.as_dict()}
 
     def view(self) -> dict[str, Any]:
         """What the component is told once."""

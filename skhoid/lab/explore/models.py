@@ -27,7 +27,6 @@ from ...search import control_of, without_output
 
 TRAIN, HOLD, OUT = "train", "hold", "out"
 USES = (TRAIN, HOLD, OUT)
-UNKNOWN = np.nan
 KEPT = 96  # models
 FEW = 8  # with parameters moved by hand: of each there are many, one after the other
 KEPT_ROWS = 20_000_000  # of predictions
@@ -87,10 +86,6 @@ class Runs:
         """Rows of a run."""
         a, b = self.layout.run_starts[run : run + 2].tolist()
         return slice(a, b)
-
-    def length(self, run: int) -> int:
-        """Number of rows of a run."""
-        return int(self.layout.run_starts[run + 1] - self.layout.run_starts[run])
 
     def mask(self, runs: tuple[int, ...]) -> np.ndarray:
         """Rows of some runs."""
@@ -250,24 +245,16 @@ class Kept:
     def __init__(self, most: int):
         self.most = most
         self._found: OrderedDict[Any, Any] = OrderedDict()
-        self._lock = threading.Lock()
-        self._busy: dict[Any, threading.Lock] = {}
+        self._lock = threading.RLock()
 
     def of(self, key: Any, make: Callable[[], Any]) -> Any:
         with self._lock:
-            own = self._busy.setdefault(key, threading.Lock())
-        with own:
-            with self._lock:
-                if key in self._found:
-                    self._found.move_to_end(key)
-                    return self._found[key]
-            made = make()
-            with self._lock:
-                self._found[key] = made
-                self._busy.pop(key, None)
-                while len(self._found) > self.most:
-                    self._found.popitem(last=False)
-            return made
+            if key not in self._found:
+                self._found[key] = make()
+            self._found.move_to_end(key)
+            while len(self._found) > self.most:
+                self._found.popitem(last=False)
+            return self._found[key]
 
 
 class Models:

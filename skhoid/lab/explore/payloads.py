@@ -213,16 +213,7 @@ class _Traces:
 def pack(value: Any, *, compact: bool = False) -> bytes:
     """A value of dicts, lists, numbers, texts and arrays as an envelope.
 
-    Parameters
-    ----------
-    value : dict, list, ndarray, number, str or None
-        Numbers that are not finite become None; arrays keep NaN.
-    compact : bool, default=False
-        Write float arrays as 16-bit numbers, exact to 1/65533 of their range.
-
-    Returns
-    -------
-    envelope : bytes
+    Float arrays are ``compact`` as 16-bit numbers, exact to 1/65533 of their range.
     """
     arrays: list[dict[str, Any]] = []
     data = bytearray()
@@ -252,17 +243,7 @@ def pack_text(value: Any) -> str:
 
 
 def unpack(envelope: bytes) -> Any:
-    """The value of an envelope, its arrays as float64 (marks as uint8).
-
-    Parameters
-    ----------
-    envelope : bytes
-        What :func:`pack` returned.
-
-    Returns
-    -------
-    value : Any
-    """
+    """The value of an envelope, its arrays as float64 (marks as uint8)."""
     length = int.from_bytes(envelope[:4], "little")
     header = json.loads(envelope[4 : 4 + length])
     begin = 4 + length + (-(4 + length) % ALIGNED)

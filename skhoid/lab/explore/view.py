@@ -7,7 +7,7 @@ error, the noise ceiling and what is left.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,7 +33,6 @@ RUNS_AWAY = -999.0  # VAF in percent, below which a free run has left the data
 BESIDE = 5.0  # times the largest measured value, at which a run has left them too
 CLOSE = 0.5  # points of VAF, by which the best model known may be worse than that of a search
 LEAST = -1e9  # points, of a model that could not be compared
-REMEMBERED = 20  # comparisons
 OF_SEARCH = "Of the best model of the search."
 AWAY = "With these values the simulation runs away from what was measured."
 
@@ -361,20 +360,6 @@ class Figures:
             judged["findings"] = [{"what": f.title, "why": f.meaning} for f in found.findings]
         self._judged[judged_key(here)] = judged
         return True
-
-    def memory(self) -> list[list[Any]]:
-        """What comparisons found last, for JSON."""
-        last = list(self._judged.items())[-REMEMBERED:]
-        return [
-            [list(uses), text, [list(one) for one in moved], judged]
-            for (uses, text, moved), judged in last
-        ]
-
-    def remember(self, given: Iterable[list[Any]]) -> None:
-        """Take what :meth:`memory` returned."""
-        for uses, text, moved, judged in given:
-            key = tuple(uses), text, tuple((name, value) for name, value in moved)
-            self._judged[key] = judged
 
     def findings(self, here: Position, found: Found) -> list[dict[str, str]]:
         """What the comparison of a position says, if it was made, and the notes of its search."""

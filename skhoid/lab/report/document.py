@@ -81,11 +81,8 @@ def report(
 ) -> Any:
     """Report on a model: one HTML page from the data to what is missing, and what to do next.
 
-    The page holds the data and their checks, the model, where it fails in time, frequency,
-    amplitude and run, the ranking of all effects tried with the reason for each, the error
-    staircase (one step for each effect added, to click or to walk with the arrow keys),
-    parameters with units and confidence, what to do next, and how the page was made. It is one
-    file, with its plots inside, and needs no network.
+    It is one file, with its plots inside, and needs no network. All text from the data is escaped,
+    and the page's policy lets no script run but its own.
 
     Parameters
     ----------
@@ -121,15 +118,6 @@ def report(
     ValueError
         If there are no data, a fitted search was fitted to other data than ``X`` and ``y``, or
         ``effects`` name what does not exist.
-
-    See Also
-    --------
-    EffectSearchCV : The search for missing effects.
-    compare : A model against measured runs.
-
-    Notes
-    -----
-    All text from the data is escaped, and the page's policy lets no script run but its own.
 
     Examples
     --------

@@ -504,12 +504,6 @@ def report_experiment(
 ) -> ExperimentReport:
     """Report on an experiment with people: one HTML page from the recordings to each person.
 
-    The page says in one sentence what was found, and then holds who was recorded and what looks
-    wrong there; how many people have each effect, who, and how conditions differ; each parameter
-    of everybody with means, contrasts and effect sizes by a mixed model, and its checks; how well
-    each person is modelled; who differs from the group; and a part for each person, folded, with
-    parameters, effects and pictures. It is one file that needs no network.
-
     Parameters
     ----------
     experiment : GroupEffectSearch or PeopleResult
@@ -547,15 +541,6 @@ def report_experiment(
     ValueError
         If ``X`` has no runs of somebody whom the result has, there is no such ``reference``, or X
         is given without y.
-
-    See Also
-    --------
-    skhoid.report : The page of one person's model.
-    skhoid.lab.experiment.mixed_model : The comparison of conditions.
-
-    Notes
-    -----
-    All text from the data is escaped, and the page's policy lets no script run but its own.
 
     Examples
     --------

@@ -24,8 +24,6 @@ from .columns import KINDS, Choices, Columns, Recorded, look, noted, read, searc
 from .jobs import SearchJob
 from .session import NotSaved, SessionFolder, digest_of
 
-__all__ = ["HISTORY", "News", "Workbench", "words_of"]
-
 HISTORY = frozenset(("add", "remove", "release", "refit", "free", "undo", "redo", "use"))
 READING = frozenset(("trace", "preview", "drag", "state", "script"))
 UNFINISHED = (
@@ -41,7 +39,6 @@ NOT_KEPT = (
     "Search again for the rest."
 )
 QUIET = 15.0  # s, after which a comment keeps the connection alive
-MOST_WAITING = 100  # messages that wait for one page, before it is told to ask anew
 
 
 def words_of(error: BaseException) -> str:
@@ -102,13 +99,9 @@ class News:
 
     async def _next(self, queue: asyncio.Queue[Any]) -> Any:
         try:
-            message = await asyncio.wait_for(queue.get(), QUIET)
+            return await asyncio.wait_for(queue.get(), QUIET)
         except TimeoutError:
             return ""
-        # A page that sleeps is told the last only.
-        while queue.qsize() > MOST_WAITING and message is not None:
-            message = queue.get_nowait()
-        return message
 
 
 def _put(queue: asyncio.Queue[Any], loop: asyncio.AbstractEventLoop, message: Any) -> None:
@@ -129,17 +122,7 @@ class Searched:
 
 
 class Workbench:
-    """Files, their columns, and the exploration of them; one for all pages that are open.
-
-    Parameters
-    ----------
-    folder : SessionFolder
-        Where it is kept, locked.
-    paths : list of Path
-        Files of the command line.
-    choices : Choices
-        What the command line says of columns and model.
-    """
+    """Files, their columns, and the exploration of them; one for all pages that are open."""
 
     def __init__(self, folder: SessionFolder, paths: list[Path], choices: Choices):
         self.folder, self.given = folder, choices
@@ -492,8 +475,6 @@ class Workbench:
             self.note(f"The noise ceiling could not be found: {words_of(error)}")
         if exploration is self.exploration:
             self.news.tell("state", revision=exploration.revision)
-            with contextlib.suppress(NotSaved):  # said at the next step
-                self.save()
 
     def note(self, text: str) -> None:
         """Say something beside what was asked for."""

@@ -21,18 +21,6 @@ from ...text import counted
 from ..guessing import ColumnGuess, Problem, guess_columns
 from ..opening import read_chosen, read_element, trimmed
 
-__all__ = [
-    "KINDS",
-    "NOT_USED",
-    "Choices",
-    "Columns",
-    "Recorded",
-    "look",
-    "noted",
-    "read",
-    "search_settings",
-]
-
 WIDTH = 96  # columns of the script
 PEEK = 1000  # rows
 POINTS = 120  # of the small picture of a column

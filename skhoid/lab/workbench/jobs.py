@@ -11,8 +11,6 @@ from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection
 from typing import Any
 
-__all__ = ["SearchJob"]
-
 OFTEN = 0.2  # s, between two messages of progress
 MOST = 0.97  # share of the work that is said before all is done
 

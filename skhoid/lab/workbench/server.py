@@ -28,8 +28,6 @@ from .bench import Workbench, words_of
 from .columns import Choices
 from .session import NotSaved, SessionFolder, safe_name
 
-__all__ = ["Guard", "Keys", "check_installed", "make_app", "opened_session", "serve"]
-
 EXTRA = "workbench"
 HOST = "127.0.0.1"
 FOLDER = "skhoid-workbench"
@@ -72,17 +70,7 @@ class Keys:
 
 
 class Guard:
-    """ASGI middleware that refuses strangers, and adds headers to every reply.
-
-    Parameters
-    ----------
-    app : ASGI application
-        What may be used by those who are let in.
-    keys : Keys
-        The secrets of this server.
-    port : int
-        The port on which it listens.
-    """
+    """ASGI middleware that refuses strangers, and adds headers to every reply."""
 
     def __init__(self, app: Any, keys: Keys, port: int):
         self.app, self.keys, self.port = app, keys, port
@@ -163,21 +151,7 @@ def static(name: str) -> str:
 
 
 def make_app(bench: Workbench, keys: Keys, port: int) -> Guard:
-    """The ASGI application of a workbench, guarded.
-
-    Parameters
-    ----------
-    bench : Workbench
-        What it shows.
-    keys : Keys
-        The secrets of this server.
-    port : int
-        The port on which it will listen.
-
-    Returns
-    -------
-    app : Guard
-    """
+    """The ASGI application of a workbench, guarded."""
     require("starlette", "The workbench", EXTRA)
     from starlette.applications import Starlette
     from starlette.routing import Route
@@ -419,25 +393,7 @@ def serve(
     browser: bool = True,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Serve a workbench until Ctrl+C; searches are ended and the session is kept then.
-
-    Parameters
-    ----------
-    session : SessionFolder
-        Locked; it is unlocked at the end.
-    kept : dict or None
-        What it kept.
-    paths : list of Path
-        Files to begin with.
-    choices : Choices
-        What is said of them.
-    port : int or None, default=None
-        Port to listen on; None takes a free one.
-    browser : bool, default=True
-        Open the page in the browser.
-    say : callable, default=print
-        Told the address.
-    """
+    """Serve a workbench until Ctrl+C; searches are ended and the session is kept then."""
     keys = Keys()
     bench = Workbench(session, paths, choices)
     try:

@@ -14,16 +14,6 @@ from typing import Any
 from ... import __version__
 from ...io import READERS, written_whole
 
-__all__ = [
-    "BrokenSession",
-    "NotSaved",
-    "SessionFolder",
-    "SessionInUse",
-    "digest_of",
-    "free_name",
-    "safe_name",
-]
-
 VERSION = 1
 FILE = "session.json"
 LONGEST_NAME = 80  # characters before the ending
@@ -42,13 +32,7 @@ class NotSaved(ValueError):
 
 
 class SessionFolder:
-    """The folder of a session, held by one server at a time.
-
-    Parameters
-    ----------
-    path : str or path
-        The folder; it is made when there is something to keep, or at once to lock it.
-    """
+    """The folder of a session, held by one server at a time."""
 
     def __init__(self, path: str | os.PathLike[str]):
         self.path = Path(path).absolute()

@@ -26,12 +26,8 @@ def test_scripts(capsys, shell):
     [
         ("skhoid di", "diagnose"),
         ("skhoid identify --table-format p", "parquet"),
-        ("skhoid identify --memory-t", "--memory-time"),
-        ("skhoid identify run-", "run-1.csv run-2.csv"),
-        ("skhoid report --out run-1", "run-1.csv"),
         ("skhoid demo --out fol", "folder"),
         ("skhoid demo --effect dead", "dead_zone"),
-        ("skhoid diagnose --effects dead_zone bia", "bias"),
         ("skhoid study fig1", "fig10 fig12 fig13 fig14 fig15"),
         ("skhoid simulate --condition C4 --cond", "--condition"),
     ],

@@ -95,18 +95,6 @@ def test_notes_are_shown_once_and_gaps_counted(capsys, run_files, tmp_path):
 # Given orders, instrumental variables, models that follow changes
 
 
-def test_a_given_delay_leaves_the_orders_to_the_search(run_json):
-    found = identify(run_json, "--nk", "7")
-    assert [m["name"] for m in found["models"]] == [
-        "with the delay given",
-        "with delay and orders",
-    ]
-    assert all(m["nk"] == [7] for m in found["models"])
-    found = identify(run_json, "--nb", "1")
-    assert [m["name"] for m in found["models"]] == ["without delay", "with delay"]
-    assert all((m["na"], m["nb"]) == (2, [1]) for m in found["models"])
-
-
 def test_instrumental_variables_need_and_use_the_target(capsys, run_json, tmp_path):
     X, y = make_tracking_runs(
         "C1", 2, remnant_intensity=0.2, random_state=0, channels=["e", "f_t"], sampling_rate=50

@@ -17,11 +17,10 @@ from pathlib import Path
 import pytest
 from support.workbench import OWN, PORT, until
 
-from skhoid.lab.workbench import bench as bench_module
 from skhoid.lab.workbench import server as server_module
 from skhoid.lab.workbench.bench import News
 from skhoid.lab.workbench.columns import Choices
-from skhoid.lab.workbench.server import FOLDER, Keys, opened_session, serve
+from skhoid.lab.workbench.server import FOLDER, opened_session, serve
 from skhoid.lab.workbench.session import BrokenSession, SessionFolder, SessionInUse
 
 # Who is let in.
@@ -117,12 +116,6 @@ def test_websockets_are_refused(begun):
         pass
 
 
-def test_keys_are_new_each_time():
-    one, other = Keys(), Keys()
-    assert len({one.token, one.cookie, other.token, other.cookie}) == 4
-    assert len(one.token) > 40
-
-
 # What each address answers.
 
 
@@ -183,16 +176,6 @@ def test_an_upload_that_finds_no_room_leaves_nothing(begun, monkeypatch):
         assert reply.status_code == 413
         assert "Name it on the command line" in reply.json()["message"]
     assert os.listdir(page.bench.folder.uploads) == []
-
-
-def test_requests_that_make_no_sense(begun):
-    client = begun().client
-    for body in (b"{", b"[]", b"3", b"\xff", b"[" * 100_000):
-        reply = client.post("/api/state", content=body, headers={"origin": OWN})
-        assert reply.status_code == 400
-        assert "request" in reply.json()["message"]
-    long = client.post("/api/state", content=b" " * 1_000_001, headers={"origin": OWN})
-    assert long.status_code == 413
 
 
 def test_what_is_not_possible_is_said_and_changes_nothing(fitted, monkeypatch):
@@ -272,26 +255,6 @@ def test_every_page_is_told_and_one_that_comes_later_hears_how_things_are():
     assert third == {"state": 1, "opening": 0}
     assert rest == [[]] * 4
     news.tell("state")  # to pages whose loop has ended
-
-
-def test_silence_is_kept_alive_and_a_page_that_sleeps_gets_the_newest(monkeypatch):
-    monkeypatch.setattr(bench_module, "QUIET", 0.01)
-    monkeypatch.setattr(bench_module, "MOST_WAITING", 3)
-    news = News()
-
-    async def listening():
-        page = news.stream()
-        silent = [await anext(page) for _ in range(3)]
-        for _ in range(10):
-            news.tell("state")
-        await asyncio.sleep(0.01)
-        newest = [told(await anext(page))["state"] for _ in range(4)]
-        await page.aclose()
-        return silent, newest
-
-    silent, newest = asyncio.run(listening())
-    assert silent[1:] == [": still here\n\n"] * 2
-    assert newest == [7, 8, 9, 10]
 
 
 # Which session, and how the server ends.
