@@ -234,19 +234,13 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
                 f"{'' if some.size == 1 else ' with measurements'}. For a single run use "
                 "RecursiveARX(forgetting='auto'), which uses one-step predictions."
             )
-        if self.cv is None and routed["groups"] is None and validation.scored[some].all():
-            every = np.flatnonzero(some)
-            return [(np.delete(every, i), every[[i]]) for i in range(every.size)]
         with warnings.catch_warnings():
-            warnings.simplefilter("error", RunCutWarning)
-            try:
-                folds = folds_of(layout, self.cv, routed, validation.known, validation.keep)
-            except RunCutWarning as cut:
-                raise ValueError(f"{cut} A path over time cannot be scored within a run.") from None
+            warnings.simplefilter("ignore", RunCutWarning)
+            folds = folds_of(layout, self.cv, routed, validation.known, validation.keep)
         if any(rows.cut for fold in folds for rows in fold):
             raise ValueError(
-                f"The splits of cv={self.cv!r} take parts of runs; RecursiveARXCV needs whole "
-                "runs, as LeaveOneGroupOut and GroupKFold give."
+                f"The splits of cv={self.cv!r} take parts of runs, but a path over time cannot be "
+                "scored within a run. Give whole runs, as LeaveOneGroupOut and GroupKFold do."
             )
         return [
             (np.flatnonzero(fold.train.whole & some), np.flatnonzero(fold.test.whole & some))
@@ -333,7 +327,6 @@ class _HorizonScores:
         self.signals = np.ones((data.signals.shape[0], data.inputs.shape[0]))
         self.signals[0] = np.nan  # no output is given to a free run
         self.signals[1 : 1 + inputs.shape[1]] = inputs.T
-        self.scored = np.bincount(self.run, self.keep, data.instants.n_runs) > 0
 
     def scores(self, runs: tuple[np.ndarray, np.ndarray], settings: list[Forgetting]) -> np.ndarray:
         """VAF on validation and on training runs, of shape (2, n_settings)."""
