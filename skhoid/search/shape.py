@@ -88,16 +88,8 @@ class Shape(Told):
 
     Parameters
     ----------
-    id : str
-        Of the free form, such as ``"free_map"``.
-    place : str
-        Where it acts, as ``Effect.place`` has it; ``"rate"`` for a map of the output's rate.
-    over : str
-        What the curve is a function of: ``"e"``, ``"time"``, ``"lag"``, a channel ...
-    channel : str or None
-        The channel that it responds to, or that the curve is a function of, if there is one.
     sentence : str
-        The same in words.
+        Where it acts and what the curve is a function of, in words.
     curve : DataFrame
         Over the abscissa, in its unit: value, low and high of a simultaneous 95 % band, which
         contains the whole curve with that probability. Its linear part, where that is the gain, is
@@ -153,10 +145,6 @@ class Shape(Told):
     'it acts on the error, as a function of its size and sign'
     """
 
-    id: str
-    place: str
-    over: str
-    channel: str | None
     sentence: str
     curve: pd.DataFrame
     x_label: str
@@ -173,6 +161,26 @@ class Shape(Told):
     recordings: list[str] = field(repr=False)
     nearest_curve: pd.Series | None = field(default=None, repr=False)
     formula: Fitted | None = field(default=None, repr=False)
+
+    @property
+    def id(self) -> str:
+        """Of the free form, such as ``"free_map"``."""
+        return self.effect.name
+
+    @property
+    def place(self) -> str:
+        """Where it acts, as ``Effect.place`` has it; ``"rate"`` for a map of the output's rate."""
+        return "rate" if self.over == "du/dt" else self.effect.place
+
+    @property
+    def over(self) -> str:
+        """What the curve is a function of: ``"e"``, ``"time"``, ``"lag"``, a channel ..."""
+        return self.effect.over
+
+    @property
+    def channel(self) -> str | None:
+        """The channel that it responds to, or that the curve is a function of, if there is one."""
+        return getattr(self.effect, "channel", None)
 
     @property
     def explains(self) -> str:
@@ -333,10 +341,6 @@ def shape_of(
     near = nearest_effects(effect, curve, record, units, gains)
     loop = candidate.in_loop
     return Shape(
-        id=effect.name,
-        place="rate" if effect.over == "du/dt" else effect.place,
-        over=effect.over,
-        channel=getattr(effect, "channel", None),
         sentence=effect.sentence_in(model.simulator.record.domain),
         curve=curve,
         x_label=x_label,

@@ -82,16 +82,16 @@ class Progress:
         return vars(Progress())
 
     @contextmanager
-    def step(self, n: int) -> Iterator[Callable[[int], None]]:
+    def step(self, n: int) -> Iterator[None]:
         """A step of n pieces of work; inside another it is part of that."""
         if self._context is None or self._task is not None:
-            yield self.done
+            yield
             return
         task = self._context.subcontext(task_name="effects tried", max_subtasks=n)
         self._task, self._left = task, n
         task.call_on_fit_task_begin(estimator=self._estimator)
         try:
-            yield self.done
+            yield
         finally:
             self._task = None
             task.call_on_fit_task_end(estimator=self._estimator)
@@ -272,7 +272,8 @@ class Search:
         self.traces = traces_of(record)
         self.criterion = Criterion(record)
         self.coarse = self.criterion.coarse()
-        self.share = share_about_mean(self.criterion)
+        # Of the output's power that is not its mean: what points of VAF have to count in.
+        self.share = self.criterion.power_about_mean / max(self.criterion.power, 1e-300)
         self.n_jobs = n_jobs
         self._refits: dict[tuple, np.ndarray] = {}
         self._parts: dict[tuple, list[Model]] = {}
@@ -504,11 +505,6 @@ def _all_of(function: Callable[..., Any], items: Sequence[Any], args: tuple) -> 
     """The work of one process; a single thread, as the matrix products are small."""
     with threadpool_limits(1):
         return [function(item, *args) for item in items]
-
-
-def share_about_mean(criterion: Criterion) -> float:
-    """Share of the output's power that is not its mean: what points of VAF have to count in."""
-    return criterion.power_about_mean / max(criterion.power, 1e-300)
 
 
 def output_error_fit(model: Model) -> Model:

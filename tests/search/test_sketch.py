@@ -38,10 +38,6 @@ def shape(form, curve, *, half=0.1, table=False):
     band = half * np.abs(values).max()
     frame = pd.DataFrame({"value": value, "low": value - band, "high": value + band}, grid)
     return Shape(
-        id=form.name,
-        place=form.place,
-        over=form.over,
-        channel=getattr(form, "channel", None),
         sentence=form.sentence,
         curve=frame,
         x_label=f"{form.over}, deg",

@@ -57,10 +57,6 @@ def a_shape(beside=(), **given):
         pd.Index(["cubic_gain", "dead_zone"], name="effect"),
     )
     whole = {
-        "id": "free_map",
-        "place": "input",
-        "over": "e",
-        "channel": None,
         "sentence": "it acts on the error, as a function of its size and sign",
         "curve": curve,
         "x_label": "error e, deg",
