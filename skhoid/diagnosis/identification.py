@@ -242,7 +242,6 @@ def identify(
     run_in: float | None = None,
     factor: int = 1,
     longest_delay: float = 0.5,
-    criterion: str = "one_step",
     validation_runs: list[Any] | None = None,
     centered: bool = True,
     callbacks: tuple[Any, ...] = (),
@@ -300,7 +299,7 @@ def identify(
                 pipeline, nk=range(least.samples, longest + 1), criterion=how, scoring=scorer
             ).set_callbacks(*callbacks)
             searches[how] = search.fit(X_e, y_e)
-        orders = {**orders, "nk": searches[criterion].best_nk_}
+        orders = {**orders, "nk": searches["one_step"].best_nk_}
         candidates["with delay"] = orders
     else:
         candidates["as given" if fixed_orders else "with the delay given"] = orders
