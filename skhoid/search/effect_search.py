@@ -133,8 +133,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         likelihood ratio, times the number of effects tried), gain_loop and delta_bic_loop (in the
         closed loop), delta_bic_joint (with a jointly estimated noise model), parameters,
         reason_code and reason (why it was not added: a :class:`skhoid.search.Reason`, and words),
-        words, confused_with, vaf_before, vaf_after, delta_loglik, n_parameters. NaN is what was not
-        evaluated. :meth:`ranking_table` is the short form.
+        words, confused_with, vaf_before, vaf_after. NaN is what was not evaluated.
+        :meth:`ranking_table` is the short form.
     best_effects_ : list of str
         Ids in the order added. ``"unknown"`` at the end means structure that none of the effects
         tried explains.

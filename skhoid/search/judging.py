@@ -109,7 +109,6 @@ class Candidate:
     model: Model | None = None
     inapplicable: str = ""  # what it needs and the data do not have
     delta_bic: float = -np.inf
-    loglik: float = -np.inf
     n_parameters: float = 0
     vaf: float = -np.inf
     gain: float = -np.inf

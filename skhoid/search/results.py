@@ -248,8 +248,6 @@ class Ranked:
     confused_with: list[str] = field(default_factory=list)
     vaf_before: float = np.nan
     vaf_after: float = np.nan
-    delta_loglik: float = np.nan
-    n_parameters: float = 0
 
 
 def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None) -> pd.DataFrame:
@@ -272,7 +270,6 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 title=title_of(c.effect.name),
                 form=_form(c),
                 parameters=_parameters(c, prepared) if described else "",
-                n_parameters=c.n_parameters,
                 vaf_before=before,
                 delta_bic_joint=c.joint,
                 p_value=c.p_value,
@@ -281,7 +278,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 + (f" {c.trace}." if c.trace else ""),
             )
             if not c.inapplicable:
-                row.delta_loglik, row.delta_bic = c.loglik, c.delta_bic
+                row.delta_bic = c.delta_bic
                 row.vaf_after, row.vaf_gain = before + c.gain, c.gain
             if c.in_loop is not None:
                 row.delta_bic_loop, row.gain_loop = c.in_loop.delta_bic, c.in_loop.gain
@@ -300,7 +297,6 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 title=title_of(effect.name),
                 form="",
                 parameters=shown.parameters,
-                n_parameters=len(effect.parameters),
                 vaf_before=first.refitted_vaf,
                 vaf_after=first.refitted_vaf,
                 vaf_gain=0.0,

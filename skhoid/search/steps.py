@@ -391,7 +391,6 @@ class Search:
             c.model = self._model((c.model.effects, fit), parent)
             c.n_parameters = c.model.n_parameters - base.n_parameters
             ratio = n * np.log(max(base.sse, 1e-300) / max(c.model.sse, 1e-300))
-            c.loglik = ratio / 2
             c.delta_bic = ratio - c.n_parameters * np.log(n)
             if prediction is None:
                 c.gain = 100 * (parent.sse - before) / plain.power
