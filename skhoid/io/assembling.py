@@ -404,18 +404,13 @@ def assemble(
         _check_instants(piece)
     labels = [label for piece in pieces for label in piece.labels]
     lengths = np.concatenate([piece.lengths for piece in pieces])
-    index = _index(labels, lengths, _joined([piece.time for piece in pieces]), levels, every_level)
-    # Each channel leaves the pieces as it is taken, so that all rows are in memory only once.
-    output = _joined([piece.channels.pop() for piece in pieces])
-    if len(names) == 2:
-        values = _joined([piece.channels.pop() for piece in pieces])[None]
-        values = values.copy() if np.may_share_memory(values, output) else values
-    else:
-        values = np.empty((len(names) - 1, len(index)))
-        for k in reversed(range(len(values))):
-            values[k] = _joined([piece.channels.pop() for piece in pieces])
-    X = pd.DataFrame(np.require(values, requirements="W").T, index, names[:-1], copy=False)
-    y = pd.Series(np.require(output, requirements="W"), index, name=names[-1], copy=False)
+    time = np.concatenate([piece.time for piece in pieces])
+    index = _index(labels, lengths, time, levels, every_level)
+    *inputs, output = (
+        np.concatenate([piece.channels[k] for piece in pieces]) for k in range(len(names))
+    )
+    X = pd.DataFrame(dict(zip(names[:-1], inputs, strict=True)), index)
+    y = pd.Series(output, index, name=names[-1])
     units = {name: unit for name, (unit, _) in known.items()}
     X.attrs["units"] = {name: units[name] for name in names[:-1] if name in units}
     y.attrs["units"] = {name: units[name] for name in names[-1:] if name in units}
@@ -432,26 +427,16 @@ def _index(
     """The row index, with those of the outer levels that have more than one label, or all."""
     if not levels:
         return run_index(labels, lengths, time)
-    inner = run_index(list(range(len(labels))), lengths, time)
     columns = zip(*labels, strict=True)
     # In the order of the rows, which is then a sorted one to pandas.
     parts = [pd.Categorical(c, list(dict.fromkeys(c)) if every_level else None) for c in columns]
-    names = [*levels, RUN]
-    kept = [
-        k
-        for k, part in enumerate(parts)
-        if every_level or len(part.categories) > 1 or k == len(levels)
+    named = [
+        (part, name)
+        for part, name in zip(parts, [*levels, RUN], strict=True)
+        if every_level or len(part.categories) > 1 or name == RUN
     ]
-    return pd.MultiIndex(
-        levels=[*(parts[k].categories for k in kept), inner.levels[1]],
-        codes=[*(np.repeat(parts[k].codes, lengths) for k in kept), inner.codes[1]],
-        names=[*(names[k] for k in kept), TIME],
-        verify_integrity=False,
-    )
-
-
-def _joined(parts: list[np.ndarray]) -> np.ndarray:
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+    arrays = [part.take(np.repeat(np.arange(len(labels)), lengths)) for part, _ in named]
+    return pd.MultiIndex.from_arrays([*arrays, time], names=[*(name for _, name in named), TIME])
 
 
 def _check_instants(piece: FileRuns) -> None:

@@ -101,18 +101,10 @@ def load_human_tracking(
 
     Notes
     -----
-    The first 10 frames of every recording are left out: in them the cursor is at (0, 0) in
-    ``"difficulty 50"``, jumps from where it was before the start in others, and one frame of
-    ``"phase-size 1"`` lasts 49.6 ms. In some phase-size recordings the person starts to move only
-    0.4 s later.
-
-    The cursor is stored exactly (whole px), the time to 0.1 us, the other channels in single
-    precision (6e-5 px).
-
-    An ARX(2, 2, 1) model of the horizontal axis, fitted to the first half and run freely on the
-    second, reaches a VAF near 97 % (difficulty 50) and 91 % (difficulty 80); a delay of 0.10 to
-    0.13 s raises the latter to 94 %. Above about 1 Hz people predict periodic targets, and do not
-    control the position error.
+    The first 10 frames of every recording, whose cursor or clock is not valid, are left out. The
+    cursor is stored exactly (whole px), the time to 0.1 us, the other channels in single precision
+    (6e-5 px). Above about 1 Hz people predict periodic targets, and do not control the position
+    error.
 
     Source: A. Matic (2022), "Visuomotor phase-locked loop", bioRxiv 2022.07.20.500761;
     https://github.com/adam-matic/visuomotor-phase-locked-loop. MIT licence, Copyright (c) 2022
@@ -179,10 +171,6 @@ def load_bicycle_rider(
     -----
     ``SteerRate`` has 17 missing values (NaN). Values are stored in single precision (relative
     error below 6e-8).
-
-    Fitted to the first half and run freely on the second at 50 Hz, ARX(2, 2) from roll to steer
-    angle reaches a VAF of 79 %; from pull force to steer angle it explains nothing, while a finite
-    impulse response of 2.4 s reaches 62 %.
 
     Source: P.D.L. de Lange, J.K. Moore, "Bicycle Rider Control Identification", figshare,
     doi:10.6084/m9.figshare.659465, run 00105, licence CC-BY 3.0; see

@@ -45,12 +45,12 @@ def guess_of(
     table: FileTable,
     paths: Any,
     *,
-    roles: Mapping[str, str] | None,
-    output: str | Mapping[str, str] | None,
-    time: str | None,
-    run: str | None,
-    units: Mapping[str, str] | None,
-    dt: float | None,
+    roles: Mapping[str, str] | None = None,
+    output: str | Mapping[str, str] | None = None,
+    time: str | None = None,
+    run: str | None = None,
+    units: Mapping[str, str] | None = None,
+    dt: float | None = None,
     signals: bool = True,
 ) -> ColumnGuess:
     """The guess for an open file."""
@@ -60,7 +60,7 @@ def guess_of(
     guess.problems += map(Problem, table.faults)
     named = _Named(table, guess)
     for name, role in (roles or {}).items():
-        named.take(name, role, "input" if role in ("e", "") else _option(role))
+        named.take(name, role, "input" if role in ("e", "") else OPTION.get(role, "role"))
     if output is not None:
         asked = output if isinstance(output, str) else next(iter(output))
         if named.has(asked, "output"):
@@ -77,10 +77,6 @@ def guess_of(
     said = (output is not None, time is not None or dt is not None, run == guess.run)
     guess.guessed = signals or not all(said) or bool(guess.levels)
     return guess
-
-
-def _option(role: str) -> str:
-    return OPTION.get(role, "role")
 
 
 class _Named:
@@ -138,14 +134,11 @@ class _Guess:
             if name and table.names.count(name) == 1
         }
         self.free = {k: c for k, c in self.columns.items() if k not in taken}
-        self.taken = {k: v for k, v in self._roles_of(taken).items() if k in self.columns}
+        of_option = {option: role for role, option in OPTION.items()}
+        self.taken = {k: of_option.get(v, "") for k, v in taken.items() if k in self.columns}
         self.signals = {role: self.columns[k].numbers for k, role in self.taken.items()}
         axes = (axis_of(self.columns[k].header) for k, role in self.taken.items() if role)
         self.axis = next(filter(None, axes), "")  # that the columns found so far name
-
-    def _roles_of(self, taken: Mapping[int, str]) -> dict[int, str]:
-        of_option = {option: role for role, option in OPTION.items()}
-        return {position: of_option.get(option, "") for position, option in taken.items()}
 
     def make(self, *, known_roles: set[str], output_known: bool, signals: bool) -> None:
         guess = self.guess
@@ -447,7 +440,7 @@ class _Guess:
         for role, columns in self.tied.items():
             names = ", ".join(quoted(c.header) for c in columns)
             text = f"{len(columns)} columns may be {_THE[role]}: {names}."
-            options = tuple((_option(role), c.header) for c in columns)
+            options = tuple((OPTION.get(role, "role"), c.header) for c in columns)
             if role in ("dist", "motion"):
                 self.guess.remarks.append(f"{names} may be {MEANING[role]}, and are not used")
                 for column in columns:
@@ -502,49 +495,11 @@ class _Guess:
             )
 
 
-def guess_columns(
-    paths: Any,
-    *,
-    roles: Mapping[str, str] | None = None,
-    output: str | Mapping[str, str] | None = None,
-    time: str | None = None,
-    run: str | None = None,
-    units: Mapping[str, str] | None = None,
-    dt: float | None = None,
-    signals: bool = True,
-) -> ColumnGuess:
-    """Guess which column of a file is which, from the headers and the first 1,000 rows.
+def guess_columns(paths: Any, **given: Any) -> ColumnGuess:
+    """Guess which column of the first file is which, from the headers and the first 1,000 rows.
 
-    Parameters
-    ----------
-    paths : path, glob pattern, or list of these
-        As in :func:`skhoid.read_runs`; the first file is looked at.
-    roles : dict or None, default=None
-        Columns that are known, with their roles: ``{"err": "e"}``. They keep their names.
-    output, time, run, units, dt
-        As in :func:`skhoid.read_runs`; None is guessed.
-    signals : bool, default=True
-        False takes no other channels than those of `roles`, and the output.
-
-    Returns
-    -------
-    guess : ColumnGuess
-        Its text says in one line which column is which; ``problems`` what is not clear.
-
-    See Also
-    --------
-    skhoid.read_runs : Reads files, by a guess for what is not named.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from skhoid.lab.guessing.columns import guess_columns
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "s1.csv"
-    ...     _ = path.write_text("Time [ms],Tracking error (deg),Stick\\n0,1.5,0\\n10,1.2,.1\\n")
-    ...     print(guess_columns(path))
-    Columns: time "Time [ms]", error e "Tracking error (deg)", output u "Stick"
+    ``roles`` are those of columns that are known, {"err": "e"}, which keep their names; with
+    ``signals=False`` no other channels are taken than these, and the output. Output, time, run,
+    units and dt are as in :func:`skhoid.read_runs`; None is guessed.
     """
-    given: dict[str, Any] = {"roles": roles, "output": output, "time": time, "run": run}
-    return guess_of(first_table(paths), paths, **given, units=units, dt=dt, signals=signals)
+    return guess_of(first_table(paths), paths, **given)

@@ -138,17 +138,7 @@ class Columns:
         except ValueError:
             if not self.guess.guessed:
                 raise
-            own = guess_of(
-                table,
-                table.path,
-                roles={},
-                output=None,
-                time=None,
-                run=None,
-                units=None,
-                dt=None,
-                signals=False,
-            )
+            own = guess_of(table, table.path, signals=False)
             if own.time is None:
                 raise
             name, unit = own.time, own.units.get("time")
@@ -312,7 +302,8 @@ def _of_table(
         if run is None:
             labels["run"] = "1" if len(runs.labels) == 1 or outer else str(labels["run"])
         labels |= given
-        found.append(Part(_in_order(labels), replace(piece, labels=[label])))
+        in_order = {level: labels[level] for level in FIELDS if level in labels}
+        found.append(Part(in_order, replace(piece, labels=[label])))
     return found
 
 
@@ -323,17 +314,9 @@ def _each(runs: FileRuns) -> list[tuple[Any, FileRuns]]:
     for label, length, stop in zip(runs.labels, runs.lengths, stops.tolist(), strict=True):
         rows = slice(stop - int(length), stop)
         channels = [values[rows] for values in runs.channels]
-        found.append(
-            (
-                label,
-                FileRuns(runs.path, [label], np.array([length]), runs.time[rows], channels),
-            )
-        )
+        one = FileRuns(runs.path, [label], np.array([length]), runs.time[rows], channels)
+        found.append((label, one))
     return found
-
-
-def _in_order(labels: dict[str, Any]) -> dict[str, Any]:
-    return {level: labels[level] for level in FIELDS if level in labels}
 
 
 def joined(
@@ -560,11 +543,12 @@ def _step(table: FileTable, columns: Columns) -> float:
     return float(np.nanmedian(steps)) if steps.size else np.nan
 
 
+@dataclass(frozen=True)
 class _Labels:
     """Labels of the files by their names, and how they were found."""
 
-    def __init__(self, labels: list[dict[str, str]], said: str = "") -> None:
-        self.labels, self.said = labels, said
+    labels: list[dict[str, str]]
+    said: str = ""
 
 
 def _check_fields(sources: Sources, asked: Asked, dims: Dims | None) -> None:

@@ -75,7 +75,6 @@ def test_csv_by_pattern(tmp_path, truth, written, pattern, capsys):
         "sub-{s}_task-{c}_run-{r}.csv",
         "sub-{s}/sub-{s}_task-{c}_trial{r}.csv",
         "{s}/{c}/{r}.csv",
-        "{s}_{c}_{r}.csv",
         "{s}-{c}-{r}.csv",
         "pilot/{s}/{c}_run {r}.csv",
         "tracking_{s}_{c}_R_{r}_final.csv",
