@@ -125,7 +125,6 @@ def content_of(
             "rows": rows,
             "figures": _figures(found),
             "findings": list(_findings(found, None if found is after else after, added)),
-            "remark": _two_fits(search, found) if found is comparison else "",
             "notes": [as_sentence(note.with_hint) for note in found.notes],
             "false_alarm": f"{100 * found.false_alarm:g}",
             "pictures": gallery.comparison(found),
@@ -239,21 +238,6 @@ def _findings(found: Comparison, after: Comparison | None, added: str) -> Iterat
             "next_step": "" if gone else finding.next_step,
             "explained": f"Explained {added.replace('with', 'by', 1)}." if gone else "",
         }
-
-
-def _two_fits(search: EffectSearchCV | None, found: Comparison) -> str:
-    """Why the baseline has another VAF here than in the steps, where it has."""
-    if search is None:
-        return ""
-    first = float(search.error_path_["vaf"].iloc[0])
-    if abs(first - found.vaf) < 1.0:
-        return ""
-    return (
-        f"The baseline has two figures: its likeliest parameters, which are compared here, have a "
-        f"VAF of {found.vaf:.1f} % on the rows they were fitted to; those of least simulation "
-        f"error, with which the steps begin, {first:.1f} % on rows held out. The two fits disagree "
-        "where a model is wrong."
-    )
 
 
 def _unexplained(search: EffectSearchCV) -> str:

@@ -237,14 +237,13 @@ def _data(
 ) -> dict[str, Any]:
     """People by conditions: how many runs and rows, and what looks wrong."""
     runs = given.people.runs
-    sizes = runs.groupby(KEY, sort=False)["n_rows"].agg(["size", "sum"])
+    each = runs.groupby(KEY, sort=False)["n_rows"]
+    sizes = {key: (len(own), int(own.sum())) for key, own in each}
     rows = []
     for who in given.subjects:
         cells = []
         for condition in given.conditions:
-            n, n_rows = (
-                map(int, sizes.loc[(who, condition)]) if (who, condition) in sizes.index else (0, 0)
-            )
+            n, n_rows = sizes.get((who, condition), (0, 0))
             cells.append(f"{counted(n, 'run')}, {n_rows:,} rows" if n else "no runs")
         rows.append([str(who), *cells, "; ".join(_wrong(given, who)) or DASH])
     names = ["runs" if c == ALL else str(c) for c in given.conditions]
