@@ -14,7 +14,6 @@ from scipy.stats import norm
 from sklearn import config_context
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
-from sklearn.pipeline import make_pipeline
 
 from skhoid import (
     ARXRegressor,
@@ -24,7 +23,6 @@ from skhoid import (
     OrderSearchCV,
     RecursiveARX,
     RecursiveARXCV,
-    RunInTrimmer,
     make_tracking_runs,
 )
 from skhoid.text import WIDTH, Estimate, estimates_table, number
@@ -167,40 +165,6 @@ def test_operator_with_an_effect(operator):
     assert f"VAF, fit: {operator.vaf_:.1f} %" in facts
     assert f"BIC: {operator.bic_:.1f}" in facts
     assert operator.effects_.steps[0][1].formula in " ".join(text.split())
-
-
-def test_delay_search_says_what_it_searched(runs):
-    X, y = runs
-    pipe = make_pipeline(RunInTrimmer(2.0), ARXRegressor())
-    search = DelaySearchCV(pipe, nk=range(3, 12)).fit(X, y)
-    text = search.summary(X, y)
-    check_lines(text)
-    assert f"nk = {search.best_nk_} ({number(search.best_delay_)} s)" in text
-    assert "best of 9 candidates, 3 to 11" in text
-    assert "RunInTrimmer(run_in=2.0)" in text
-    assert f"VAF, free run: {search.score(X, y):.1f} %" in facts_of(text)
-    shown = text.split("over the best\n")[1].splitlines()[:5]
-    order = np.argsort(search.loss_)[:5]
-    assert [int(line.split()[0]) for line in shown] == (order + 3).tolist()
-    assert search.best_estimator_[-1].summary() in search.summary()
-
-
-@pytest.mark.parametrize(
-    ("model", "later"),
-    [
-        (ARXRegressor(2, 2, 15), {"method": "iv", "instruments": ["f_t"], "covariance": "hac"}),
-        (RecursiveARX(2, 2, 15), {"smooth": True, "combine": "average_estimates"}),
-        (DelaySearchCV(ARXRegressor(), nk=[6, 7]), {"criterion": "vaf"}),
-        (
-            OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[1], nk=[15]),
-            {"criterion": "bic", "rule": "best"},
-        ),
-    ],
-    ids=lambda part: str(part).split(" at 0x")[0],
-)
-def test_parameters_set_later_change_nothing(model, later, runs):
-    text = model.fit(*runs).summary()
-    assert model.set_params(**later).summary() == text
 
 
 def test_small_and_large_numbers_keep_the_digits_that_count():

@@ -51,13 +51,10 @@ def evidence_of(
 def _weighed(search: EffectSearchCV, kept: Effects, tried: list[Any], X: Any, y: Any) -> SearchStep:
     """All of the effects beside those that are kept, each judged by all that can judge it."""
     asked = clone(search).set_params(effects=tried, n_jobs=None)
+    model = clone(simulated_model(search.estimator, "EffectSearchCV"))
     if len(kept):
-        model = clone(simulated_model(search.estimator, "EffectSearchCV"))
-        given = Effects.of(getattr(model, "effects", None))
-        asked.set_params(estimator=model.set_params(effects=given + kept))
-    asked.keep_parameters()
+        model.set_params(effects=Effects.of(getattr(model, "effects", None)) + kept)
     with threadpool_limits(1):
-        model = clone(simulated_model(asked.estimator, "EffectSearchCV"))
         data = asked.split(model, X, y)
         whole = Search(data.prepared.core, data.record, tried, data.folds)
         step = whole.step(model.first_fit(data.searched))
@@ -72,13 +69,5 @@ def _weighed(search: EffectSearchCV, kept: Effects, tried: list[Any], X: Any, y:
 
 def _row(out: str, c: Candidate) -> tuple[Any, ...]:
     in_loop = np.nan if c.in_loop is None else c.in_loop.delta_bic
-    return (
-        out,
-        c.effect.name,
-        evidence_for(c),
-        c.gain,
-        c.delta_bic,
-        c.joint,
-        in_loop,
-        c.inapplicable,
-    )
+    numbers = evidence_for(c), c.gain, c.delta_bic, c.joint, in_loop
+    return out, c.effect.name, *numbers, c.inapplicable

@@ -16,7 +16,6 @@ from skhoid.diagnosis.ceiling import noise_density
 from skhoid.diagnosis.over_amplitude import held_levels
 from skhoid.diagnosis.over_time import largest_break
 from skhoid.diagnosis.repeats import excited_lines
-from skhoid.diagnosis.tests_table import of_one, of_several
 
 # Scores
 
@@ -41,16 +40,6 @@ def test_one_step(arx, simulated, of_arx):
     assert_allclose(of_arx.one_step_vaf, vaf(y[known], ahead[known]), rtol=1e-12)
     first = known & (y.index.get_level_values("run") == 1)
     assert_allclose(of_arx.by_run["one_step_vaf"][0], vaf(y[first], ahead[first]), rtol=1e-12)
-
-
-def test_without_run_in_the_settling_rows_are_left_out_and_said(arx, simulated):
-    X, y, _ = simulated
-    comparison = compare(arx, X, y)
-    scored = comparison.traces["scored"].to_numpy()
-    assert 0 < np.sum(~scored) < 3 * 10.0 / DT
-    assert_allclose(comparison.vaf, vaf(y[scored], arx.predict(X)[scored]), rtol=1e-12)
-    assert [note.kind for note in comparison.notes] == ["settling"]
-    assert comparison.notes[0].text in " ".join(comparison.summary().split())
 
 
 def test_overfit_ratio_is_that_of_the_relative_errors(arx, simulated):
@@ -230,12 +219,3 @@ def test_whitened_noise_is_white():
     power = np.mean(np.abs(np.fft.rfft(white, axis=0, norm="ortho")) ** 2, axis=1)[1:-1]
     bands = [band.mean() for band in np.array_split(power, 16)]
     assert_allclose(bands, 1.0, atol=0.15)
-
-
-def test_p_of_several_and_rate_of_one():
-    p = np.array([0.001, 0.02, np.nan, 0.5])
-    assert_allclose(of_several(p), 1 - (1 - p) ** 3, rtol=1e-12)
-    assert_allclose(of_several(np.array([of_one(0.01, 7)] * 7)), 0.01, rtol=1e-12)
-    assert_allclose(of_several(np.array([1e-30, 1e-30])), 2e-30, rtol=1e-12)
-    assert of_several(np.array([0.0, 1.0]))[0] == 0
-    assert of_several(np.array([])).size == 0

@@ -11,7 +11,6 @@ from support.hidden_effects import Oracle
 
 from skhoid import (
     ARXRegressor,
-    MissingDataWarning,
     compare,
 )
 
@@ -76,18 +75,6 @@ def test_missing_output(simulated):
     assert comparison.traces["scored"].sum() == y.size - 50
     known = y.notna()
     assert_allclose(comparison.vaf, vaf(y[known], truth.u_without_remnant[known]))
-
-
-def test_all_runs_but_one_missing(simulated):
-    X, y, truth = simulated
-    y = y.copy()
-    y.loc[[1, 3]] = np.nan
-    with pytest.warns(MissingDataWarning, match="all rows of run 1, 3, which is not scored"):
-        comparison = compare(Oracle(truth.u_without_remnant), X, y)
-    said(comparison)
-    assert comparison.by_run["vaf"].notna().tolist() == [False, True, False]
-    assert comparison.by_run["target"].tolist() == [-1, 0, -1]
-    assert comparison.ceiling_route == "lines"
 
 
 def test_no_roles(simulated):

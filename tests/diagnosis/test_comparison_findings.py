@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.comparison import DT, names, runs
+from support.comparison import names, runs
 from support.hidden_effects import Effects, LinearTruth, Oracle
 from support.person_in_loop import pursued
 
@@ -62,16 +62,6 @@ def test_wrong_delay_is_found_with_its_size(simulated, nk, missing):
     assert "longer" in first_three(comparison)["delay"].title
     test = comparison.tests.set_index("test").loc["delay"]
     assert abs(test["size"] - missing) < 0.02
-
-
-@pytest.mark.parametrize("shift", [-3])
-def test_shifted_response_is_found_with_its_size(simulated, shift):
-    X, y, truth = simulated
-    u = truth.linear_response.groupby(level="run").shift(-shift).fillna(0.0)
-    comparison = compare(LinearTruth(u), X, y)
-    assert ("longer" if shift > 0 else "shorter") in first_three(comparison)["delay"].title
-    test = comparison.tests.set_index("test").loc["delay"]
-    assert abs(test["size"] - shift * DT) < 0.02
 
 
 def test_outlying_run_is_found():

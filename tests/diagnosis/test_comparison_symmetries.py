@@ -62,12 +62,6 @@ def test_unit_of_the_output(of_truth, simulated, factor):
         assert_allclose(found.by_frequency[column], of_truth.by_frequency[column], rtol=1e-6)
 
 
-@pytest.mark.parametrize("factor", [1e6])
-def test_unit_of_the_inputs(of_truth, simulated, factor):
-    X, y, truth = simulated
-    assert_same(compare(LinearTruth(truth.linear_response, 0.9), factor * X, y), of_truth)
-
-
 def test_origin_of_time(of_truth, simulated):
     X, y, truth = simulated
 

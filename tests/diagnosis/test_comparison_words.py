@@ -9,8 +9,7 @@ from numpy.testing import assert_allclose
 from support.comparison import NK, Gives, names, runs
 from support.unseen import second_difference, simulate
 
-from skhoid import ARXRegressor, OperatorRegressor, compare
-from skhoid.diagnosis.findings import NextSteps
+from skhoid import ARXRegressor, compare
 
 OF_PEOPLE = re.compile(
     r"\b(person|people|stick|hand|operator|fatigue|posture|arm)\b", re.IGNORECASE
@@ -54,23 +53,6 @@ def test_a_few_parameters_have_not_learnt_the_noise():
     assert finding.title.startswith("The error on validation runs")
     assert "4 parameters cannot have learnt that much noise" in finding.meaning
     assert "Fewer parameters" not in finding.next_step
-
-
-@pytest.mark.parametrize(
-    ("effects", "say", "told"),
-    [
-        ("bias", lambda then: then.bias(), "already has the effect bias:"),
-        (
-            "dead_zone",
-            lambda then: then.nonlinearity(True),
-            "already has the effect dead zone:",
-        ),
-        ("feedforward", lambda then: then.follow("f_t"), "already has the effect feedforward:"),
-    ],
-)
-def test_what_the_model_has_is_not_advised(effects, say, told):
-    assert told in say(NextSteps(OperatorRegressor(effects=effects)))
-    assert "already" not in say(NextSteps(OperatorRegressor()))
 
 
 def test_levels_are_those_that_are_listed():

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 from support.hidden_disturbance import tracked
 
-from skhoid import load_human_tracking, make_tracking_runs
+from skhoid import make_tracking_runs
 from skhoid.diagnosis.identification import ModelChoice, Verdict, identify
 from skhoid.exceptions import MissingDataWarning
 
@@ -87,14 +87,6 @@ def test_honest_loops_are_not_struck(inputs):
         assert not found.best.leaks
         assert found.best.verdict in ("no overfit", "overfit")
         assert found.notes == []
-
-
-def test_what_comes_from_outside_the_loop_is_not_tested():
-    X, y = load_human_tracking("difficulty 80")
-    X = X.assign(x=y)  # a mouse: the cursor is the hand
-    found = identify(X, y, ModelChoice(inputs=["f_t"], na=2, nb=2, nk=7))
-    assert found.best.leak is None
-    assert found.best.verdict == "no overfit"
 
 
 # Lost control

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from sklearn.base import BaseEstimator, RegressorMixin
 
-from skhoid import ARXRegressor, Multisine, make_tracking_runs
+from skhoid import Multisine, make_tracking_runs
 from skhoid.diagnosis.remnant_estimate import remnant_estimate
 
 T_N = 0.06  # s, of the thesis
@@ -88,18 +88,6 @@ def test_intervals_hold_what_they_say(condition, intensity, order):
     assert 0.83 <= np.mean(holds) <= 1.0
     assert all(remnant.order == order for remnant in found)
     assert np.mean([remnant.p_value < 0.01 for remnant in found]) <= 0.04
-
-
-@pytest.mark.parametrize("order", [3])
-def test_fitted_model(order):
-    """An ARX model of other runs; its linear misfit is taken out."""
-    X, y, truth = simulated("C1", 10, order)
-    model = ARXRegressor(nk=29).fit(of_runs(X, 0), of_runs(y, 0))
-    remnant = remnant_estimate(model, of_runs(X, 5), of_runs(y, 5))
-    expected = intensity_of(y, truth.remnant)
-    assert remnant.intensity == pytest.approx(expected, rel=0.12)
-    assert remnant.order == order
-    assert remnant.time_constant == pytest.approx(T_N, rel=0.06)
 
 
 def test_first_order_warns():

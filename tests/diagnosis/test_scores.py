@@ -118,19 +118,6 @@ def test_missing_samples_are_left_out_and_counted():
     assert nothing["control_activity"].isna().all()
 
 
-def test_arrays_and_run_columns():
-    X, y = make_tracking_runs("C1", 2, channels=["e", "f_t"], remnant_intensity=0.1, random_state=0)
-    indexed = performance_scores(X, y)
-    table = X.reset_index("run").reset_index(drop=True)
-    by_column = performance_scores(table, y.to_numpy(), dt=0.01, run="run")
-    np.testing.assert_allclose(by_column[SCORES], indexed[SCORES])
-    assert by_column["run"].tolist() == indexed["run"].tolist()
-    array = np.column_stack([table["run"], X])
-    roles = {1: "e", 2: "f_t"}
-    by_position = performance_scores(array, y.to_numpy(), dt=0.01, run=0, roles=roles)
-    np.testing.assert_allclose(by_position[SCORES], indexed[SCORES])
-
-
 def test_run_in_is_no_part_of_the_run():
     X, y = make_tracking_runs(
         "C1", 2, channels=["e", "f_t"], remnant_intensity=0.1, random_state=0, keep_run_in=10.0

@@ -5,7 +5,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skhoid import (
-    ARXRegressor,
     EffectSearchCV,
     OperatorRegressor,
     make_tracking_runs,
@@ -87,15 +86,6 @@ def test_rows_may_be_kept(lost):
     assert not any("lost" in note.kind for note in kept.notes_)
     machine = search(effects="bias", domain="machine").fit(X, y)
     assert machine.left_out_.empty
-
-
-@pytest.mark.slow
-def test_a_run_that_was_never_under_control_is_no_fold(honest):
-    X, y, _ = losing(honest, begin=-4.0, end=99.0)
-    found = EffectSearchCV(ARXRegressor(nk=11), effects="bias").fit(X, y)
-    assert found.left_out_["run"].tolist() == ["2"]
-    assert found.predictions_["baseline"].loc[2].isna().all()
-    assert np.isfinite(found.error_path_["vaf"]).all()
 
 
 def test_an_operator_on_an_array_answers_the_error(lost):

@@ -11,16 +11,13 @@ from skhoid.effects import (
     CoreKind,
     DeadZone,
     Effect,
-    Feedforward,
     FreeDelay,
     FreeGain,
     FreeHysteresis,
     FreeMap,
-    FreePath,
     Friction,
     GainDrift,
     HardeningStiffness,
-    MotionFeedback,
     Saturation,
     TimeVaryingDelay,
 )
@@ -85,31 +82,6 @@ def test_friction_of_a_machine(operator):
     found = nearest_effects(*shape(FreeMap(at="rate"), truth, machine, n_knots=201), machine, UNITS)
     assert found[0].name == "friction"
     assert found[0].distance < 0.02
-
-
-@pytest.mark.parametrize(
-    ("form", "truth"),
-    [
-        (FreePath(channel="f_t"), Feedforward(form="gain", gain=0.5, delay=0.3)),
-        (
-            FreePath(channel="motion_acc", at="output"),
-            MotionFeedback(form="feedthrough", gain=-0.5, delay=0.05),
-        ),
-    ],
-)
-@pytest.mark.parametrize("reference", [0.0, 2.0])
-def test_a_response_to_a_channel(form, truth, reference, operator):
-    form = form.variants(operator)[0].with_choices(reference=reference)
-    knots = np.asarray(form.knots)
-    width = np.diff(knots)[0] / 2
-    values = 0.5 * np.exp(-0.5 * ((knots - truth.delay) / width) ** 2) / width / np.sqrt(2 * np.pi)
-    form = form.with_choices(values=tuple(values.tolist()))
-    grid = np.linspace(knots[0], knots[-1], 101)
-    value = form.curve(values, grid)
-    curve = pd.DataFrame({"value": value, "low": value - 0.1, "high": value + 0.1}, grid)
-    first = nearest_effects(form, curve, operator, UNITS)[0]
-    assert first.name == truth.name
-    assert first.distance < 0.5  # a pulse of a spline is wider than one of no width
 
 
 def test_recordings_say_what_separates_the_nearest_two(operator):

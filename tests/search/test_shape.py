@@ -3,12 +3,10 @@
 import json
 import re
 
-import numpy as np
 import pytest
 from support.shapes import a_shape, nothing_near
 
 from skhoid.effects import Bias, WrongDelay
-from skhoid.plotting import EffectDisplay
 
 
 def test_sentences_say_place_gain_names_and_what_to_do():
@@ -71,10 +69,3 @@ def test_json_has_all_of_it():
         {"at": -2, "value": 0.227, "low": 0.177, "high": 0.277}, abs=1e-3
     )
     assert [row["effect"] for row in found["nearest"]] == ["cubic_gain", "dead_zone"]
-
-
-def test_it_draws_itself():
-    shape = a_shape()
-    display = shape.plot()
-    assert isinstance(display, EffectDisplay)
-    np.testing.assert_array_equal(display.lines_["curve"].get_ydata(), shape.curve["value"])

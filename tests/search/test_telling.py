@@ -2,7 +2,6 @@
 
 import json
 
-import pandas as pd
 import pytest
 from support.shapes import a_shape
 
@@ -10,14 +9,11 @@ from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import (
     Bias,
     Feedforward,
-    MotionFeedback,
     OutputFeedback,
     Preview,
-    Tremor,
 )
 from skhoid.search import Reason, Status, Verdict, tell_candidates, tell_search
 from skhoid.search.results import describe_effect
-from skhoid.search.telling import note_untried
 
 
 def recorded(effects, n_runs=2):
@@ -116,15 +112,6 @@ def test_nobody_says_what_a_display_showed_unless_told(effect):
     assert "cannot have seen" in describe_effect(effect, "compensatory")
     assert describe_effect(effect, "preview") == effect.physics
     assert describe_effect(effect, None, "machine") == effect.physics_in("machine")
-
-
-def test_what_was_not_tried_is_said():
-    row = {"step": 1, "effect": "motion_feedback", "status": Status.REFUSED, "reason": "no role"}
-    ranking = pd.DataFrame([row])
-    motion, tremor = map(str, note_untried([MotionFeedback(), Tremor()], ranking))
-    assert motion == "motion feedback was not tried: no role"
-    assert tremor.startswith("tremor was not tried in the model: it is noise")
-    assert note_untried([MotionFeedback()], ranking.assign(status=Status.NOT_BETTER)) == []
 
 
 @pytest.mark.slow
