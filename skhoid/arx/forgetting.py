@@ -80,10 +80,9 @@ class Forgetting:
     @property
     def value(self) -> Any:
         """λ in the shape in which users give it."""
-        factors = self.factors
-        if factors.shape[1] == 1:
-            factors = factors[:, 0]
-        return factors if len(factors) > 1 else _plain(factors[0])
+        factors = self.factors[:, 0] if self.factors.shape[1] == 1 else self.factors
+        last = factors if len(factors) > 1 else factors[0]
+        return float(last) if np.ndim(last) == 0 else last
 
     def arrays(self, lanes: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """1 / λ and the ratios of Eq. 20 for the kernel, the same in all lanes."""
@@ -99,10 +98,6 @@ class Forgetting:
             return self
         factors = _evaluated(self.function, time, n_params)
         return Forgetting(factors, self.diagonal, function=self.function)
-
-
-def _plain(factors: Any) -> Any:
-    return float(factors) if np.ndim(factors) == 0 else factors
 
 
 def kernel_arrays(factors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

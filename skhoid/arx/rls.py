@@ -22,7 +22,6 @@ from .orders import Orders, regressors
 
 NOTHING = np.empty((0, 0, 0))
 OWN, LONG = (1, 4), 500_000  # lanes and parameters with their own kernel, updates that are worth it
-SPARSE = 10  # times the rows: with more instants they are sorted instead of counted
 
 
 @dataclass(frozen=True)
@@ -47,14 +46,8 @@ class Instants:
         run = grid.layout.run_of(rows) if n_runs > 1 else np.zeros(number.size, dtype=np.int64)
         if n_runs == 1:
             return cls(number, np.arange(number.size), run, grid.dt, 1)
-        first, last = int(number.min()), int(number.max())
-        if last - first > SPARSE * number.size:
-            unique, of_row = np.unique(number, return_inverse=True)
-            return cls(unique, of_row, run, grid.dt, n_runs)
-        taken = np.zeros(last - first + 1, dtype=bool)
-        taken[number - first] = True
-        of_row = np.cumsum(taken)[number - first] - 1
-        return cls(first + np.flatnonzero(taken), of_row, run, grid.dt, n_runs)
+        unique, of_row = np.unique(number, return_inverse=True)
+        return cls(unique, of_row, run, grid.dt, n_runs)
 
     @cached_property
     def time(self) -> np.ndarray:

@@ -25,7 +25,6 @@ def as_table(X: Any) -> Any:
     if isinstance(X, pd.DataFrame):
         _check_columns(X)
         return _dense(X)
-    X = _unwrapped(X)
     refuse_container(X)
     return unmasked(X)
 
@@ -34,7 +33,6 @@ def as_output(
     y: Any, what: str = "y", *, warn: bool = False, dtypes: tuple[type, ...] = DOUBLE
 ) -> np.ndarray:
     """Values of an output, one per row: masked ones as NaN; ``warn`` of a column vector."""
-    y = _unwrapped(y)
     if isinstance(y, pd.DataFrame):
         _check_columns(y, what)
         y = _dense(y)
@@ -54,11 +52,6 @@ def as_output(
 def _dense(table: pd.DataFrame) -> pd.DataFrame:
     sparse = {n: t.subtype for n, t in table.dtypes.items() if isinstance(t, pd.SparseDtype)}
     return table.astype(sparse) if sparse else table
-
-
-def _unwrapped(data: Any) -> Any:
-    """The array that a memoryview shows."""
-    return np.asarray(data) if isinstance(data, memoryview) else data
 
 
 def unmasked(data: Any) -> Any:

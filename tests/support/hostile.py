@@ -406,7 +406,6 @@ def _container(draw: Any, X: Any, y: Any) -> Any:
                 lambda X: pd.Series(_shown(X)[:, 0]),
                 lambda X: dict(enumerate(X.T)),
                 lambda X: np.rec.fromarrays(list(X.T)),
-                memoryview,
             ]
         )
     )
