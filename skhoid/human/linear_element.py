@@ -94,7 +94,11 @@ def _evaluate(node: ast.AST, source: str) -> Ratio:
         return np.polyadd(np.polymul(top, d), np.polymul(n, bottom)), np.polymul(bottom, d)
     left = node.left
     divided = isinstance(left, ast.BinOp) and isinstance(left.op, ast.Div)
-    if isinstance(node.op, ast.MatMult) and divided and source[left.end_col_offset + 1] != ")":
+    if (
+        isinstance(node.op, ast.MatMult)
+        and divided
+        and source[(left.end_col_offset or 0) + 1] != ")"
+    ):
         raise TypeError(
             "it is not clear whether what follows a denominator belongs to it: write "
             '"1/(s(s+1))" or "(1/s)(s+1)"'
