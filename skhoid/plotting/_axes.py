@@ -65,14 +65,14 @@ def with_unit(quantity: str, unit: str | None) -> str:
     return f"{quantity}, {unit}" if unit else quantity
 
 
-def letters(figure: Any, size: float | None = None) -> int:
-    """Letters of a ``size`` in points (None: that of the style) in a line across the figure."""
-    return letters_across(figure.get_figwidth(), size)
+def letters(figure: Any) -> int:
+    """Letters in a line across the figure."""
+    return letters_across(figure.get_figwidth())
 
 
-def letters_across(width: float, size: float | None = None) -> int:
-    """Letters of a ``size`` in points (None: that of the style) in so many inches."""
-    return int(72.0 * width / (LETTER * (size or mpl.rcParams["font.size"])))
+def letters_across(width: float) -> int:
+    """Letters in so many inches."""
+    return int(72.0 * width / (LETTER * mpl.rcParams["font.size"]))
 
 
 def letters_above(panel: Axes) -> int:

@@ -135,6 +135,14 @@ SHARED = {
 }
 
 
+# What each class method that makes a display says at its end.
+ENDING = """
+        %(keywords)
+
+        %(display)
+        """
+
+
 @dataclass(kw_only=True, eq=False, repr=False)
 class Display:
     """What is to be drawn, computed before; :meth:`plot` draws it.
@@ -145,6 +153,12 @@ class Display:
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
+        for name, member in vars(cls).items():
+            described = getattr(member, "__func__", member)
+            if name.startswith("from_"):
+                described.__doc__ = f"{str(described.__doc__).rstrip()}{ENDING}"
+            elif name == "plot" and described.__doc__ is None:
+                described.__doc__ = Display.plot.__doc__
         for member in (cls, *vars(cls).values()):
             described = getattr(member, "__func__", member)
             doc = getattr(described, "__doc__", None)
@@ -152,6 +166,14 @@ class Display:
                 described.__doc__ = _filled_in(str(doc))
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
+        """Draw.
+
+        Parameters
+        ----------
+        %(keywords)
+
+        %(self)
+        """
         raise NotImplementedError
 
     def __repr__(self) -> str:

@@ -157,9 +157,6 @@ class ComparisonDisplay(ResidualPanels):
             Result of :func:`skhoid.compare`.
         kind : str, default="overview"
             What to draw: overview, ceiling, runs, time, frequency, amplitude, map or correlation.
-        %(keywords)
-
-        %(display)
         """
         if not isinstance(comparison, Comparison):
             raise TypeError(
@@ -194,22 +191,11 @@ class ComparisonDisplay(ResidualPanels):
             What to draw: overview, ceiling, runs, time, frequency, amplitude, map or correlation.
         estimation : (X, y) or None, default=None
             Data that the model was fitted on; with other options, call :func:`skhoid.compare`.
-        %(keywords)
-
-        %(display)
         """
         comparison = compare(model, X, y, estimation=estimation)
         return cls.from_comparison(comparison, kind, ax=ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
-        """Draw.
-
-        Parameters
-        ----------
-        %(keywords)
-
-        %(self)
-        """
         check_option("kind", self.kind, KINDS)
         self._forget()
         main = getattr(self, f"_draw_{self.kind}")(ax)
@@ -302,10 +288,11 @@ class ComparisonDisplay(ResidualPanels):
     def _shade(self, panel: Axes, worst: tuple[float, float]) -> None:
         """The worst window, in the colour of misfit if the model fails there."""
         by_time = self.comparison.by_time
-        together = by_time[is_of_all_runs(by_time)]
-        if not knows_repeats(together):  # over runs, so it is not known of one alone
-            together = by_time[by_time["run"] == self.run_]
-        raised = together[failing(together, self.comparison.false_alarm)]
+        windows, alone = by_time[is_of_all_runs(by_time)], by_time[by_time["run"] == self.run_]
+        # What repeats does so over runs: it is not known of one alone. The only run is all runs.
+        if not knows_repeats(windows) and len(alone):
+            windows = alone
+        raised = windows[failing(windows, self.comparison.false_alarm)]
         colour = ROLES["misfit"].colour if (raised["start"] == worst[0]).any() else GREY
         panel.axvspan(*worst, color=colour, alpha=0.2, lw=0)
         place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "top"}

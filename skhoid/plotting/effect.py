@@ -124,9 +124,6 @@ class EffectDisplay(Display):
             amplitudes and the duration of the runs of the fit, and draws no density.
         y : Series or array of shape (n_rows,) or None, default=None
             Measured output, for the density of its values. None takes what the model predicts.
-        %(keywords)
-
-        %(display)
         """
         model = getattr(model, "best_estimator_", model)
         check_is_fitted(model)
@@ -157,9 +154,6 @@ class EffectDisplay(Display):
         ----------
         shape : Shape or fitted EffectSearchCV
             What a search found, or the search, whose ``shape_`` is drawn.
-        %(keywords)
-
-        %(display)
         """
         if not isinstance(shape, Shape):
             check_search(shape, EffectSearchCV, cls.__name__)

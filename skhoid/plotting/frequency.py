@@ -91,9 +91,6 @@ class BodeDisplay(Display):
             Multiplies every response, for ``view="open_loop"``. None takes them as they are.
         view : {"operator", "open_loop"}, default="operator"
             ``"open_loop"`` marks crossover frequency and phase margin.
-        %(keywords)
-
-        %(display)
         """
         if controlled_element is not None and view == "operator":
             raise ValueError(
@@ -147,9 +144,6 @@ class BodeDisplay(Display):
             Name in the legend. None means the name of the class.
         compare : FrequencyResponse, list or dict of them, or None, default=None
             Other responses of the operator, or models of it, drawn first.
-        %(keywords)
-
-        %(display)
         """
         _, last = taken_apart(model)
         if omega is None:
@@ -171,14 +165,6 @@ class BodeDisplay(Display):
         )
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
-        """Draw.
-
-        Parameters
-        ----------
-        %(keywords)
-
-        %(self)
-        """
         check_option("view", self.view, ("operator", "open_loop"))
         self._take_axes(ax, "magnitude and phase", (2, 1), sharex=True, figsize=(6.4, 7.0))
         self.magnitude_: dict[str, Any] = {}

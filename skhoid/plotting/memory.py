@@ -100,9 +100,6 @@ class MemoryHorizonDisplay(Display):
             Gain of the cross-validated VAF over that without forgetting (Eqs. 31-32); that VAF
             itself (Fig. J.2); VAF of training less validation (Eqs. J.1-J.2), or their ratio
             (Eqs. J.3-J.4).
-        %(keywords)
-
-        %(display)
         """
         given = search if isinstance(search, Mapping) else {"": search}
         tables = [part for label, s in given.items() for part in _lines(str(label), s)]
@@ -126,9 +123,6 @@ class MemoryHorizonDisplay(Display):
             estimation less validation, ``"overfit_difference"`` (Eqs. J.1-J.2), or over it,
             ``"overfit_ratio"`` (Eqs. J.3-J.4); and VAF of validation over that of no forgetting,
             ``"tradeoff_ratio"`` (Eqs. J.5-J.6). Ratios are those of means.
-        %(keywords)
-
-        %(display)
         """
         means = summary.reset_index()
         means = means.assign(condition=means.get("condition", ""))
@@ -153,14 +147,6 @@ class MemoryHorizonDisplay(Display):
         return cls(results=means, kind=kind).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
-        """Draw.
-
-        Parameters
-        ----------
-        %(keywords)
-
-        %(self)
-        """
         check_option("kind", self.kind, [kind for kind in LABELS if kind in self.results])
         if not np.isfinite(self.results[self.kind]).any():
             raise ValueError(
@@ -244,13 +230,9 @@ class MemoryHorizonDisplay(Display):
     def _explain(self) -> None:
         found = legend_entries(self.axes_)
         best = self.results.loc[self.results["best"], "memory_horizon"].tolist()
-        text = f": $N_0$ = {_horizon_text(best[0])}" if len(best) == 1 else " of the line"
+        text = f": $N_0$ = {best[0]:g}".replace("inf", "∞") if len(best) == 1 else " of the line"
         found[f"best{text}"] = Line2D([], [], color=background(), **star(12))
         self._legend([*found.values()], [*found])
-
-
-def _horizon_text(horizon: float) -> str:
-    return "∞" if np.isinf(horizon) else f"{horizon:g}"
 
 
 def _horizon_axis(panel: Axes, horizons: np.ndarray) -> float:

@@ -81,22 +81,11 @@ class DelayLossDisplay(Display):
         search : DelaySearchCV
             Fitted.
         %(delays)
-        %(keywords)
-
-        %(display)
         """
         check_search(search, DelaySearchCV, cls.__name__)
         return cls(search=search, kind=kind, unit=unit).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
-        """Draw.
-
-        Parameters
-        ----------
-        %(keywords)
-
-        %(self)
-        """
         check_option("kind", self.kind, ("loss", "path"))
         search, dt = self.search, self.search.dt_
         if self.kind == "path" and not hasattr(search, "nk_path_"):
@@ -235,9 +224,6 @@ class VAFContourDisplay(Display):
             Fitted, by the VAF.
         factor : int or None, default=None
             Decimation factor to show; None means the chosen one.
-        %(keywords)
-
-        %(display)
         """
         check_search(search, OrderSearchCV, cls.__name__)
         if "mean_test_score" not in search.cv_results_:
@@ -250,14 +236,6 @@ class VAFContourDisplay(Display):
         return cls(search=search, factor=factor).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
-        """Draw.
-
-        Parameters
-        ----------
-        %(keywords)
-
-        %(self)
-        """
         n_searched = self._read()
         n_panels = len(self._nk)
         columns = n_panels if n_panels <= 3 else min(math.ceil(math.sqrt(n_panels)), 4)
@@ -298,7 +276,10 @@ class VAFContourDisplay(Display):
         self._factor = search.best_factor_ if self.factor is None else self.factor
         rows = [i for i, d in enumerate(results["param_factor"]) if d == self._factor]
         orders: dict[str, list[Any]] = {
-            name: sorted({results[f"param_{name}"][i] for i in rows}, key=_as_tuple)
+            name: sorted(
+                {results[f"param_{name}"][i] for i in rows},
+                key=lambda order: np.atleast_1d(order).tolist(),
+            )
             for name in ("nk", "nb", "na")
         }
         vaf = np.full([len(values) for values in orders.values()], np.nan)
@@ -382,10 +363,6 @@ class VAFContourDisplay(Display):
         look: dict[str, Any] = {"marker": "o", "ms": sized(17), "mfc": "none", "mec": VERMILION}
         look |= {"ls": "none", "mew": scaled(2.2), "zorder": 5}
         panel.plot(x, y, clip_on=False, label="chosen model", **look)
-
-
-def _as_tuple(value: Any) -> tuple[Any, ...]:
-    return value if isinstance(value, tuple) else (value,)
 
 
 def _levels(vaf: np.ndarray) -> np.ndarray:

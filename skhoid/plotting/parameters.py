@@ -142,9 +142,6 @@ class ParametersDisplay(Display):
         %(transition_time)
         parameters : sequence of str or None, default=None
             Names of the parameters to draw, such as ``["a1", "b0"]``. None draws all.
-        %(keywords)
-
-        %(display)
         """
         check_option("kind", kind, ("arx", "operator"))
         given = model if isinstance(model, Mapping) else {"estimate": model}
@@ -200,9 +197,6 @@ class ParametersDisplay(Display):
         %(transition_time)
         parameters : sequence of str or None, default=None
             Names of the parameters to draw. None draws all.
-        %(keywords)
-
-        %(display)
         """
         frames = dict(frame) if isinstance(frame, Mapping) else {"estimate": frame}
         for table in frames.values():
@@ -219,14 +213,6 @@ class ParametersDisplay(Display):
         ).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
-        """Draw.
-
-        Parameters
-        ----------
-        %(keywords)
-
-        %(self)
-        """
         of_operator = any("K_e" in table for table in self.frames.values())
         every = list(NAMES) if of_operator else _names(self.frames)
         for name in self.parameters or ():
@@ -397,12 +383,9 @@ class ParametersDisplay(Display):
             low, high = limits_of(held, outer, MUCH, MARGIN, least=0.0)
             if low < high:
                 panel.set_ylim(low, high)
-                note_outside(panel, self._counted(name), ("top", "right"))
-
-    def _counted(self, name: str) -> np.ndarray:
-        """The estimates that are counted where they are outside: not those of single runs."""
-        lines = [line for (_, of), line in self.lines_.items() if of == name]
-        return np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in lines])
+                lines = [line for (_, of), line in self.lines_.items() if of == name]
+                shown = np.concatenate([line.get_ydata() for line in lines]).astype(float)
+                note_outside(panel, shown, ("top", "right"))
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -478,9 +461,6 @@ class EnsembleDisplay(Display):
             a1, a2, b0, b1, or K_e, T_L, K_edot, omega_nm, zeta_nm.
         subjects : sequence of labels or None, default=None
             None means all that have runs in this condition.
-        %(keywords)
-
-        %(display)
         """
         check_option("form", form, FORMS)
         conditions = list(result.conditions)
@@ -540,9 +520,6 @@ class EnsembleDisplay(Display):
             row, as ``arx_parameters`` and ``parameters`` of the third result of
             :func:`skhoid.make_tracking_runs` are.
         %(transition_time)
-        %(keywords)
-
-        %(display)
         """
         needed = ["condition", "remnant_intensity", REPLICATION, "form", "time"]
         check_table(table, needed, cls.__name__)
@@ -575,14 +552,6 @@ class EnsembleDisplay(Display):
         return cls(columns=columns, title=title).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
-        """Draw.
-
-        Parameters
-        ----------
-        %(keywords)
-
-        %(self)
-        """
         columns = list(self.columns.values())
         names = list(columns[0].parameters or ())
         shape = len(names), len(columns)

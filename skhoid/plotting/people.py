@@ -112,21 +112,10 @@ class PeopleDisplay(Display):
             Of the identification.
         people : sequence of labels or None, default=None
             Whom to draw; None draws all.
-        %(keywords)
-
-        %(display)
         """
         return cls(result=result, people=people).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
-        """Draw.
-
-        Parameters
-        ----------
-        %(keywords)
-
-        %(self)
-        """
         groups, runs = self.result.groups, self.result.runs
         known = list(dict.fromkeys(groups["subject"]))
         self.people_ = known if self.people is None else list(self.people)
@@ -305,9 +294,6 @@ class GroupEffectsDisplay(Display):
         ----------
         search : fitted GroupEffectSearch
             The search.
-        %(keywords)
-
-        %(display)
         """
         check_is_fitted(search, "prevalence_")
         return cls(
@@ -318,14 +304,6 @@ class GroupEffectsDisplay(Display):
         ).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
-        """Draw.
-
-        Parameters
-        ----------
-        %(keywords)
-
-        %(self)
-        """
         rows = list(_rows(self.prevalence))
         self.rows_ = [(row.effect, row.condition) for row in rows]
         names = short_names(self.people, LONGEST)
@@ -521,9 +499,6 @@ class GroupMeansDisplay(Display):
             Of :func:`skhoid.lab.experiment.mixed_model`.
         kind : {"conditions", "forest"}, default="conditions"
             What to draw.
-        %(keywords)
-
-        %(display)
         """
         return cls(result=result, kind=kind).plot(ax, **kwargs)
 

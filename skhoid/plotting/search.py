@@ -128,9 +128,6 @@ class SearchDisplay(Display):
         ----------
         %(search)
         %(search_options)
-        %(keywords)
-
-        %(display)
         """
         if hasattr(search, "fit") or not hasattr(search, "error_path_"):
             check_search(search, EffectSearchCV, cls.__name__)
@@ -140,14 +137,6 @@ class SearchDisplay(Display):
         )
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
-        """Draw.
-
-        Parameters
-        ----------
-        %(keywords)
-
-        %(self)
-        """
         draw = {"path": self._draw_path, "steps": self._draw_steps, "ranking": self._draw_ranking}
         check_option("kind", self.kind, draw)
         self.lines_: dict[str, Any] = {}

@@ -118,9 +118,6 @@ class StudyBoxDisplay(Display):
         value : str or list of str
             Column of results. Several are panels below each other.
         %(boxes)
-        %(keywords)
-
-        %(display)
         """
         values = [value] if isinstance(value, str) else list(value)
         keys = [PLACE, group, *([by] if by else []), REPLICATION]
@@ -147,14 +144,6 @@ class StudyBoxDisplay(Display):
         ).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
-        """Draw.
-
-        Parameters
-        ----------
-        %(keywords)
-
-        %(self)
-        """
         columns = [None] if self.by is None else ordered(self.table[self.by])
         shape = len(self.values), len(columns)
         wide = 6.4 if shape[1] == 1 else 1.4 + min(3.8 * shape[1], 12.0)
@@ -356,9 +345,6 @@ class StudyResponseDisplay(Display):
         truth : callable or None, default=None
             The true response: a function of frequencies in rad/s, as ``frequency_response`` of a
             :class:`skhoid.HumanOperator` is.
-        %(keywords)
-
-        %(display)
         """
         table = summary.reset_index()
         needed = ["condition", "remnant_intensity", "method", "omega", *PARTS, "relative_sd"]
@@ -368,14 +354,6 @@ class StudyResponseDisplay(Display):
         return cls(summary=table, truth=truth).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
-        """Draw.
-
-        Parameters
-        ----------
-        %(keywords)
-
-        %(self)
-        """
         table = self.summary
         methods = sorted(set(table["method"]), key=[*METHODS, *table["method"]].index)
         intensities = ordered(table["remnant_intensity"])

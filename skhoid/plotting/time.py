@@ -122,9 +122,6 @@ class SimulationDisplay(Display):
             estimator.
         run : column name or position, or None, default=None
             Run column of data without a run index. None means that of the estimator.
-        %(keywords)
-
-        %(display)
         """
         if not hasattr(estimator, "predict"):
             raise TypeError(
@@ -170,9 +167,6 @@ class SimulationDisplay(Display):
             Sampling time in seconds of data without a time index (None: 1).
         run : array of shape (n_rows,) or None, default=None
             Run label of each row, for data without a run index.
-        %(keywords)
-
-        %(display)
         """
         check_consistent_length(y_true, y_pred)
         simulated = column_or_1d(np.asarray(unmasked(y_pred), dtype=float), warn=False)
@@ -382,9 +376,6 @@ class TrackingDisplay(Display):
             Begin and end of the times to draw, in s; the end is left out.
         transition : float or None, default=None
             Instant to mark, in s; known from ``truth`` where it is given.
-        %(keywords)
-
-        %(display)
         """
         layout = read_layout(X)
         n_runs = len(layout.labels)
@@ -420,14 +411,6 @@ class TrackingDisplay(Display):
         ).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
-        """Draw.
-
-        Parameters
-        ----------
-        %(keywords)
-
-        %(self)
-        """
         n = len(self.signals)
         size = 6.4, 1.0 + 1.5 * n
         self._take_axes(ax, "one for each signal", (n, 1), sharex=True, figsize=size)

@@ -108,9 +108,6 @@ class TournamentDisplay(Display):
         kind : {"winners", "bias", "settling"}, default="winners"
             The best method by cell; bias against standard deviation, medians over cells; noise
             before and settling time after the change, medians over runs with one.
-        %(keywords)
-
-        %(display)
         """
         check_option("kind", kind, COLUMNS)
         if kind == "winners":
@@ -127,14 +124,6 @@ class TournamentDisplay(Display):
         return cls(table=table.assign(causal=known), kind=kind).plot(ax, **kwargs)
 
     def plot(self, ax: Any = None, **kwargs: Any) -> Self:
-        """Draw.
-
-        Parameters
-        ----------
-        %(keywords)
-
-        %(self)
-        """
         check_option("kind", self.kind, COLUMNS)
         check_table(self.table, COLUMNS[self.kind], type(self).__name__)
         self.methods_ = list(dict.fromkeys(self.table["method"]))
