@@ -193,11 +193,7 @@ class CandidateTable:
         return float(np.min(known)), float(np.max(known))
 
     def triangles(self, training: list[RunRows]) -> tuple[list[Triangle], Triangle]:
-        """Factorise the rows whose lags all lie in each of several parts of the data, and all.
-
-        Each row is factorised once, together with the runs that are in the same parts; the
-        triangle of a part is merged of these. Only runs that a part cuts are read again.
-        """
+        """Factorise the rows whose lags all lie in each of several parts of the data, and all."""
         belongs = np.array([rows.whole for rows in training])
         _, unit_of = np.unique(belongs, axis=1, return_inverse=True)
         members = [np.flatnonzero(unit_of == unit) for unit in dict.fromkeys(unit_of.tolist())]
@@ -334,10 +330,7 @@ class Validation:
     def score_together(
         self, table: CandidateTable, models: FittedCandidates, number: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """VAF and its standard error of all candidates, fitted on the training rows of a fold.
-
-        NaN of candidates that could not be fitted.
-        """
+        """VAF and its standard error of all candidates, fitted on the training rows of a fold."""
         test = self.folds[number].test
         runs = np.flatnonzero(test.runs).tolist()
         rows = [self._scored(run, test.of_run(run)) for run in runs]

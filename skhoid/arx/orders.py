@@ -84,24 +84,9 @@ def _per_input(name: str, value: Any, n_inputs: int, least: int) -> tuple[int, .
 def regressors(
     y: np.ndarray, X: np.ndarray, begin: np.ndarray, end: np.ndarray, orders: Orders
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Stack regressors and output of all rows whose lags lie inside their stretch.
+    """Regressors (Eq. 10) with the output in the last column, of rows whose lags lie in a stretch.
 
-    Parameters
-    ----------
-    y : ndarray of shape (n_rows,)
-    X : ndarray of shape (n_rows, n_inputs)
-    begin, end : ndarray of int
-        Stretches of rows, which lags never cross.
-    orders : Orders
-
-    Returns
-    -------
-    table : ndarray of shape (n_used, n_params + 1), Fortran order
-        Regression vectors of Eq. 10, and the output in the last column.
-    rows : ndarray of int of shape (n_used,)
-        Row of each of them.
-    n_missing : int
-        Rows left out because a value in their lags is NaN.
+    With them the rows, and how many are left out because a value in their lags is NaN.
     """
     first = orders.first_row
     lengths = np.maximum(end - begin - first, 0)

@@ -103,10 +103,7 @@ class RecursionData:
         return cls(grid, inputs, output, orders, instants, signals, target)
 
     def first_window(self, seconds: float, runs: Any = None) -> np.ndarray:
-        """Regressors and output of the first seconds of all runs, or of some.
-
-        They count from the first row of a run that is measured and not NaN.
-        """
+        """Regressors and output of the first seconds of all runs, or of some."""
         grid, instants = self.grid, self.instants
         begin, end = grid.begin[grid.measured], grid.end[grid.measured]
         of_run = instants.run[begin]
@@ -346,11 +343,7 @@ def recurse(
 
 @dataclass
 class RunRecursion:
-    """One recursion over recorded runs: where it ends, and its path, smoothed if wanted.
-
-    ``covariance``, of theta at each instant, and ``used``, the variable forgetting factor, are
-    empty unless wanted.
-    """
+    """One recursion over recorded runs: where it ends, and its path, smoothed if wanted."""
 
     state: RecursionState
     theta: np.ndarray

@@ -65,11 +65,7 @@ class ModelSearch(RemembersParameters, SplitsRuns, FittedDisplay, BaseSearchCV):
     multimetric_ = False
 
     def _run_search(self, evaluate_candidates: Evaluate, variants: dict[Any, Any]) -> Any:
-        """Evaluate candidates of each variant, set ``cv_results_``, return the best one unfitted.
-
-        ``evaluate_candidates(variant, candidates, what)`` takes a function that gives candidates
-        ``{"na": ..., "nb": ..., "nk": ...}`` for a table of data.
-        """
+        """Evaluate candidates of each variant, set ``cv_results_``, return the best unfitted."""
         raise NotImplementedError
 
     def _variants(self, estimator: Any) -> dict[Any, Any]:

@@ -42,11 +42,7 @@ LANES = 16  # as many as the widest kernels of the recursion take
 
 
 class BankPaths(NamedTuple):
-    """What a bank records at each instant, axis 0 of the first three being the blocks of lanes.
-
-    ``factors`` of P are empty unless wanted; ``fits`` are log-likelihoods of the candidates, up to
-    a number for each instant.
-    """
+    """What a bank records at each instant, axis 0 of the first three being the blocks of lanes."""
 
     theta: np.ndarray
     errors: np.ndarray

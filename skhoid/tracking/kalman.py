@@ -93,10 +93,7 @@ def given_values(init: Mapping[str, Any]) -> np.ndarray:
 def batch_values(
     window: list[tuple[np.ndarray, np.ndarray, np.ndarray]], dt: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Start values, and standard errors of their logarithms, by a batch fit of windows.
-
-    Windows are sample numbers, e and y of each run.
-    """
+    """Start values, and standard errors of their logarithms, by a batch fit of windows."""
     index = pd.MultiIndex.from_arrays(
         [
             np.concatenate([np.full(numbers.size, i) for i, (numbers, *_) in enumerate(window)]),
@@ -222,11 +219,7 @@ def simulated(
 
 
 def fitted_noise(residuals: list[np.ndarray], dt: float, order: int) -> Noise:
-    """The remnant of an order most likely behind residuals of runs (Whittle).
-
-    Each residual's periodogram is compared with the spectrum of a sampled cascade of lags with
-    white noise added.
-    """
+    """The remnant of an order most likely behind residuals of runs (Whittle)."""
     variance = float(np.mean(np.concatenate([r[~np.isnan(r)] for r in residuals]) ** 2))
     variance = max(variance, 1e-300)
     if order == 0:

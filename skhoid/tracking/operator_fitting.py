@@ -80,11 +80,7 @@ class OperatorRecord:
         return max(1, round(1 / (RATE * self.dt)))
 
     def pieces(self, first: int, last: int, order: int) -> Pieces | None:
-        """The rows with sample numbers from ``first`` to ``last`` - 1; None where there are none.
-
-        Rows count after ``order`` others that are known and, at the start of a segment, after the
-        longest delay, or a quarter of the piece if that is less.
-        """
+        """The rows with sample numbers from ``first`` to ``last`` - 1; None if there are none."""
         table, valid, outputs = [], [], []
         place = counting = 0
         for begin, end, past in self.stretches.tolist():

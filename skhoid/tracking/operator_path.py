@@ -73,11 +73,7 @@ class OperatorPath(RunRegressor):
         values: Mapping[str, np.ndarray],
         deviations: Mapping[str, np.ndarray],
     ) -> None:
-        """Set the path at instants, given by their sample numbers of the grid from time zero.
-
-        ``values`` and ``deviations`` have the names of ``ESTIMATED``; ``deviations`` may have T_L,
-        whose standard deviation otherwise neglects the correlation of the two gains.
-        """
+        """Set the path at instants, given by their sample numbers of the grid from time zero."""
         self._numbers = np.asarray(numbers)
         self.time_path_ = self._numbers * self.dt_
         self._path = np.stack([np.asarray(values[name], float) for name in ESTIMATED], axis=-1)

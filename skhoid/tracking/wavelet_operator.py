@@ -44,12 +44,7 @@ def fit_responses(
     sd: np.ndarray,
     dt: float,
 ) -> ResponseFits:
-    """Fit K_e, K_edot, tau_e, omega_nm and zeta_nm to responses (n, n_frequencies), NaN if unknown.
-
-    Minimises the squares of (H - H_model) / sd by Levenberg-Marquardt, for all responses side by
-    side; each starts from the best of a grid, and from what fits the mean of all, and keeps the
-    better.
-    """
+    """Fit an operator to each response of an array (n, n_frequencies), NaN if unknown."""
     low, high = np.transpose(
         [[-np.inf, np.inf]] * 2
         + [np.log(LIMITS["omega_nm"]), np.log(LIMITS["zeta_nm"]), LIMITS["tau_e"]]

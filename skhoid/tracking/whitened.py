@@ -47,10 +47,7 @@ class Start:
 
 
 class Window:
-    """Stretches of signals and output without gaps, and the model's errors in them.
-
-    Signals are the inputs, and maybe ``external`` ones after them.
-    """
+    """Stretches of signals and output without gaps, and the model's errors in them."""
 
     def __init__(
         self,
