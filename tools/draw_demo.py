@@ -27,7 +27,7 @@ import pyte
 
 TARGET = Path(__file__).resolve().parents[1] / "docs" / "_static" / "demo.svg"
 COMMAND = "skhoid demo"
-LAST = "Search, step 1"  # the recording ends before the line with these words
+LAST = "Baseline:"  # the recording ends before the line with these words
 COLUMNS, ROWS = 80, 24
 KEYSTROKE, PAUSE, HOLD = 0.07, 1.5, 8.0  # s: of the typing, at most of the demo, at the end
 CELL, LINE, MARGIN, BAR = 8.4, 20.0, 16.0, 30.0  # px
