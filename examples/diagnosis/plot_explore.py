@@ -38,7 +38,7 @@ search.explore()
 
 from skhoid.lab.explore import Exploration
 
-by_hand = Exploration.of_search(search, X, y)
+by_hand = Exploration(search.estimator, X, y, search=search)
 by_hand.act("add", {"effect": "dead_zone"})
 by_hand.act("add", {"effect": "bias"})
 print(by_hand.script())
