@@ -30,7 +30,7 @@ from skhoid import HumanOperator
 from skhoid.plotting import StudyResponseDisplay
 
 truth = HumanOperator(K_e=0.09, T_L=0.4).frequency_response
-noisy = found.summary.loc[[("C1", 0.15), ("C1", 0.30)]]
+noisy = found.summary.loc[("C1", [0.15, 0.30]), :]
 _ = StudyResponseDisplay.from_summary(noisy, truth=truth)
 
 # %%

@@ -133,7 +133,9 @@ def _figures(table: pd.DataFrame) -> dict[str, Any]:
         from ...plotting import StudyResponseDisplay
 
         truth = task_of(condition, {}).operator.frequency_response
-        return StudyResponseDisplay.from_summary(summary.loc[[(condition, P_n)]], truth=truth)
+        return StudyResponseDisplay.from_summary(
+            summary.xs((condition, P_n), drop_level=False), truth=truth
+        )
 
     summary = _summary(table)
     cells = table[CELL].drop_duplicates().itertuples(index=False)
