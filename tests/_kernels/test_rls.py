@@ -111,6 +111,7 @@ def test_settings_side_by_side(lanes, kind):
                 np.testing.assert_array_equal(many[..., lane], one[..., 0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_kernel_of_four_parameters_gives_the_bits_of_that_for_all(kind):
     signals, y = odd_runs(6)
