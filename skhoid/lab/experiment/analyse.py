@@ -62,7 +62,7 @@ def analyse_cell(cell: Cell, plan: AnalysisPlan) -> tuple[dict[str, pd.DataFrame
     # Samples are numbered as in RunLayout.sample_numbers.
     first, stop = (int(np.floor(t / plan.dt + 0.25)) for t in (cell.start, cell.stop))
     numbers = np.arange(first, stop, max(round(STEP / plan.dt), 1))
-    validation = _CrossValidation(cell, plan)
+    predictions: list[tuple[int, str, np.ndarray]] = []
     theta: dict[str, list[np.ndarray]] = {form: [] for form in plan.horizons}
     for at, (a, b) in enumerate(zip(cell.starts[:-1], cell.starts[1:], strict=True)):
         part, output = shifted.iloc[a:b], cell.y.iloc[a:b]
@@ -74,9 +74,9 @@ def analyse_cell(cell: Cell, plan: AnalysisPlan) -> tuple[dict[str, pd.DataFrame
                 p0=1.0,
             ).fit(part, output)
             theta[form].append(_thinned(model, numbers, plan.dt))
-            validation.score(at, form, model.predict(shifted))
+            predictions.append((at, form, model.predict(shifted)))
         constant = ARXRegressor(fit_intercept=plan.fit_intercept).fit(part, output)
-        validation.score(at, "constant", constant.predict(shifted))
+        predictions.append((at, "constant", constant.predict(shifted)))
     paths = pd.concat(
         [_path_table(np.stack(each), form, cell, numbers, plan) for form, each in theta.items()]
     )
@@ -96,7 +96,7 @@ def analyse_cell(cell: Cell, plan: AnalysisPlan) -> tuple[dict[str, pd.DataFrame
         "scores": performance_scores(
             cell.X, cell.y, windows_of(cell, plan.region), roles={plan.input: "e"}
         ),
-        "validation": validation.table(),
+        "validation": _validation(cell, plan, predictions),
         "changes": changes,
         "delays": pd.DataFrame([delay]),
     }
@@ -182,44 +182,30 @@ def windows_of(cell: Cell, region: float) -> dict[str, tuple[float, float]]:
     return windows | {"fin": (fin, cell.stop)}
 
 
-class _CrossValidation:
+def _validation(
+    cell: Cell, plan: AnalysisPlan, predictions: list[tuple[int, str, np.ndarray]]
+) -> pd.DataFrame:
     """VAF of free runs, by the run that was fitted and the runs that are simulated."""
-
-    def __init__(self, cell: Cell, plan: AnalysisPlan) -> None:
-        time = cell.X.index.get_level_values(TIME).to_numpy(dtype=float)
-        self.y = cell.y.to_numpy()
-        known = ~np.isnan(self.y)
-        slack = 1e-6 * plan.dt
-        self.rows = {
-            name: known & (time >= start - slack) & (time < stop - slack)
-            for name, (start, stop) in windows_of(cell, plan.region).items()
-            if name in ("T_m", "tran")
-        }
-        self.run = np.repeat(np.arange(len(cell.labels)), np.diff(cell.starts))
-        self.labels = cell.labels
-        self.found: list[dict[str, Any]] = []
-
-    def score(self, run: int, form: str, prediction: np.ndarray) -> None:
-        errors = (self.y - np.asarray(prediction, dtype=float).ravel()) ** 2
-        n = len(self.labels)
-        for name, rows in self.rows.items():
-            lost = np.bincount(self.run[rows], errors[rows], n)
-            power = np.bincount(self.run[rows], self.y[rows] ** 2, n)
+    time = cell.X.index.get_level_values(TIME).to_numpy(dtype=float)
+    y, n = cell.y.to_numpy(), len(cell.labels)
+    run = np.repeat(np.arange(n), np.diff(cell.starts))
+    slack = 1e-6 * plan.dt
+    windows = windows_of(cell, plan.region)
+    found = []
+    for fitted, form, prediction in predictions:
+        errors = (y - np.asarray(prediction, dtype=float).ravel()) ** 2
+        for name in [window for window in ("T_m", "tran") if window in windows]:
+            start, stop = windows[name]
+            rows = ~np.isnan(y) & (time >= start - slack) & (time < stop - slack)
+            lost = np.bincount(run[rows], errors[rows], n)
             with np.errstate(divide="ignore", invalid="ignore"):
-                vaf = np.maximum(0.0, 100 * (1 - lost / power))
-            others = np.delete(vaf, run)
-            self.found.append(
-                {
-                    RUN: self.labels[run],
-                    "form": form,
-                    "window": name,
-                    "vaf_estimation": vaf[run],
-                    "vaf_validation": others.mean() if others.size else np.nan,
-                }
-            )
-
-    def table(self) -> pd.DataFrame:
-        return pd.DataFrame(self.found)
+                left = lost / np.bincount(run[rows], y[rows] ** 2, n)
+            vaf = np.maximum(0.0, 100 * (1 - left))
+            others = np.delete(vaf, fitted)
+            row = {RUN: cell.labels[fitted], "form": form, "window": name}
+            row |= {"vaf_estimation": vaf[fitted]}
+            found.append(row | {"vaf_validation": others.mean() if others.size else np.nan})
+    return pd.DataFrame(found)
 
 
 def _changes(batch: pd.DataFrame) -> pd.DataFrame:

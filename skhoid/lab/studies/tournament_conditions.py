@@ -210,8 +210,10 @@ def tournament_cells(
         text = f"{name}, {last}, 50 Hz"
         cells.append(TournamentCell(text, name, middle, own_order, 50.0, kind, "50 Hz"))
     for name, (condition, kind) in elements().items():
-        text, of = f"{name}, {last}", {"kind": kind, "family": "element"}
-        cells.append(TournamentCell(text, condition, middle, own_order, **of))
+        text = f"{name}, {last}"
+        cells.append(
+            TournamentCell(text, condition, middle, own_order, kind=kind, family="element")
+        )
     known = list(dict.fromkeys(_condition_name(cell) for cell in cells))
     for name in conditions or ():
         if name not in known:

@@ -76,10 +76,10 @@ def method_figures(
     for changes, also where there are none.
     """
     how, setting, watched = TOURNAMENT_METHODS[method], settings[cell], watching[cell]
-    _, path, vaf, failure = fitted(data, how, setting, delay)
+    path, vaf, failure = follow(data, how, setting, delay)
     path_of_alarms = path
     if watched != setting:
-        _, path_of_alarms, _, other = fitted(data, how, watched, delay)
+        path_of_alarms, _, other = follow(data, how, watched, delay)
         failure = failure or other
     return rows_of_path(data, how, path, vaf, path_of_alarms).assign(failure=failure)
 
@@ -91,33 +91,30 @@ def tuning_scores(
     how = TOURNAMENT_METHODS[method]
     rows = []
     for place, setting in enumerate(how.settings):
-        _, _, vaf, failure = fitted(data, how, setting, delay, path=False)
+        _, vaf, failure = follow(data, how, setting, delay, path=False)
         vaf = max(vaf, LOWEST_VAF) if np.isfinite(vaf) else LOWEST_VAF
         rows.append({"setting": place, "vaf": vaf, "failure": failure})
     return rows
 
 
-def fitted(
+def follow(
     data: DataSet, method: TournamentMethod, setting: Any, delay: str, *, path: bool = True
-) -> tuple[Any, pd.DataFrame | None, float, str | None]:
-    """The fitted model, its path of parameters, its validation VAF, and why there is none."""
-    model, found, vaf = None, None, np.nan
+) -> tuple[pd.DataFrame | None, float, str | None]:
+    """The path of parameters of a fitted model, its validation VAF, and why there is none."""
+    found = None
     assert data.validation is not None
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         try:
-            nk = total_delay(data, delay)
-            dt = 1 / data.task.sampling_rate
-            model = method.estimator(dt, nk, setting, data.truth.parameters)
-            model.fit(data.X, data.y)
+            nk, dt = total_delay(data, delay), 1 / data.task.sampling_rate
+            model = method.estimator(dt, nk, setting, data.truth.parameters).fit(data.X, data.y)
             if path:
                 found = method.read(model)
-            vaf = VAFScorer()(model, data.validation.X, data.validation.y)
+            return found, float(VAFScorer()(model, data.validation.X, data.validation.y)), None
         except MemoryError:
             raise
         except Exception as error:
-            return model, found, vaf, f"{type(error).__name__}: {error}"
-    return model, found, float(vaf), None
+            return found, np.nan, f"{type(error).__name__}: {error}"
 
 
 def total_delay(data: DataSet, delay: str) -> int:
