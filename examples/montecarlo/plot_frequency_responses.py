@@ -30,7 +30,7 @@ from skhoid import HumanOperator
 from skhoid.plotting import StudyResponseDisplay
 
 truth = HumanOperator(K_e=0.09, T_L=0.4).frequency_response
-noisy = found.summary.loc[("C1", [0.15, 0.30]), :]
+noisy = found.summary.query("condition == 'C1' and remnant_intensity > 0")
 _ = StudyResponseDisplay.from_summary(noisy, truth=truth)
 
 # %%

@@ -163,7 +163,9 @@ class MemoryHorizonDisplay(Display):
         self._take_axes(ax, shows, shape, used=used, figsize=size)
         self.lines_: dict[tuple[str, str], Any] = {}
         for number, (name, panel) in enumerate(zip(names, self.axes_, strict=True)):
-            infinite = _horizon_axis(panel, self.results["memory_horizon"].to_numpy(float))
+            infinite = _horizon_axis(
+                panel, self.results["memory_horizon"].to_numpy(float), MOST_TICKS // min(columns, 2)
+            )
             panel.set_title(name, fontsize="medium")
             rows = self.results[self.results["panel"] == name]
             for position, line in enumerate(dict.fromkeys(self.results["line"])):
@@ -235,13 +237,13 @@ class MemoryHorizonDisplay(Display):
         self._legend([*found.values()], [*found])
 
 
-def _horizon_axis(panel: Axes, horizons: np.ndarray) -> float:
+def _horizon_axis(panel: Axes, horizons: np.ndarray, most: int) -> float:
     """A logarithmic axis of samples with infinity at its end; return where that stands."""
     horizons = np.unique(horizons)
     finite = horizons[np.isfinite(horizons)]
     infinite = float(finite[-1] * 2**AFAR) if finite.size else 2.0
     panel.set_xscale("log", base=2)
-    ticks = finite[:: -(-finite.size // MOST_TICKS) or 1].tolist()
+    ticks = finite[:: -(-finite.size // most) or 1].tolist()
     if finite.size < horizons.size:
         ticks.append(infinite)
     panel.set_xticks(ticks, ["∞" if tick == infinite else f"{tick:g}" for tick in ticks])
