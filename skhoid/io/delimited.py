@@ -151,8 +151,8 @@ class _Sheet:
     def wrong_row(self, said: str) -> str:
         """Name the first row that has more cells than the header."""
         if "EOF inside string" in said:
-            row = int(said.rpartition(" ")[2])
-            return _open_quote(self.path, self.skip + row + 1)
+            last = int(said.rpartition(" ")[2])
+            return _open_quote(self.path, self.skip + last + 1)
         with _open(self.path, self.encoding, self.skip) as file:
             rows = csv.reader(file, delimiter=self.separator, skipinitialspace=True)
             for row in rows:

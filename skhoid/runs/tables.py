@@ -212,15 +212,15 @@ class _Columns:
 
     def _index_of(self, label: Any, clock: Any) -> str:
         """The call that makes the row index of these columns, and of outer levels beside them."""
-        outer = {}
+        outer: dict[Any, str] = {}
         for word, wanted in OUTER_WORDS.items() if label is not None else ():
             named = [name for name, _ in self._called(word)] if word in OUTER else []
             named += [n for n, values in self._like(word) if labelled_stretches(values, word)]
             for name in named:
                 if name != label and wanted not in outer.values():
                     outer[name] = wanted
-        named = outer | {label: RUN, clock: TIME}
-        renamed = {old: new for old, new in named.items() if old not in (None, new)}
+        names = outer | {label: RUN, clock: TIME}
+        renamed = {old: new for old, new in names.items() if old not in (None, new)}
         levels = [*outer.values(), *([] if label is None else [RUN]), TIME]
         text = "X = X" if isinstance(self.X, pd.DataFrame) else "X = X.to_pandas()"
         if self.level is not None:

@@ -7,6 +7,7 @@ The numbers stand in support/thesis_numbers.py. What is left out is listed, with
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.pipeline import make_pipeline
 from support.matlab_randn import randn
@@ -74,8 +75,10 @@ def chapter_5_task():
 @pytest.fixture(scope="module")
 def chapter_5_runs(chapter_5_task):
     """The run of Figs. 5.5-5.8: rng(110); randn(1, 81920)."""
-    noise = randn(110, (1, 81920))
-    return make_tracking_runs(chapter_5_task, 1, channels=["e", "f_t"], noise=noise)
+    record = chapter_5_task.simulate(noise=randn(110, (1, 81920)))
+    index = pd.MultiIndex.from_product([[0], record.time], names=["run", "time"])
+    X = pd.DataFrame({"e": record.e[0], "f_t": record.f_t[0]}, index=index)
+    return X, pd.Series(record.u[0], index=index, name="u")
 
 
 @pytest.fixture(scope="module")
