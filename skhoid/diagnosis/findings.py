@@ -543,8 +543,8 @@ class Advice:
         p); N is twice the bandwidth of the output times the duration.
         """
         c, p = self.c, self.then.n_parameters
-        differ = "hese runs differ from those the model was fitted to"
-        either = f"The model has learnt the noise of its own runs, or t{differ}."
+        differ = "these runs differ from those the model was fitted to"
+        either = f"The model has learnt the noise of its own runs, or {differ}."
         if p is None:
             return True, either
         seconds = float(c.by_run.loc[c.by_run["data"] == "estimation", "duration"].sum())
@@ -555,8 +555,8 @@ class Advice:
         if learnt > (c.overfit_ratio - 1) / 2:
             return True, either
         return False, (
-            f"T{differ}: {counted(p, 'parameter')} cannot have learnt that much noise from "
-            f"{seconds:.4g} s of data."
+            f"{counted(p, 'parameter').capitalize()} cannot have learnt that much noise from "
+            f"{seconds:.4g} s of data: {differ}."
         )
 
     def not_located(self, named: float, any_located: bool) -> Iterator[Finding]:

@@ -15,7 +15,6 @@ PUBLIC_IN_SPITE_OF_THEIR_NAME = {
 # Of other libraries, where there is no public way.
 ALLOWED = {
     ("_sklearn.py", "_getframe"): "who asks for coef_; Python documents it",
-    ("lab/workbench/jobs.py", "_exit"): "ends a process from a thread; Python documents it",
     ("plotting/_display.py", "_left_title"): "Matplotlib gives the words, but not the artist",
     ("plotting/_display.py", "_suptitle"): "the same",
 }

@@ -32,7 +32,7 @@ def reads_words(node):
         given = texts_in(node.args[0]) if node.func.attr in READS and node.args else []
         return any(WORDS.search(text) for text in given)
     if isinstance(node, ast.Compare):
-        sides = [node.left, *node.comparators]
+        sides = [s for s in (node.left, *node.comparators) if not isinstance(s, ast.Call)]
         return any(SENTENCE.search(text) for side in sides for text in texts_in(side))
     return False
 
