@@ -24,11 +24,11 @@ NUMBERS = ("weight", "instants", "fresh", "solved", "updates", "total", "judged"
 def layout(n_params):
     """Offsets of the quantities in a state buffer.
 
-    Of the last solution, ``A`` is the factor U of R + penalty = U'U, or the pseudoinverse of R, and
-    ``meat`` is S + penalty, or S: what is between two inverses in the covariance of theta. Numbers:
-    the sum of the weights of all rows; instants so far; updates since the last solution; whether
-    there is one; updates; the sum of the squared errors over their expected size in sigma², and how
-    many they are; instants without new information.
+    Of the last solution, ``A`` is the factor U of R + penalty = U'U, and ``meat`` is S + penalty:
+    what is between two inverses in the covariance of theta. Numbers: the sum of the weights of all
+    rows; instants so far; updates since the last solution; whether there is one; updates; the sum
+    of the squared errors over their expected size in sigma², and how many they are; instants
+    without new information.
     """
     sizes = [n_params**2] * len(MATRICES) + [n_params] * len(VECTORS) + [1] * len(NUMBERS)
     offsets = np.concatenate(([0], np.cumsum(sizes))).tolist()
@@ -36,17 +36,14 @@ def layout(n_params):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def penalties(R, weight, owner, prior, ridge, out):
-    """ridge trace(prior R) / weight of each input, for its parameters; 0 for those of none."""
+def penalties(R, weight, owner, ridge, out):
+    """ridge trace(R) / weight of each input, for its parameters; 0 for those of none."""
     n = owner.size
     for j in range(owner.max() + 1):
         total = 0.0
         for i in range(n):
             if owner[i] == j:
-                total += prior[i, i] * R[i, i]
-                for k in range(i + 1, n):
-                    if owner[k] == j:
-                        total += 2.0 * prior[i, k] * R[i, k]
+                total += R[i, i]
         for i in range(n):
             if owner[i] == j:
                 out[i] = ridge * total / weight
@@ -98,19 +95,6 @@ def solve(U, b, x):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def apply(A, full, b, x):
-    """x = (R + penalty)^-1 b, or R^+ b where ``A`` is the whole pseudoinverse."""
-    if not full:
-        solve(A, b, x)
-        return
-    for i in range(b.size):
-        value = 0.0
-        for k in range(b.size):
-            value += A[i, k] * b[k]
-        x[i] = value
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
 def square(S, x):
     """x'S x."""
     total = 0.0
@@ -123,7 +107,7 @@ def square(S, x):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def sandwich(A, full, S, out):
+def sandwich(A, S, out):
     """(R + penalty)^-1 S (R + penalty)^-1, the covariance of theta over sigma²; S is ``meat``."""
     n = A.shape[0]
     column, found = np.empty(n), np.empty(n)
@@ -131,10 +115,10 @@ def sandwich(A, full, S, out):
     for k in range(n):
         for i in range(n):
             column[i] = S[min(i, k), max(i, k)]
-        apply(A, full, column, found)
+        solve(A, column, found)
         half[:, k] = found
     for k in range(n):
-        apply(A, full, half[k], found)
+        solve(A, half[k], found)
         out[k] = found
     for i in range(n):
         for k in range(i):
@@ -145,23 +129,20 @@ def sandwich(A, full, S, out):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def advance(
-    Z, target, columns, lags, owner, penalty, prior, begin, end, factor, ridge, every, state, path,
-    spread, errors,
+    Z, target, columns, lags, owner, begin, end, factor, ridge, every, state, path, spread, errors,
 ):  # fmt: skip
     """Advance a recursion over the instants from ``begin`` to ``end``.
 
     Z, of shape (n_signals, n_instants, n_runs), holds the signals of which regressor k is that of
     ``columns[k]`` at ``lags[k]`` instants before; ``target`` the output, NaN where it gives no
-    update. Parameter k belongs to input ``owner[k]``, or to none (-1) if it is never penalised.
-    ``penalty``, the inverse of ``prior``, is multiplied by :func:`penalties`. After each ``every``
-    instants theta is solved for; 0 leaves that to the caller, who then sets ``A`` to the whole
-    pseudoinverse. ``state`` is laid out by :func:`layout`.
+    update. Parameter k belongs to input ``owner[k]``, or to none (-1) if it is never penalised;
+    the penalty is diag(:func:`penalties`). After each ``every`` instants theta is solved for.
+    ``state`` is laid out by :func:`layout`.
 
     Outputs, which are left alone if of size 0: theta and its covariance over sigma² after each
     solution, and of each instant and run the error by the theta known before.
     """
     n = owner.size
-    full = every == 0
     size = n * n
     R = state[:size].reshape(n, n)
     S = state[size : 2 * size].reshape(n, n)
@@ -197,8 +178,8 @@ def advance(
             if errors.size > 0:
                 errors[t, r] = error
             numbers[4] += 1.0
-            if numbers[3] > 0.0 and (not full or numbers[4] > n):
-                apply(A, full, phi, z)
+            if numbers[3] > 0.0:
+                solve(A, phi, z)
                 numbers[5] += error * error / (1.0 + square(meat, z))
                 numbers[6] += 1.0
             if power == 0.0 or (numbers[0] > 0.0 and power * numbers[0] <= UNEXCITED * mean):
@@ -217,25 +198,27 @@ def advance(
         if asked and not informed:
             numbers[7] += 1.0
         numbers[1] += 1.0
-        if full or numbers[1] % every != 0.0:
+        if numbers[1] % every != 0.0:
             continue
         if numbers[2] > 0.0:
-            penalties(R, numbers[0], owner, prior, ridge, scale)
+            penalties(R, numbers[0], owner, ridge, scale)
             for i in range(n):
                 for k in range(i, n):
-                    U[i, k] = R[i, k] + scale[i] * penalty[i, k]
+                    U[i, k] = R[i, k]
+                U[i, i] += scale[i]
             if factorise(U):
                 A[:] = U
                 for i in range(n):
                     for k in range(i, n):
-                        meat[i, k] = S[i, k] + scale[i] * penalty[i, k]
+                        meat[i, k] = S[i, k]
+                    meat[i, i] += scale[i]
                 solve(A, s, theta)
                 numbers[2], numbers[3] = 0.0, 1.0
         if path.size > 0:
             path[n_solved] = theta
         if spread.size > 0:
             if numbers[3] > 0.0:
-                sandwich(A, False, meat, spread[n_solved])
+                sandwich(A, meat, spread[n_solved])
             else:
                 spread[n_solved] = np.nan
         n_solved += 1

@@ -18,7 +18,6 @@ from numba.extending import register_jitable
 
 UKF, EKF, DUAL = 0, 1, 2
 OMEGA, ZETA, TAU, GAIN, RATE, Z, DZ, REMNANT = range(8)
-N_PARAMETERS = 5
 N_PATH = 11  # five logarithms, their variances, and the covariance of the two gains
 TINY = 1e-13  # of a variance, below which the rest of it is rounding
 EASY = 0.25  # square of an angle up to which series are used
@@ -34,20 +33,19 @@ SETTINGS = (
     "least_scale",
     "most_scale",
     "most_variance",  # of a logarithm
-    "frozen",  # whether the covariance is kept as it is
     "sign_gain",
     "sign_rate",
 )
 N_SETTINGS = len(SETTINGS)
 (
-    DT, NOISE, REACH, BEND, GATE, USUAL, SCALE_GAIN, LEAST_SCALE, MOST_SCALE, MOST_VARIANCE, FROZEN,
+    DT, NOISE, REACH, BEND, GATE, USUAL, SCALE_GAIN, LEAST_SCALE, MOST_SCALE, MOST_VARIANCE,
     SIGN_GAIN, SIGN_RATE,
 ) = range(N_SETTINGS)  # fmt: skip
 
 
 WALK, LOW, HIGH, JITTER, START, MATRICES = np.cumsum([N_SETTINGS, 5, 5, 5, 2, 2]).tolist()
-(SCALE, SINCE, BLOCKED, ERROR, UPDATES, GATED, CLAMPED) = range(7)  # numbers of a state
-SQUARES, LOGS, NEXT, N_NUMBERS = range(11, 15)
+(SCALE, SINCE, BLOCKED, ERROR, UPDATES, CLAMPED) = range(6)  # numbers of a state
+SQUARES, LOGS, NEXT, N_NUMBERS = range(10, 14)
 
 
 def settings_layout(m):
@@ -62,7 +60,7 @@ def layout(m):
     n = 7 + m
     numbers = 4 * n + n * n
     names = {"scale": SCALE, "since": SINCE, "blocked": BLOCKED, "error": ERROR}
-    names |= {"updates": UPDATES, "gated": GATED, "clamped": CLAMPED, "squares": SQUARES}
+    names |= {"updates": UPDATES, "clamped": CLAMPED, "squares": SQUARES}
     names |= {"logs": LOGS, "at": NEXT, "ring": N_NUMBERS}
     return {"x": 0, "P": n, "W": n + n * n} | {name: numbers + at for name, at in names.items()}
 
@@ -162,14 +160,13 @@ def rest(numbers, x, P, W, settings, stationary):
     """Begin a run, or go on after a gap: the signals before are not known."""
     for i in range(Z, x.size):
         x[i] = 0.0
-    if settings[FROZEN] == 0:
-        for i in range(Z, x.size):
-            for j in range(x.size):
-                P[i, j] = P[j, i] = 0.0
-        P[Z, Z], P[DZ, DZ] = settings[START], settings[START + 1]
-        for i in range(len(stationary)):
-            for j in range(len(stationary)):
-                P[7 + i, 7 + j] = numbers[SCALE] * stationary[i, j]
+    for i in range(Z, x.size):
+        for j in range(x.size):
+            P[i, j] = P[j, i] = 0.0
+    P[Z, Z], P[DZ, DZ] = settings[START], settings[START + 1]
+    for i in range(len(stationary)):
+        for j in range(len(stationary)):
+            P[7 + i, 7 + j] = numbers[SCALE] * stationary[i, j]
     for k in range(3):
         for i in range(x.size):
             W[k, i] = 0.0
@@ -465,20 +462,19 @@ def advance(
     """
     M = round(np.sqrt((settings.shape[1] - MATRICES) / 3))
     N = 7 + M
-    L, kept, slopes = np.zeros((N, N)), np.empty(N * N), np.zeros((2, 6))
+    L, slopes = np.zeros((N, N)), np.zeros((2, 6))
     moves, cross, h = np.zeros((7, 2)), np.zeros(N), np.zeros(N)
     for lane in range(states.shape[0]):
         state, own = states[lane], settings[lane]
         after = N + N * N
-        x, flat, both = state[:N], state[N:after], state[:after]
-        P = flat.reshape((N, N))
+        x, both = state[:N], state[:after]
+        P = state[N:after].reshape((N, N))
         W = state[after : after + 3 * N].reshape((3, N))
         after += 3 * N
         numbers, ring = state[after : after + N_NUMBERS], state[after + N_NUMBERS :]
         matrices = own[MATRICES:].reshape((3, M, M))
         transition, drive, stationary = matrices[0], matrices[1], matrices[2]
         row = lane if y.shape[0] > 1 else 0
-        frozen = own[FROZEN] > 0
         for t in range(begin, end):
             if fresh[row, t] == 2:
                 continue
@@ -493,8 +489,6 @@ def advance(
                             crosses[lane, t, i, j] = 0.0
             known = y[row, t] == y[row, t] and numbers[BLOCKED] <= 0
             ready = numbers[SINCE] >= np.exp(x[TAU]) / own[DT] + 2
-            if frozen:
-                copied(flat, kept)
             if ready:
                 if method == UKF:
                     v11, v12, v22 = predicted_unscented(numbers, ring, own, x, P, L, moves)
@@ -512,8 +506,6 @@ def advance(
                 if known:
                     for i in range(5):
                         P[i, i] += own[WALK + i]
-            if frozen:
-                copied(kept, flat)
             if errors.size > 0:
                 errors[lane, t, 0] = errors[lane, t, 1] = np.nan
             if priors.size > 0:
@@ -533,14 +525,11 @@ def advance(
                 numbers[UPDATES] += 1
                 most = own[GATE] * own[GATE] * own[USUAL]
                 if square > most:
-                    numbers[GATED] += 1
                     variance *= np.sqrt(square / most)
                 if method == DUAL:
                     dual_corrected(x, P, W, h, cross, innovation, variance)
                 else:
                     corrected(x, P, cross, innovation, variance)
-                if frozen:
-                    copied(kept, flat)
                 bounded(numbers, own, x, P)
                 change = own[SCALE_GAIN] * (min(square, most) / own[USUAL] - 1)
                 scale = numbers[SCALE] * (1 + change)

@@ -477,15 +477,13 @@ def free_runs(signals, columns, lags, na, begin, end, past, path, at, bound, out
     """Simulate rows of one recording freely along several parameter paths.
 
     Regressor ``k >= na`` is signal ``columns[k]``, of shape (n_signals, n_rows), at ``lags[k]``
-    rows before, zero before row ``past`` of its stretch; signal 0 is the output to compare with,
-    NaN where not. Row t is simulated with ``path[at[t]]``, of shape (n_params, lanes), from zero
-    outputs at the beginning of each stretch, and is held within ``+-bound``.
+    rows before, zero before row ``past`` of its stretch. Row t is simulated with ``path[at[t]]``,
+    of shape (n_params, lanes), from zero outputs at the beginning of each stretch, and is held
+    within ``+-bound``.
 
-    The output of the rows from ``begin[0]`` to ``end[-1]`` is left in ``out``, unless that has
-    size 0. Returns the sum of the squared errors by lane.
+    The output of the rows from ``begin[0]`` to ``end[-1]`` is left in ``out``.
     """
     n_params, lanes = path.shape[1:]
-    lost = np.zeros(lanes)
     ring = np.zeros((na + 1, lanes))  # outputs
     for stretch in range(begin.size):
         for t in range(begin[stretch], end[stretch]):
@@ -503,11 +501,4 @@ def free_runs(signals, columns, lags, na, begin, end, past, path, at, bound, out
                     new[j] -= theta[k, j] * last[j]
             for j in range(lanes):
                 new[j] = min(max(new[j], -bound), bound)
-            if out.size > 0:
-                for j in range(lanes):
-                    out[t - begin[0], j] = new[j]
-            y = signals[0, t]
-            if y == y:
-                for j in range(lanes):
-                    lost[j] += (y - new[j]) * (y - new[j])
-    return lost
+                out[t - begin[0], j] = new[j]

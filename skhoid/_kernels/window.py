@@ -198,7 +198,7 @@ def _solve(normal, right, damping):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _columns(e, time, pieces, thin, dt, q, share_of, n_shares, n_rows, out):
+def _columns(e, time, pieces, thin, dt, q, share_of, n_shares, out):
     """Responses to unit gains and, in the last two rows, to unit states at the beginning."""
     longest = 0
     for s in range(len(pieces)):
@@ -264,7 +264,7 @@ def evaluated(e, time, y, pieces, valid, thin, dt, q, ar, share_of, n_shares):
     """
     n_gains = 2 + int(share_of[0] >= 0) + int(share_of[1] >= 0)
     columns = np.zeros((n_gains + 2, y.size))
-    _columns(e, time, pieces, thin, dt, q, share_of, n_shares, y.size, columns)
+    _columns(e, time, pieces, thin, dt, q, share_of, n_shares, columns)
     n = valid.size
     white = np.empty((n_gains, n))
     own = np.empty((2, n))

@@ -205,7 +205,6 @@ def simulated(
         "least_scale": 1.0,
         "most_scale": 1.0,
         "most_variance": 1.0,
-        "frozen": 0.0,
     }
     settings = settings_of(start, dt, np.zeros(5), bounds, options)
     state = state_of(start, dt, start.errors, bounds)
@@ -443,7 +442,6 @@ class KalmanPlan:
             "least_scale": SCALES[0],
             "most_scale": SCALES[1],
             "most_variance": MOST_VARIANCE,
-            "frozen": 0.0,
         }
 
 

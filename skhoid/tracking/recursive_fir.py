@@ -35,7 +35,6 @@ class FIRFilter(Recursion):
         self.columns, self.lags = kernel_regressors(orders)
         n_inputs, n = len(orders.nb), orders.n_params
         self.owner = np.where(self.columns <= n_inputs, self.columns - 1, -1)
-        self.penalty = np.eye(n)
         offsets = list(_kernels.fir.layout(n).items())
         self._where = {name: slice(begin, end) for (name, begin), (_, end) in pairwise(offsets)}
         self.state = np.zeros(offsets[-1][1])
@@ -53,8 +52,8 @@ class FIRFilter(Recursion):
     def run(self, signals: np.ndarray, target: np.ndarray, begin: int, end: int, *out: Any) -> None:
         """Take instants; ``out`` are the path of theta, its covariance over σ², and errors."""
         _kernels.fir.advance(
-            signals, target, self.columns, self.lags, self.owner, self.penalty, self.penalty, begin,
-            end, self.factor, self.ridge, self.every, self.state, *out,
+            signals, target, self.columns, self.lags, self.owner, begin, end, self.factor,
+            self.ridge, self.every, self.state, *out,
         )  # fmt: skip
 
     @property
@@ -76,7 +75,7 @@ class FIRFilter(Recursion):
         out = np.full((n, n), np.nan)
         if self.part("solved")[0]:
             A, S = (self.part(name).reshape(n, n) for name in ("A", "meat"))
-            _kernels.fir.sandwich(A, False, S, out)
+            _kernels.fir.sandwich(A, S, out)
         return self.noise_variance * out
 
     @property
@@ -89,10 +88,8 @@ class FIRFilter(Recursion):
         n, weight = self.owner.size, self.part("weight")[0]
         if weight == 0.0:
             return np.zeros(len(self.orders.nb))
-        above = np.triu(self.part("R").reshape(n, n))  # the kernel keeps no more
-        R = above + np.triu(above, 1).T
-        of_tap = np.zeros(n)
-        _kernels.fir.penalties(R, weight, self.owner, self.penalty, self.ridge, of_tap)
+        R, of_tap = self.part("R").reshape(n, n), np.zeros(n)
+        _kernels.fir.penalties(R, weight, self.owner, self.ridge, of_tap)
         return np.array([of_tap[self.owner == j][0] for j in range(len(self.orders.nb))])
 
     def remember(self, signals: np.ndarray) -> None:

@@ -22,7 +22,6 @@ def settings(m=1, **changes):
         "least_scale": 0.05,
         "most_scale": 50.0,
         "most_variance": 1.0,
-        "frozen": 0.0,
         "sign_gain": 1.0,
         "sign_rate": 1.0,
     }

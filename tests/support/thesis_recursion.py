@@ -63,12 +63,12 @@ def vaf_along(path, e, u):
     """VAF of free runs from zero, the error being known one sample before the window."""
     signals = np.full((2, TRANSITION.stop + 1), np.nan)
     signals[1] = e
-    signals[0, TRANSITION.start + 1 :] = u[TRANSITION]
     instants = np.maximum(np.arange(-1, TRANSITION.stop), 0)
     begin, end, past = np.array([1]), np.array([TRANSITION.stop + 1]), np.array([0])
-    none = np.empty((0, path.shape[2]))
-    lost = free_runs(
+    free = np.empty((TRANSITION.stop, path.shape[2]))
+    free_runs(
         signals, *kernel_regressors(ORDERS), ORDERS.na, begin, end, past, path, instants, 1e100,
-        none,
+        free,
     )  # fmt: skip
+    lost = np.square(u[TRANSITION, None] - free[TRANSITION]).sum(axis=0)
     return np.maximum(0.0, 100 * (1 - lost / np.sum(u[TRANSITION] ** 2)))
