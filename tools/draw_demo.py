@@ -31,7 +31,7 @@ LAST = "Baseline:"  # the recording ends before the line with these words
 COLUMNS, ROWS = 80, 24
 KEYSTROKE, PAUSE, HOLD = 0.07, 1.5, 8.0  # s: of the typing, at most of the demo, at the end
 CELL, LINE, MARGIN, BAR = 8.4, 20.0, 16.0, 30.0  # px
-PAPER, INK, DIM, PROMPT = "#1b1f24", "#e6e8eb", "#9aa4af", "#56B4E9"
+PAPER, INK, DIM = "#1b1f24", "#e6e8eb", "#9aa4af"
 COLOURS = {  # of the terminal: Okabe and Ito's
     "red": "#D55E00",
     "green": "#1fbf8f",

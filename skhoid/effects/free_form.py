@@ -273,9 +273,9 @@ class FreeForm(Effect):
         return self.curve(self.curve.basis, at)
 
 
-def quantile_knots(signal: np.ndarray, n_knots: int = N_KNOTS) -> tuple[float, ...]:
+def quantile_knots(signal: np.ndarray) -> tuple[float, ...]:
     """Knots at quantiles of a signal, none closer than a hundredth of their range."""
-    levels = np.linspace(TAIL, 1 - TAIL, n_knots)
+    levels = np.linspace(TAIL, 1 - TAIL, N_KNOTS)
     found = np.quantile(signal, levels)
     least = 0.01 * (found[-1] - found[0])
     kept = [found[0]]

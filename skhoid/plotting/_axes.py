@@ -92,11 +92,11 @@ def wrapped(text: str, width: int) -> str:
     return lines if KEPT in text else lines.replace(KEPT, " ")
 
 
-def legend_columns(labels: Iterable[str], width: int, most: int | None = None) -> int:
-    """Columns of a legend with as few rows as fit into so many letters; no more than ``most``."""
+def legend_columns(labels: Iterable[str], width: int) -> int:
+    """Columns of a legend with as few rows as fit into so many letters."""
     lengths = [len(re.sub(r"[$\\_^{}]", "", label)) + HANDLE for label in labels]
     for rows in range(1, len(lengths)):
-        columns = min(-(-len(lengths) // rows), most or len(lengths))
+        columns = -(-len(lengths) // rows)
         if sum(part.max() for part in np.array_split(lengths, columns)) <= width:
             return columns
     return 1
@@ -121,11 +121,11 @@ def note_outside(panel: Axes, values: np.ndarray, corner: tuple[str, str]) -> An
     return corner_note(panel, f"{outside} of {shown.size} outside", corner)
 
 
-def corner_note(panel: Axes, text: str, corner: tuple[str, str], edge: float = 0.04) -> Any:
+def corner_note(panel: Axes, text: str, corner: tuple[str, str]) -> Any:
     """Small text in a corner of the panel, on its background."""
     return panel.text(
         {"left": 0.01, "right": 0.99}[corner[1]],
-        {"bottom": edge, "top": 1.0 - edge}[corner[0]],
+        {"bottom": 0.04, "top": 0.96}[corner[0]],
         text,
         transform=panel.transAxes,
         ha=corner[1],
@@ -164,10 +164,10 @@ def limits_of(
     return low - beyond, high + beyond
 
 
-def plain_logarithmic(axis: Axis, few: float = FEW_DECADES, *, minor_ticks: bool = True) -> None:
+def plain_logarithmic(axis: Axis, *, minor_ticks: bool = True) -> None:
     """Plain numbers on a logarithmic axis, at 1, 2 and 5 where its ends are a few decades apart."""
     low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < few * low else (1.0,)))
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < FEW_DECADES * low else (1.0,)))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())
     if not minor_ticks:

@@ -225,20 +225,14 @@ class Display:
         for artist in _artists_in(artists) if kwargs else []:
             artist.set(**kwargs)
 
-    def _legend(
-        self,
-        handles: Sequence[Any],
-        labels: Sequence[str],
-        *,
-        columns: int | None = None,
-    ) -> None:
+    def _legend(self, handles: Sequence[Any], labels: Sequence[str]) -> None:
         """One legend: below a figure of our own, else in the first of the given Axes."""
         if not self._own:
             legend_inside(self.ax_, handles, labels)
         elif labels:
             width = letters_of(self.figure_)
             labels = [wrapped(label, width - HANDLE) for label in labels]
-            for n_columns in range(legend_columns(labels, width, columns), 0, -1):
+            for n_columns in range(legend_columns(labels, width), 0, -1):
                 legend = self.figure_.legend(
                     handles, labels, loc="outside lower center", ncols=n_columns, frameon=False
                 )

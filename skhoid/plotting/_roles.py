@@ -70,7 +70,7 @@ class Role:
         look: dict[str, Any] = {"color": self.colour, "linestyle": self.line}
         if width is not None:
             look["linewidth"] = scaled(width)
-        return styled(look, more)
+        return normalize_kwargs(look, Line2D) | normalize_kwargs(more, Line2D)  # under any alias
 
     def __repr__(self) -> str:
         colour = "foreground" if self._colour is None else self._colour
@@ -165,13 +165,6 @@ def outlined() -> dict[str, Any]:
 def star(size: float = 15.0) -> dict[str, Any]:
     """Keywords of the mark of what is best."""
     return {"marker": "*", "ms": sized(size), "ls": "none", "zorder": 4, **outlined()}
-
-
-def styled(
-    default: Mapping[str, Any], given: Mapping[str, Any] | None, artist: Any = Line2D
-) -> dict[str, Any]:
-    """Keywords for matplotlib: the default ones, and over them those given, under any alias."""
-    return normalize_kwargs(dict(default), artist) | normalize_kwargs(dict(given or {}), artist)
 
 
 def _hex(*names: str, default: str) -> str:

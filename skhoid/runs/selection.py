@@ -91,7 +91,7 @@ def sampling_time(X: Any, *, dt: float | None = None, run: Any = None) -> float:
     return read_layout(X, dt=dt, run=run).dt
 
 
-def warn_of_pooled(X: Any, stacklevel: int = 4) -> None:
+def warn_of_pooled(X: Any) -> None:
     """Warn that runs of several subjects, or conditions, are taken for one operator's."""
     index = getattr(X, "index", None)
     if not isinstance(index, pd.MultiIndex):
@@ -111,7 +111,7 @@ def warn_of_pooled(X: Any, stacklevel: int = 4) -> None:
                 f"each run its own label and drop the level {name!r} from the index.",
                 options=[(str(name), str(values[0]))],
             ),
-            stacklevel=stacklevel,
+            stacklevel=4,
         )
 
 

@@ -656,9 +656,7 @@ def unnamed_parent(found: SearchNumbers, ending: Ending) -> Model:
     return found.steps[kept].plain
 
 
-def curve_with_band(
-    model: Model, name: str, n_points: int = N_POINTS
-) -> tuple[pd.DataFrame, float]:
+def curve_with_band(model: Model, name: str) -> tuple[pd.DataFrame, float]:
     """Curve of a free form of a model with a simultaneous band, and its degrees of freedom.
 
     ``model`` is at the largest likelihood. The band is that of the posterior, enlarged so that it
@@ -678,7 +676,7 @@ def curve_with_band(
     if effect.over == TIME:  # before rows count, nothing tells it
         record = simulator.record
         first = max(first, float(record.t[record.known.any(axis=1)].min()))
-    at = np.linspace(first, effect.knots[-1], n_points)
+    at = np.linspace(first, effect.knots[-1], N_POINTS)
     design = effect.design(at)
     value = effect.at_rest + design @ model.theta[own]
     covariance = covariance_of(simulator, criterion, model.fit, simulator.prior)

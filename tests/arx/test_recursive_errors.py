@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from support.recursion_twin import P0, changing_runs, recursive, shifted
+from support.recursion_twin import changing_runs, recursive, shifted
 
 from skhoid import (
     IrregularSamplingError,
@@ -15,7 +15,6 @@ from skhoid import (
 N = 200
 X, Y = changing_runs(N)
 ARRAYS = (X.to_numpy(), Y.to_numpy())
-NOT_SYMMETRIC = P0 + np.diag([1.0, 1.0, 1.0], 1)
 
 
 def fit(X=X, y=Y, **params):

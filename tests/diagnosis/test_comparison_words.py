@@ -1,7 +1,5 @@
 """Sentences of a comparison say what is so: words, means, delays, what the model has already."""
 
-import re
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,10 +8,6 @@ from support.comparison import NK, Gives, names, runs
 from support.unseen import second_difference, simulate
 
 from skhoid import ARXRegressor, compare
-
-OF_PEOPLE = re.compile(
-    r"\b(person|people|stick|hand|operator|fatigue|posture|arm)\b", re.IGNORECASE
-)
 
 
 def by_kind(comparison):

@@ -11,7 +11,6 @@ from skhoid.exceptions import RunIndexError, ShortRunError
 
 # facts.json: variance ratio e / f_t over the window of 8,192 samples, without remnant.
 SCORE = {"C1": 0.17780685142128813, "C2": 0.1765739971473172}
-PRELIMINARY = 0.17651908326551427  # delay interpolated linearly, last of ten periods
 SCORES = ["rms_e", "tracking_score", "control_activity"]
 
 

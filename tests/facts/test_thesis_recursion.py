@@ -53,7 +53,7 @@ whole = pytest.mark.whole
 CONDITIONS = ("C1", "C2", "C3", "C4", "C5", "C6")
 VARYING = CONDITIONS[2:]
 inf = np.inf
-AT_128, AT_256, AT_512, ENDLESS = (HORIZONS.index(N0) for N0 in (128, 256, 512, inf))
+AT_256, ENDLESS = (HORIZONS.index(N0) for N0 in (256, inf))
 
 # rls.<condition>.remnant_free.vaf_transition, by n_k: lambda, and Lambda that forgets b only, for
 # these N0.

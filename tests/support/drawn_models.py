@@ -108,7 +108,7 @@ TRACKING += [WindowedOperator, SigmoidOperator, WaveletOperator]
 REGRESSORS = [ARXRegressor, RecursiveARX, RecursiveARXCV, OperatorRegressor]
 SEARCHES = [DelaySearchCV, OrderSearchCV]
 TRANSFORMERS = [Decimator, DelayShift, RunInTrimmer]
-COSTLY = {"na", "nb", "fit_intercept", "memory_horizons", "nk", "n_starts"}  # a list is a long loop
+COSTLY = {"na", "nb", "fit_intercept", "memory_horizons", "nk"}  # a list is a long loop
 
 
 @st.composite
