@@ -107,7 +107,9 @@ def test_comparison_and_checks_give_the_same_too(channels, container, data):
         for name, value in found.items():
             assert_equal(value, expected[name])
         assert_equal(lost_control(X, **options), lost_control(double[0], **options))
-        scores = [performance_scores(*data, windows="T_m", **options) for data in ((X, y), double)]
+        scores = [
+            performance_scores(*data, windows=[(0.0, 10.0)], **options) for data in ((X, y), double)
+        ]
         assert_equal(*scores)
         dt = options.get("dt")
         assert_equal(check_channels(X, y, dt=dt), check_channels(*double, dt=dt))
