@@ -29,7 +29,7 @@ from .over_runs import by_run, tests_over_runs
 from .over_time import BlockSums, by_time, tests_of_changes, time_frequency
 from .response import correlations, delay_test, linear_misfit
 from .signals import Signals, read_signals
-from .telling import numbers_of, tell_comparison
+from .telling import gather_figures, tell_comparison
 from .tests_table import FALSE_ALARM, Test, tests_table
 
 MEAN = 0.5  # of the power of the output; more in its mean makes VAF about zero say little
@@ -250,7 +250,7 @@ class Comparison(Told):
         -------
         found : dict
         """
-        return numbers_of(self)
+        return gather_figures(self)
 
     def explore(self) -> Any:
         """Look by hand, in a notebook: brush time, frequency or amplitude, and see the others.

@@ -177,7 +177,7 @@ def read_signals(
         output=output_name(y),
         units={**units_of(X), **units_of(y)},
     )
-    signals = sorted_signals(
+    signals = prepare_signals(
         read,
         run_in=run_in,
         settling=lambda: _settling_rows(model, X, layout, trimmed, predicted),
@@ -187,7 +187,7 @@ def read_signals(
     return replace(signals, one_step=_one_step(model, X, y)) if one_step else signals
 
 
-def sorted_signals(
+def prepare_signals(
     read: RunsRead,
     *,
     run_in: float | None,

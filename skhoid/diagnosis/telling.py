@@ -107,7 +107,7 @@ def _table_of_runs(c: Comparison) -> TextTable:
     return TextTable(title, header, rows, left=("run", "data"), kind="runs")
 
 
-def numbers_of(c: Comparison) -> dict[str, Any]:
+def gather_figures(c: Comparison) -> dict[str, Any]:
     """The figures of a comparison, its leak test, findings and notes, for JSON."""
     return {
         "model": c.model_name,

@@ -136,7 +136,7 @@ class Core:
     has_states: bool = False
     memory: int = 0
 
-    def on(self, record: Record) -> Record:
+    def add_to_record(self, record: Record) -> Record:
         """The record, with what effects must know about the core added."""
         return record
 
@@ -234,7 +234,7 @@ class OperatorCore(Core):
             self.delays = (delay.name,)
             self.kind = CoreKind.OPERATOR_FREE_DELAY
 
-    def on(self, record: Record) -> Record:
+    def add_to_record(self, record: Record) -> Record:
         ahead = np.inf if self.fixed_delay is None else self.fixed_delay - self.least_delay(0.0)
         return replace(record, ahead=ahead, least_delay=self.least)
 
@@ -346,7 +346,7 @@ class ARXCore(Core):
             *[Parameter("intercept", U, meaning="constant", scale=ONE)] * intercept,
         )
 
-    def on(self, record: Record) -> Record:
+    def add_to_record(self, record: Record) -> Record:
         return replace(
             record,
             core=self.kind,

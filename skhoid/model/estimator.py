@@ -369,7 +369,7 @@ class GreyBox(RunRegressor):
         spec = self._simulated_core()
         if spec.check is not None:
             spec.check(grid)
-        record = spec.core.on(record)
+        record = spec.core.add_to_record(record)
         begins = choose_beginning(spec.core, record, self.initial, self.settling)
         record = replace(record, initial=begins)
         check_rows(record, len(spec.core.parameters), grid, self.settling)
@@ -457,7 +457,7 @@ class GreyBox(RunRegressor):
             self.inputs_,
             controlled_element=None if element is None else LinearElement.of(element),
         )
-        return simulation.spec.core.on(record), columns
+        return simulation.spec.core.add_to_record(record), columns
 
     def _free_run(self, grid: ModelGrid, values: np.ndarray) -> np.ndarray:
         record, columns = self._record(grid, values)
@@ -545,17 +545,17 @@ def fit_first_model(prepared: Prepared, effects: Effects) -> Model:
     variants = [(name, v) for name, effect in effects for v in effect.variants(record)]
     table = ParameterTable(list_parameters(core, variants, record))
     start = table.checked(start, list(table))
-    model = started(prepared.spec.estimated(core, record, criterion), criterion, start)
+    model = try_user_start(prepared.spec.estimated(core, record, criterion), criterion, start)
     coarse = criterion.coarse()
     for name, effect in effects:
         given = {n: v for n, v in start.items() if n.startswith(f"{name}__") or "__" not in n}
         model = extended(model, name, effect, criterion, coarse, start=given)
     templates = {effect.name: effect for _, effect in effects}
     model = beside_each_other(model, templates, criterion, coarse)
-    return started(model, criterion, start)
+    return try_user_start(model, criterion, start)
 
 
-def started(model: Model, criterion: Criterion, start: Mapping[str, float]) -> Model:
+def try_user_start(model: Model, criterion: Criterion, start: Mapping[str, float]) -> Model:
     """The model, or the one reached from a user's start where that is better."""
     if not start:
         return model

@@ -224,11 +224,11 @@ def refitted(
     ``starts`` are further starting points by name; ``rows`` is what :func:`shared_derivatives`
     returned.
     """
-    simulator, inside = model.simulator, criterion.on(train)
+    simulator, inside = model.simulator, criterion.on_rows(train)
     whole = simulator
     if whole.record.initial == ESTIMATE:  # by the rows that are fitted alone
         seen = replace(whole.record, known=whole.record.known & train)
-        simulator = whole.on(seen)
+        simulator = whole.on_record(seen)
     known = model.values()
     points = [model.theta]
     points += [np.array([{**known, **start}[n] for n in simulator.names]) for start in starts]

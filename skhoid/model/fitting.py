@@ -108,7 +108,7 @@ class Criterion:
         thin = max(1, int(EXPLORED_STEP / self.record.dt + 1e-6)) if np.isfinite(rate) else 1
         return Criterion(self.record.part(runs, thin), rate=rate / 2)
 
-    def on(self, rows: np.ndarray) -> Criterion:
+    def on_rows(self, rows: np.ndarray) -> Criterion:
         """The same criterion on some of the rows, a mask of shape (n_samples, n_runs)."""
         return Criterion(self.record, self.noise, rate=self.rate, rows=rows)
 

@@ -338,7 +338,7 @@ def evolve(model: Model, name: str, criterion: Criterion) -> tuple[Model, np.nda
     simulator, record = model.simulator, criterion.record
     runs = np.sort(np.argsort(-record.known.sum(axis=0), kind="stable")[:RUNS_EVOLVED])
     some = record if runs.size == record.n_runs else record.part(runs, 1)
-    few = simulator.on(some)
+    few = simulator.on_record(some)
     noise = RemnantModel(criterion.noise.ar, criterion.noise.scale[runs])
     on_few = Criterion(some, noise, rate=criterion.rate)
     effect = dict(simulator.effects.steps)[name]

@@ -172,7 +172,7 @@ def fit_jointly(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
     simulator = model.simulator
     core = simulator.core
     few = take_some_runs(simulator.record)
-    some = simulator if few is None else simulator.on(few)
+    some = simulator if few is None else simulator.on_record(few)
 
     def best_from(starts: list[np.ndarray], held: np.ndarray | None = None) -> Likeliest:
         found = None if some is simulator else likeliest(some, starts, held=held)

@@ -97,7 +97,7 @@ class LoopSimulator:
         """All runs at once, as their loop is solved together."""
         yield slice(None), self
 
-    def on(self, record: Record) -> Any:
+    def on_record(self, record: Record) -> Any:
         """The same loop on another record."""
         return LoopSimulator(self.core, self.effects, record, self.loop)
 
@@ -325,7 +325,7 @@ class Response:
         return np.asarray(irfft(answer, self.n_padded, axis=0)[: len(signal)])
 
 
-def drawn(residual: np.ndarray, known: np.ndarray) -> np.ndarray:
+def draw_remnant(residual: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Remnant like a residual: its spectrum in each run with other phases, in both signs.
 
     Of shape (n_samples, n_runs, 2). Phases are the same for every call.

@@ -130,7 +130,7 @@ class Simulator:
         steps = [(name, softened.get(name) or effect) for name, effect in self.effects]
         return Simulator(self.core, Effects(steps), self.record)
 
-    def on(self, record: Record) -> Any:
+    def on_record(self, record: Record) -> Any:
         """The same core and effects on another record."""
         return Simulator(self.core, self.effects, record)
 

@@ -112,7 +112,7 @@ def read_table(
     check_not_infinite(values, "X", names)
     check_not_too_large(values, "X", names)
     if layout is None:
-        refuse_flat(X, dt=estimator.dt, run=estimator.run)  # values have lost their names
+        refuse_flat(X, dt=told.dt, run=told.run)  # values have lost their names
         columns = names or list(range(values.shape[1]))
         run = None if told.run is None else run_column(columns, told.run)
         layout = read_layout(values, dt=told.dt, run=run, fallback_dt=known_dt)

@@ -35,7 +35,7 @@ from ..regression import units_of
 from ..runs import fingerprint_of
 from ..text import Note, Summary
 from .data import Held, SearchData, held_columns, on_rows_of, prepare_data, split_data
-from .leftover import AllRuns, SearchNumbers, numbers_of
+from .leftover import JudgedRecord, SearchNumbers, measure_path
 from .path import GivenDelay, Path, forward, pair_of, with_given_delay
 from .results import (
     SearchResult,
@@ -45,7 +45,7 @@ from .results import (
     ranking_table,
     unexplained_table,
 )
-from .shape import Shape, fitted_shape, shaped
+from .shape import Shape, find_unnamed, fit_shape
 from .sketch import SketchesEffects
 from .statuses import UNKNOWN, Ending
 from .steps import Progress, Search, output_error_fit
@@ -288,8 +288,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         _remember(self, X, y)
         X = as_table(X)
         with threadpool_limits(1):  # small products, which threads only slow down
-            data = self.split(model, X, y, groups, params)
-            core, effects = data.prepared.core, self.candidates()
+            data = self.read_data(model, X, y, groups, params)
+            core, effects = data.prepared.core, self.list_effects()
             progress = Progress(self, context)
             search = Search(core, data.record, effects, data.folds, self.n_jobs, progress)
             estimators = Estimators(model)
@@ -300,7 +300,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
             if len(path.model.effects):  # choices made, numbers to be estimated
                 found.best.set_params(effects=path.model.effects)
             self.best_estimator_ = found.best
-            self.baseline_ = estimators.of(data.prepared, path.steps[0].plain)
+            self.baseline_ = estimators.of(data.prepared, path.steps[0].at_least_error)
             self.control_ = data.control
             self._keep(self._result(found, data, X, y), len(data.folds))
         self._fingerprint = fingerprint_of(X)
@@ -309,7 +309,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         context.call_on_fit_task_end(estimator=self, X=X, y=y)
         return self
 
-    def split(
+    def read_data(
         self, model: Any, X: Any, y: Any, groups: Any = None, params: dict[str, Any] | None = None
     ) -> SearchData:
         """The data of a search and its folds, as ``fit`` takes them; for tools.
@@ -351,7 +351,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         ranking = ranking_table(numbers, prepared, self.display)
         notes = [*_note_searched(data), *note_changes(numbers.changes)]
         if self.max_effects:
-            notes += note_untried(self.candidates(), ranking)
+            notes += note_untried(self.list_effects(), ranking)
         least = getattr(prepared.core, "least", 0.0)
         notes += [Note("delay", text) for text in delay_notes(best.parameters_, least)]
         if hasattr(best, "simulation_parameters_"):  # an operator
@@ -389,7 +389,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         self.best_params_ = self.cv_results_["params"][self.best_index_]
         self.best_score_ = float(self.cv_results_["mean_test_score"][self.best_index_])
 
-    def candidates(self) -> list[Effect]:
+    def list_effects(self) -> list[Effect]:
         """The effects that are tried.
 
         Returns
@@ -403,7 +403,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     @property
     def tries_all(self) -> bool:
         """Whether all effects of the catalogue are tried."""
-        return BY_NAME.keys() <= {effect.name for effect in self.candidates()}
+        return BY_NAME.keys() <= {effect.name for effect in self.list_effects()}
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
@@ -566,11 +566,11 @@ def search_effects(
     prepared, held = data.prepared, data.held
     baseline = estimators.model.first_fit(replace(prepared, record=search.record))
     recorded = search.record.y
-    quiet = search.quiet(baseline) if most else None
-    if quiet is not None:
+    calm = search.without_tremor(baseline) if most else None
+    if calm is not None:
         held = held or [held_columns(fold.test) for fold in search.folds]
-        search = quiet
-        baseline = estimators.model.first_fit(replace(prepared, record=quiet.record))
+        search = calm
+        baseline = estimators.model.first_fit(replace(prepared, record=calm.record))
     ends = Ends(
         estimators,
         np.where(prepared.known, y, np.nan),
@@ -588,15 +588,15 @@ def search_as_given(
 ) -> Found:
     """Search with the delay that the model has; for a pair where no effect alone has a name."""
     numbers, best = ends.numbers(search, prepared, forward(search, baseline, most))
-    ended = shaped(search, numbers, tries_all=ends.tries_all)
-    alone = ended.ending.best_effects == [UNKNOWN] and ended.shape is None
+    ended = find_unnamed(search, numbers, tries_all=ends.tries_all)
+    alone = ended.ending.best_effects == [UNKNOWN] and ended.form is None
     pair = pair_of(search, numbers.path, most) if alone else None
     if pair is not None:
         numbers, best_of_pair = ends.numbers(search, prepared, pair)
-        of_pair = shaped(search, numbers, tries_all=ends.tries_all)
+        of_pair = find_unnamed(search, numbers, tries_all=ends.tries_all)
         if of_pair.ending.named:
             ended, best = of_pair, best_of_pair
-    shape = fitted_shape(ended, ends.estimators.model, prepared, ends.measured)
+    shape = fit_shape(ended, ends.estimators.model, prepared, ends.measured)
     return Found(ended.found, ended.ending, best, shape)
 
 
@@ -612,12 +612,12 @@ def search_with_free_delay(
     freed, search, baseline = given.freed(prepared, model)
     more = most + len(baseline.effects) - len(given.baseline.effects)
     numbers, _ = ends.numbers(search, freed, forward(search, baseline, more))
-    ended = shaped(search, numbers, tries_all=ends.tries_all)
+    ended = find_unnamed(search, numbers, tries_all=ends.tries_all)
     free = ended.found
     path = given.tested(free.path)
     if given.stands(path):
         return None
-    shape = fitted_shape(ended, model, freed, ends.measured)
+    shape = fit_shape(ended, model, freed, ends.measured)
     numbers, best = ends.numbers(given.search, prepared, path)
     numbers = replace(numbers, left=free.left, noises=free.noises, changes=free.changes)
     return Found(numbers, with_given_delay(ended.ending, free.path, path), best, shape)
@@ -643,10 +643,12 @@ class Ends:
     ) -> tuple[SearchNumbers, GreyBox]:
         """Numbers of a path, and its best model."""
         assert self.recorded is not None
-        best = self.estimators.of(prepared, path.model if path.added else path.steps[0].plain)
-        all_runs = None if self.held is None else AllRuns(prepared.record, self.held)
-        return numbers_of(
-            search, path, best, prepared, self.measured, self.recorded, all_runs
+        best = self.estimators.of(
+            prepared, path.model if path.added else path.steps[0].at_least_error
+        )
+        judged_on = None if self.held is None else JudgedRecord(prepared.record, self.held)
+        return measure_path(
+            search, path, best, prepared, self.measured, self.recorded, judged_on
         ), best
 
 

@@ -55,15 +55,15 @@ def _weighed(search: EffectSearchCV, kept: Effects, tried: list[Any], X: Any, y:
     if len(kept):
         model.set_params(effects=Effects.of(getattr(model, "effects", None)) + kept)
     with threadpool_limits(1):
-        data = asked.split(model, X, y)
+        data = asked.read_data(model, X, y)
         whole = Search(data.prepared.core, data.record, tried, data.folds)
         step = whole.step(model.first_fit(data.searched))
         unknown = [c for c in step.candidates if c.model is not None and np.isnan(c.joint)]
-        if step.weigh is not None and unknown:
-            step.weigh(unknown)
+        if step.find_joint is not None and unknown:
+            step.find_joint(unknown)
         for c in step.candidates:
             if c.model is not None and c.in_loop is None and step.loop is not None:
-                c.in_loop = step.loop.judged(c.model)
+                c.in_loop = step.loop.compare_in_loop(c.model)
     return step
 
 

@@ -22,7 +22,7 @@ from ..model.estimator import vaf_of_output
 from ..model.extend import refitted, shared_derivatives
 from ..model.fitting import Criterion, minimise, whitened_derivatives
 from ..model.likelihood import likeliest, usual_starts
-from ..model.loop import Loop, LoopSimulator, drawn, loop_of
+from ..model.loop import Loop, LoopSimulator, draw_remnant, loop_of
 from ..model.model import Model
 from ..model.simulator import Simulator
 
@@ -102,7 +102,7 @@ def within_seen(fitted: Model, fold: HeldOutRows) -> Model:
             changed[name] = bounded
     if not changed:
         return fitted
-    return Model(simulator.on(record.changed(changed)), fitted.fit, fitted.other_cores)
+    return Model(simulator.on_record(record.changed(changed)), fitted.fit, fitted.other_cores)
 
 
 def without_folds(
@@ -214,9 +214,12 @@ class LoopJudge:
         rows = [HeldOutRows(fold.test[::thin], fold.train[::thin]) for fold in folds]
         return cls(core, record, loop, rows)
 
-    def around(self, parent: Model, plain: Model | None = None) -> LoopParent:
-        """The loop around a model, with a remnant of the kind it leaves; ``plain`` is its key."""
-        key = (parent if plain is None else plain).key
+    def around(self, parent: Model, key: tuple | None = None) -> LoopParent:
+        """The loop around a model, with a remnant of the kind it leaves.
+
+        ``key`` tells whether it is known already; None takes the model's own.
+        """
+        key = parent.key if key is None else key
         if key not in self._around:
             self._around[key] = self._first_around(parent)
         return self._around[key]
@@ -224,7 +227,7 @@ class LoopJudge:
     def _first_around(self, parent: Model) -> LoopParent:
         assert self.record.y is not None
         open_run = Simulator(self.core, parent.effects, self.record).run(parent.theta)
-        remnant = drawn(self.record.y - open_run, self.record.known)
+        remnant = draw_remnant(self.record.y - open_run, self.record.known)
         return LoopParent(self, replace(self.loop, remnant=remnant), parent)
 
     def fitted(self, loop: Loop, effects: Effects, starts: Sequence[np.ndarray]) -> Model:
@@ -260,12 +263,12 @@ class LoopParent:
         """Whether the loop can be solved."""
         return bool(np.isfinite(self.fit.output).all())
 
-    def judged(self, model: Model) -> InLoop:
+    def compare_in_loop(self, model: Model) -> InLoop:
         """A model with more effects, and the parent, under the noise model of the better one."""
         done = self._judged.get(id(model))
         if done is not None and done[0] is self.fit:
             return done[1]
-        known, fitted = self.compared(model)
+        known, fitted = self.compare_likelihood(model)
         if fitted is None:
             return known
         before, after = self.vaf, self._held_out(fitted)
@@ -278,7 +281,7 @@ class LoopParent:
         self._judged[id(model)] = (self.fit, known)
         return known
 
-    def compared(self, model: Model) -> tuple[InLoop, Model | None]:
+    def compare_likelihood(self, model: Model) -> tuple[InLoop, Model | None]:
         """The same without held-out rows, which take long, and the fit to judge, or None."""
         if id(model) not in self._compared:
             self._compared[id(model)] = (model, *self._compare(model))

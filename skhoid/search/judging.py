@@ -120,7 +120,7 @@ class Candidate:
     in_loop: InLoop | None = None
     least_gain: float = LEAST_GAIN
     refused: Against | None = None
-    unweighed: bool = False
+    lacks_joint: bool = False
 
     @property
     def passes(self) -> bool:
@@ -147,7 +147,7 @@ class Candidate:
         if np.isnan(judged.delta_bic) and np.isnan(self.joint):
             # No likelihood has a maximum with it, and no loop: only much is more than chance.
             return judged.bends is not None and self.gain < MUCH
-        likely = min(self.joint, self.weight)
+        likely = min(self.joint, self.ranking_bic)
         if np.isnan(judged.delta_bic):
             return likely <= likely_asked(judged)
         if self.effect.name in OF_TARGET and not judged.bends:
@@ -167,16 +167,16 @@ class Candidate:
         return judged is not None and bool(np.isfinite(judged.delta_bic)) and not judged.bends
 
     @property
-    def weight(self) -> float:
+    def ranking_bic(self) -> float:
         """ΔBIC by which candidates are ranked, with the unbiased one where it is known."""
         unbiased = self.joint if np.isfinite(self.joint) else self.delta_bic / 2
         return self.delta_bic / 2 + unbiased - loop_against(self.in_loop)
 
     @property
-    def at_most(self) -> float:
+    def ranking_bic_at_most(self) -> float:
         """What its weight may be once the unbiased ΔBIC, usually half the other, is known."""
-        if not self.unweighed:
-            return self.weight
+        if not self.lacks_joint:
+            return self.ranking_bic
         return MOST_UNBIASED * max(self.delta_bic, 0.0) + LEAST_DELTA_BIC
 
     @property
@@ -192,16 +192,16 @@ class Candidate:
 
 def may_lead(candidates: list[Candidate], share: float) -> list[Candidate]:
     """Candidates without an unbiased ΔBIC that may have a ``share`` of the weight of the best."""
-    most = [c.at_most for c in candidates if c.passes and not c.unweighed]
-    left = [c for c in candidates if c.unweighed]
+    most = [c.ranking_bic_at_most for c in candidates if c.passes and not c.lacks_joint]
+    left = [c for c in candidates if c.lacks_joint]
     known: dict[str, float] = {}
     for c in candidates:
-        if not c.unweighed and np.isfinite(c.joint):
-            known[c.name] = max(c.weight, known.get(c.name, -np.inf))
+        if not c.lacks_joint and np.isfinite(c.joint):
+            known[c.name] = max(c.ranking_bic, known.get(c.name, -np.inf))
     if not most:  # the likeliest shows how much others have to be
-        return sorted(left, key=lambda c: -c.at_most)[:1]
+        return sorted(left, key=lambda c: -c.ranking_bic_at_most)[:1]
     least = share * max(most)
-    return [c for c in left if c.at_most > min(least, known.get(c.name, np.inf))]
+    return [c for c in left if c.ranking_bic_at_most > min(least, known.get(c.name, np.inf))]
 
 
 def likeliest_alternatives(candidates: list[Candidate]) -> list[Candidate]:
@@ -209,7 +209,7 @@ def likeliest_alternatives(candidates: list[Candidate]) -> list[Candidate]:
 
     def worth(candidate: Candidate) -> tuple[bool, bool, float]:
         gains = candidate.gain >= candidate.least_gain
-        return not candidate.refused, gains, candidate.weight
+        return not candidate.refused, gains, candidate.ranking_bic
 
     found: dict[str, Candidate] = {}
     for one in candidates:
@@ -222,10 +222,10 @@ def order_key(candidate: Candidate) -> tuple[bool, bool, float]:
     """Key of the order: what the output shows, what passes, and then by ΔBIC."""
     passes = candidate.passes
     trace = passes and bool(candidate.trace)
-    return not trace, not passes, -(candidate.weight if passes else candidate.delta_bic)
+    return not trace, not passes, -(candidate.ranking_bic if passes else candidate.delta_bic)
 
 
-def without_name(candidate: Candidate) -> Against | None:
+def find_why_unnamed(candidate: Candidate) -> Against | None:
     """Why a fitted effect is not named: its numbers end where nobody measured them."""
     model = candidate.model
     assert model is not None
@@ -239,7 +239,7 @@ def without_name(candidate: Candidate) -> Against | None:
             text = f"nothing shows of it with {name} = {value:g}"
             return Against(Reason.NOT_SEEN, text)
     lost = [name for name in sizes if own + name in unknown]
-    at_end = [n for n in sizes if own + n in ends and not natural(values[own + n])]
+    at_end = [n for n in sizes if own + n in ends and not is_natural_bound(values[own + n])]
     if not sizes or {*lost, *at_end} != {*sizes}:
         return None
     if lost:
@@ -269,7 +269,7 @@ def hardly_there(candidate: Candidate) -> Against | None:
     return Against(Reason.MAY_BE_ZERO, text)
 
 
-def natural(value: float) -> bool:
+def is_natural_bound(value: float) -> bool:
     """Whether a bound is a value like others: no delay, no leak; a lapse that is complete."""
     return abs(value) < AT_ZERO or abs(value - 1.0) < AT_BOUND
 
@@ -285,7 +285,7 @@ def plainest_first(candidates: list[Candidate]) -> None:
         if c.passes and c.gain > first.gain - AS_GOOD and c.n_parameters < first.n_parameters
     ]
     if plainer:
-        best = min(plainer, key=lambda c: (c.n_parameters, -c.weight))
+        best = min(plainer, key=lambda c: (c.n_parameters, -c.ranking_bic))
         candidates.remove(best)
         candidates.insert(0, best)
 
@@ -296,14 +296,17 @@ def mark_confused(candidates: list[Candidate]) -> None:
         c.confused_with = [
             o.effect.name
             for o in candidates
-            if o is not c and o.passes and c.passes and abs(o.weight - c.weight) < CONFUSED
+            if o is not c
+            and o.passes
+            and c.passes
+            and abs(o.ranking_bic - c.ranking_bic) < CONFUSED
         ]
 
 
 def special_cases_of(general: Candidate, candidates: list[Candidate]) -> list[Candidate]:
     """Candidates that a general form contains, so far as they pass, the likeliest first."""
     special = [c for c in candidates if general.effect.name in c.effect.within and c.passes]
-    return sorted(special, key=lambda c: -c.weight)
+    return sorted(special, key=lambda c: -c.ranking_bic)
 
 
 def as_good(special: Candidate, general: Candidate) -> bool:
@@ -318,7 +321,7 @@ def as_good(special: Candidate, general: Candidate) -> bool:
         more, gain = other.delta_bic - one.delta_bic, other.gain - one.gain
         if more <= LOOP_DELTA_BIC or gain < LOOP_GAIN:
             return True
-    joint, more = general.joint - special.joint, general.weight - special.weight
+    joint, more = general.joint - special.joint, general.ranking_bic - special.ranking_bic
     if general.n_parameters > special.n_parameters:
         fewer_points = general.gain - special.gain < special.least_gain
         return bool(more <= LEAST_DELTA_BIC or fewer_points)
@@ -373,7 +376,7 @@ def speaks_against(candidate: Candidate) -> str:
     if not found and np.isnan(candidate.joint):
         found.append("neither a likelihood nor the closed loop confirms it")
     elif not found:
-        likely = min(candidate.joint, candidate.weight)
+        likely = min(candidate.joint, candidate.ranking_bic)
         found.append(f"the loop is not known with it, and it has ΔBIC {likely:.0f}")
     return f"{'; '.join(found)}: it may follow the remnant that returns in the error"
 
@@ -394,10 +397,10 @@ def decided(found: SearchNumbers, *, tries_all: bool) -> Ending:
         ids, stand_ins = ids[:kept], ids[kept:]
     if found.path.steps[-1].best is not None:
         return Ending(Verdict.CUT_SHORT, ids, stand_ins)
-    return Ending(unnamed(tries_all), ids, stand_ins)
+    return Ending(unnamed_verdict(tries_all), ids, stand_ins)
 
 
-def unnamed(tries_all: bool) -> Verdict:
+def unnamed_verdict(tries_all: bool) -> Verdict:
     """The verdict of a search that leaves something without a name."""
     return Verdict.NOT_IN_CATALOGUE if tries_all else Verdict.NOT_TRIED
 

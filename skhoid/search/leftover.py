@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.signal import lfilter
 
 from ..diagnosis.ceiling import consistent_ceiling, noise_ceiling
-from ..diagnosis.signals import RunsRead, sorted_signals
+from ..diagnosis.signals import RunsRead, prepare_signals
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.free_forms import shakes
@@ -86,19 +86,23 @@ class SearchNumbers:
 
 
 @dataclass(frozen=True)
-class AllRuns:
-    """A record of all runs, and what each fold of the search holds out of it."""
+class JudgedRecord:
+    """The record that a path is judged on, where the search looked at another.
+
+    It looked at some of the runs only, or at the output without a tremor. ``held`` is what each of
+    its folds holds out of this record.
+    """
 
     record: Record
     held: Sequence[Held]
 
-    def judged(self, search: Search, step: SearchStep, model: Model) -> SearchStep:
-        """A step with its model fitted to all runs, and all of them held out of the search's."""
+    def refit_step(self, search: Search, step: SearchStep, model: Model) -> SearchStep:
+        """A step with its model fitted to this record, judged by the folds of the search."""
         base, without = search.fitted_without_folds(model)
         prediction = self.prediction(base, without)
-        parent = on_all_runs(step.parent, self.record)
+        at_likelihood = on_all_runs(step.at_likelihood, self.record)
         vaf = vaf_of_output(self.record, prediction)
-        return replace(step, parent=parent, vaf=vaf, prediction=prediction)
+        return replace(step, at_likelihood=at_likelihood, vaf=vaf, prediction=prediction)
 
     def prediction(self, model: Model, without: Sequence[np.ndarray]) -> np.ndarray:
         """Free runs of a model, and in rows of each fold with the parameters of ``without``."""
@@ -110,18 +114,18 @@ class AllRuns:
         return np.where(np.isfinite(found), found, 0.0)
 
 
-def numbers_of(
+def measure_path(
     search: Search,
     path: Path,
     best: GreyBox,
     prepared: Prepared,
     measured: np.ndarray,
     recorded: np.ndarray,
-    all_runs: AllRuns | None = None,
+    judged_on: JudgedRecord | None = None,
 ) -> SearchNumbers:
     """Walk the path again, and look for what is left in ``recorded``; ``measured`` is all of y."""
     record = replace(search.record, y=recorded)
-    steps = walked(search, path, all_runs)
+    steps = walked(search, path, judged_on)
     left = leftovers(path.model, search.folds, search.loop)
     noises, others = noises_in(recorded - path.model.output, record, search.noises)
     left += [Leftover(s.where, "output", s.words, 100 * s.share, np.nan) for s in others]
@@ -144,13 +148,13 @@ def numbers_of(
     )
 
 
-def walked(search: Search, path: Path, all_runs: AllRuns | None = None) -> list[SearchStep]:
+def walked(search: Search, path: Path, judged_on: JudgedRecord | None = None) -> list[SearchStep]:
     """Models with the first, the first two ... of the effects, each fitted anew for every fold."""
-    models = search.partial_models(path.model, len(path.steps[0].parent.effects), path.core)
-    steps = [search.judged(model, []) for model in models]
-    if all_runs is not None:
+    models = search.partial_models(path.model, len(path.steps[0].at_likelihood.effects), path.core)
+    steps = [search.judge_candidates(model, []) for model in models]
+    if judged_on is not None:
         pairs = zip(steps, models, strict=True)
-        return [all_runs.judged(search, step, model) for step, model in pairs]
+        return [judged_on.refit_step(search, step, model) for step, model in pairs]
     predictions = [search.refitted(model) for model in models]
     return [
         replace(step, vaf=vaf_of_output(search.record, prediction), prediction=prediction)
@@ -176,7 +180,7 @@ def gap_of(
         units={},
     )
     try:
-        signals = sorted_signals(read, run_in=model.settling)
+        signals = prepare_signals(read, run_in=model.settling)
     except ValueError:
         return np.nan, np.nan, np.nan, "the runs are too short for spectra"
     found = noise_ceiling(signals)
@@ -272,14 +276,14 @@ def _found(
             continue
         thin = np.stack([c[:: criterion.thin] for c in columns]) * criterion.known
         columns.clear()  # before the next are computed
-        result = _judged(own, thin, criterion, folds)
+        result = _judge_columns(own, thin, criterion, folds)
         if result is not None:
             where, words = FAMILIES[family]
             found.append(Leftover(where, at, words.format(at), *result, family))
     return found
 
 
-def _judged(
+def _judge_columns(
     own: np.ndarray,
     columns: np.ndarray,
     criterion: Criterion,

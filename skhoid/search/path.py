@@ -50,13 +50,13 @@ class Path:
     @property
     def added(self) -> list[str]:
         """Names of effects that the model did not have before."""
-        before = self.steps[0].parent.effects.names
+        before = self.steps[0].at_likelihood.effects.names
         return [name for name in self.model.effects.names if name not in before]
 
     @property
     def core(self) -> dict[str, float]:
         """Parameters of the core before any effect was added."""
-        return {n: v for n, v in self.steps[0].plain.values().items() if "__" not in n}
+        return {n: v for n, v in self.steps[0].at_least_error.values().items() if "__" not in n}
 
 
 def forward(search: Search, baseline: Model, most: int) -> Path:
@@ -65,14 +65,17 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     greedy = follow(search, first, first.best if most else None, most)
     if len(greedy.steps) > 1 and len(greedy.ids) > 1:
         for rival in first.rivals()[:N_FIRST]:
-            if rival.effect.name in greedy.ids[:1] or not first.judge(rival):
+            if rival.effect.name in greedy.ids[:1]:
+                continue
+            first.judge(rival)
+            if not rival.passes:
                 continue
             other = follow(search, first, rival, 2)
             if len(other.ids) > 1:
                 pair = path_of_length(greedy, 2)
-                if better(search, first.parent, other.model, pair):
+                if better(search, first.at_likelihood, other.model, pair):
                     greedy = follow_from(search, other, most)
-    return in_gaining_order(search, trimmed(search, greedy, most), first)
+    return drop_losing(search, trimmed(search, greedy, most), first)
 
 
 def trimmed(search: Search, path: Path, most: int) -> Path:
@@ -95,34 +98,45 @@ def fitted_again(search: Search, path: Path) -> Path:
     model = beside_each_other(plain, templates, search.criterion, search.coarse)
     if not model.sse < BETTER_AGAIN * plain.sse:
         return path
-    step = search.judged(model, [])
-    return replace(path, model=step.parent)
+    step = search.judge_candidates(model, [])
+    return replace(path, model=step.at_likelihood)
 
 
-def in_gaining_order(search: Search, path: Path, first: SearchStep) -> Path:
-    """Effects in an order in which each lowers the held-out error; without a loser, if none is."""
-    start = len(path.steps[0].parent.effects)
+def drop_losing(search: Search, path: Path, first: SearchStep) -> Path:
+    """A path in an order in which each effect lowers the held-out error.
+
+    Where there is none, the effect that loses most is dropped, until there is one.
+    """
+    while True:
+        orders = likely_orders(path, first)
+        if (found := order_effects(search, orders)) is not None:
+            return found
+        gains = gains_of_steps(search, orders[0])
+        name = min(gains, key=lambda one: gains[one])
+        fewer = output_error_fit(without(path.model, name, path.core))
+        path = replace(path, model=search.judge_candidates(fewer, []).at_likelihood)
+
+
+def order_effects(search: Search, orders: Sequence[Path]) -> Path | None:
+    """The first of some orders in which each effect lowers the held-out error, if one does."""
+    return next((order for order in orders if rises(search, order)), None)
+
+
+def likely_orders(path: Path, first: SearchStep) -> list[Path]:
+    """The effects of a path by their rank in the first step, as they were added, and backwards."""
+    start = len(path.steps[0].at_likelihood.effects)
     rank = {c.name: i for i, c in enumerate(first.candidates) if c.passes}
     given, added = path.model.effects.names[:start], path.model.effects.names[start:]
     by_rank = sorted(added, key=lambda name: rank.get(name, len(rank)))
-    ways = [
+    return [
         replace(path, model=ordered(path.model, [*given, *order]))
         for order in (by_rank, added, added[::-1])
     ]
-    for way in ways:
-        if rises(search, way):
-            return way
-    gains = gains_of_steps(search, ways[0])
-    name = min(gains, key=lambda one: gains[one])
-    fewer = output_error_fit(without(path.model, name, path.core))
-    step = search.judged(fewer, [])
-    path = replace(path, model=step.parent)
-    return in_gaining_order(search, path, first)
 
 
 def gains_of_steps(search: Search, path: Path) -> dict[str, float]:
     """What each effect of a path adds to the VAF of held-out rows, refitted without them."""
-    start = len(path.steps[0].parent.effects)
+    start = len(path.steps[0].at_likelihood.effects)
     parts = search.partial_models(path.model, start, path.core)
     vafs = [search.refit(part) for part in parts]
     return dict(zip(path.model.effects.names[start:], np.diff(vafs).tolist(), strict=True))
@@ -148,7 +162,7 @@ def ordered(model: Model, names: Sequence[str]) -> Model:
 def follow(search: Search, first: SearchStep, start: Candidate | None, most: int) -> Path:
     """Add ``start`` and then the best of each step."""
     if start is None or start.model is None:
-        return Path([first], first.parent)
+        return Path([first], first.at_likelihood)
     return follow_from(search, Path([first], start.model), most)
 
 
@@ -167,8 +181,8 @@ def follow_from(search: Search, path: Path, most: int) -> Path:
 def path_of_length(path: Path, n: int) -> Model:
     """The model with the first n effects of a path."""
     for step in path.steps:
-        if len(step.parent.effects) == n:
-            return step.parent
+        if len(step.at_likelihood.effects) == n:
+            return step.at_likelihood
     return path.model
 
 
@@ -231,7 +245,7 @@ def lead(search: Search, parent: Model, one: Model, other: Model) -> float:
 def without_superfluous(search: Search, path: Path) -> Path:
     """Remove effects that no longer pay beside the others, the worst on held-out rows first."""
     model = path.model
-    names = model.effects.names[len(path.steps[0].parent.effects) :]  # others were given
+    names = model.effects.names[len(path.steps[0].at_likelihood.effects) :]  # others were given
     if len(names) < 2:
         return path
     fewer = {name: output_error_fit(search.fewer(model, name, path.core)) for name in names}
@@ -241,9 +255,9 @@ def without_superfluous(search: Search, path: Path) -> Path:
     loses = gains[worst] <= search.allowed_loss(model, worst)
     for name in [worst] if loses else names[:-1]:
         one = Candidate(name, dict(model.effects.steps)[name], model=fitted)
-        step = search.judged(fewer[name], [one])
+        step = search.judge_candidates(fewer[name], [one])
         if loses or not one.pays:
-            path = replace(path, model=step.parent)
+            path = replace(path, model=step.at_likelihood)
             return without_superfluous(search, path)
     return path
 
@@ -251,8 +265,8 @@ def without_superfluous(search: Search, path: Path) -> Path:
 def likeliest_few(first: SearchStep, path: Path) -> list[Candidate]:
     """Candidates of the first step that gain and were not begun with, the likeliest first."""
     begun = path.added[:1]
-    if first.weigh is not None:
-        first.weigh([c for c in first.candidates if c.unweighed])
+    if first.find_joint is not None:
+        first.find_joint([c for c in first.candidates if c.lacks_joint])
     found = [
         c
         for c in first.candidates
@@ -260,15 +274,15 @@ def likeliest_few(first: SearchStep, path: Path) -> list[Candidate]:
         and not c.refused
         and c.name not in begun
         and c.gain >= c.least_gain
-        and np.isfinite(c.weight)
+        and np.isfinite(c.ranking_bic)
     ]
-    return sorted(found, key=lambda c: -c.weight)[:N_FEW]
+    return sorted(found, key=lambda c: -c.ranking_bic)[:N_FEW]
 
 
 def pair_of(search: Search, path: Path, most: int) -> Path | None:
     """A path that begins with two effects that pass all criteria beside each other; or None."""
     first = path.steps[0]
-    if most < len(first.parent.effects) + 2:
+    if most < len(first.at_likelihood.effects) + 2:
         return None
     for one in likeliest_few(first, path):
         assert one.model is not None
@@ -278,11 +292,13 @@ def pair_of(search: Search, path: Path, most: int) -> Path | None:
         pair = step.best.model
         fewer = output_error_fit(search.fewer(pair, one.name, path.core))
         effect = dict(pair.effects.steps)[one.name]
-        second = search.judged(fewer, [Candidate(one.name, effect, model=output_error_fit(pair))])
+        second = search.judge_candidates(
+            fewer, [Candidate(one.name, effect, model=output_error_fit(pair))]
+        )
         if second.best is None:
             continue
         longer = follow_from(search, Path([first, step], pair), most)
-        found = in_gaining_order(search, trimmed(search, longer, most), first)
+        found = drop_losing(search, trimmed(search, longer, most), first)
         if len(found.added) > 1:
             return found
     return None
@@ -323,7 +339,8 @@ class GivenDelay:
         assert type(core) is OperatorCore
         free = OperatorCore(None, core.least)
         record, searched = (
-            free.on(replace(one, remembered={})) for one in (prepared.record, search.record)
+            free.add_to_record(replace(one, remembered={}))
+            for one in (prepared.record, search.record)
         )
         spec = replace(prepared.spec, core=free, given={})
         prepared = replace(prepared, spec=spec, record=record)
@@ -335,21 +352,25 @@ class GivenDelay:
         """The result of a search with a free delay; with the given one if the data allow it."""
         search, name = self.search, self.name
         first = self.first or self._first_step(free.steps[0])
-        steps = [first, *(replace(step, parent=self._told(step.parent)) for step in free.steps)]
+        steps = [
+            first,
+            *(replace(step, at_likelihood=self._told(step.at_likelihood)) for step in free.steps),
+        ]
         model = output_error_fit(self._told(free.model))
-        before = first.parent.effects.names
+        before = first.at_likelihood.effects.names
         added = [n for n in model.effects.names if n not in (name, *before)]
         path = Path(steps, model)
         fixed = self._with_given(model, added, path.core)
-        step = search.judged(fixed, [Candidate(name, self.claim, model=model)])
+        step = search.judge_candidates(fixed, [Candidate(name, self.claim, model=model)])
         ways = [(model, [name, *added]), (model, [*added, name])]
-        if not step.judge(step.candidates[0]):
+        step.judge(step.candidates[0])
+        if not step.candidates[0].passes:
             ways.insert(0, (fixed, added))
         for found, order in ways:
             path = replace(path, model=ordered(found, [*before, *order]))
             if rises(search, path):
                 return path
-        return in_gaining_order(search, path, first)
+        return drop_losing(search, path, first)
 
     def stands(self, path: Path) -> bool:
         """Whether one effect beside the given delay explains clearly more than another delay."""
@@ -358,12 +379,12 @@ class GivenDelay:
         if path.added != [self.name] or best is None or best is claim or not best.linear_in_loop:
             return False
         first.judge(claim)
-        more = min(best.weight - claim.weight, best.joint - claim.joint)
+        more = min(best.ranking_bic - claim.ranking_bic, best.joint - claim.joint)
         return bool(more > LEAST_DELTA_BIC and best.gain > claim.gain)
 
     def _first_step(self, free: SearchStep) -> SearchStep:
         """The first step with the given delay, from what that with a free one has found."""
-        claim = Candidate(self.name, self.claim, model=self._told(free.plain))
+        claim = Candidate(self.name, self.claim, model=self._told(free.at_least_error))
         return self.search.step_from(self.baseline, free, [claim])
 
     def _with_given(self, model: Model, added: list[str], core: dict[str, float]) -> Model:

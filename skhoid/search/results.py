@@ -193,7 +193,7 @@ def error_path(found: SearchNumbers, prepared: Prepared) -> pd.DataFrame:
                 "vaf": step.vaf,
                 "vaf_loop": np.nan if step.loop is None else step.loop.vaf,
                 "rmse": float(np.sqrt(np.mean(error**2))),
-                "vaf_train": vaf_of_output(record, step.parent.output),
+                "vaf_train": vaf_of_output(record, step.at_likelihood.output),
                 "ceiling": found.ceiling,
                 "explainable_gap": reachable - step.vaf,
             }
@@ -256,8 +256,8 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
     path, domain = found.path, prepared.record.domain
     added = set(path.model.effects.names)
     for number, step in enumerate(path.steps, 1):
-        after = path.steps[number].parent if number < len(path.steps) else path.model
-        of_step = {*after.effects.names} - {*step.parent.effects.names}
+        after = path.steps[number].at_likelihood if number < len(path.steps) else path.model
+        of_step = {*after.effects.names} - {*step.at_likelihood.effects.names}
         chosen = added & of_step
         winner = next((c.effect.name for c in step.candidates if c.name in of_step), "")
         before = step.refitted_vaf

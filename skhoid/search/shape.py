@@ -50,7 +50,7 @@ from .judging import (
     elsewhere,
     excess_asked,
     first_stands,
-    unnamed,
+    unnamed_verdict,
 )
 from .leftover import Leftover, SearchNumbers, gap_of, leftovers, points_gained
 from .likeness import nearest_effects, nearest_table, recordings_for
@@ -326,7 +326,7 @@ def _with_unit(quantity: str, unit: str) -> str:
     return quantity if unit == "-" or "[" in unit else f"{quantity}, {unit}"
 
 
-def shape_of(
+def make_shape(
     candidate: Candidate, estimator: Any, closed: float, units: dict[str, str | None]
 ) -> Shape:
     """What a search shows of the best free form, in a fitted estimator that has it."""
@@ -391,19 +391,19 @@ def _n_knots(model: Model, name: str) -> int:
     return len(getattr(dict(model.effects.steps)[name], "knots", None) or ())
 
 
-def fitted_shape(
-    shaped: Shaped, model: GreyBox, prepared: Prepared, measured: np.ndarray
+def fit_shape(
+    unnamed_part: Unnamed, model: GreyBox, prepared: Prepared, measured: np.ndarray
 ) -> Shape | None:
     """The shape of a search on all rows; None where there is none.
 
     A form that the loop alone speaks against is the shape where it explains most of what repeats
     from run to run: to that the loop may be blind, and no remnant repeats.
     """
-    if shaped.shape is not None:
-        return _fitted(shaped, shaped.shape, model, prepared, measured)
-    repeated = max([i.points for i in shaped.found.left if i.where == "repeats"], default=0.0)
-    for one in shaped.doubtful if repeated else ():
-        shape = _fitted(shaped, one, model, prepared, measured)
+    if unnamed_part.form is not None:
+        return _fit_form(unnamed_part, unnamed_part.form, model, prepared, measured)
+    repeated = max([i.points for i in unnamed_part.found.left if i.where == "repeats"], default=0.0)
+    for one in unnamed_part.doubtful if repeated else ():
+        shape = _fit_form(unnamed_part, one, model, prepared, measured)
         if shape is not None and gap_of(shape.estimator, prepared, measured)[0] < repeated / 2:
             return shape
     return None
@@ -419,8 +419,8 @@ def _unbiased(fitted: Model, criterion: Criterion) -> tuple[Model, RemnantModel]
     return fitted.under(criterion), criterion.noise
 
 
-def _fitted(
-    shaped: Shaped,
+def _fit_form(
+    unnamed_part: Unnamed,
     found: Candidate,
     model: GreyBox,
     prepared: Prepared,
@@ -429,17 +429,17 @@ def _fitted(
     """The shape of one candidate."""
     if found.model is None:
         return None
-    found = detailed(shaped.search, found)
+    found = detailed(unnamed_part.search, found)
     assert found.model is not None
     fitted = on_rows_of(prepared.record, output_error_fit(found.model))
     best = model.with_fit(prepared, *_unbiased(fitted, Criterion(prepared.record)))
     best.set_params(effects=found.model.effects)
     rest, _, _, _ = gap_of(best, prepared, measured)
     if not np.isfinite(rest):
-        folds = shaped.search.folds
+        folds = unnamed_part.search.folds
         rest = max([item.points for item in leftovers(fitted, folds)], default=0.0)
     closed = float(found.gain / max(found.gain + max(rest, 0.0), 1e-300))
-    return shape_of(found, best, closed, prepared.units)
+    return make_shape(found, best, closed, prepared.units)
 
 
 @dataclass(frozen=True)
@@ -451,9 +451,9 @@ class Hint:
     delta_bic: float
 
 
-def forms_judged(search: Search, parent: Model, forms: list[Candidate]) -> SearchStep:
+def judge_forms(search: Search, parent: Model, forms: list[Candidate]) -> SearchStep:
     """Free forms judged as effects with names are; those far from linear are refitted by fold."""
-    step = search.judged(parent, forms)
+    step = search.judge_candidates(parent, forms)
     far = [one for one in forms if one.model is not None and is_far(one.effect, search.record)]
     for one in far:
         assert one.model is not None
@@ -565,19 +565,19 @@ def _solve(gram: np.ndarray, product: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Shaped:
+class Unnamed:
     """Numbers and verdict of a search, and the form of what has no name, or forms in doubt."""
 
     search: Search
     found: SearchNumbers
     ending: Ending
-    shape: Candidate | None = None
+    form: Candidate | None = None
     doubtful: tuple[Candidate, ...] = ()
 
 
-def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
+def find_unnamed(search: Search, found: SearchNumbers, *, tries_all: bool) -> Unnamed:
     """The verdict, with the shape of what has no name."""
-    ending, baseline = decided(found, tries_all=tries_all), found.steps[0].plain
+    ending, baseline = decided(found, tries_all=tries_all), found.steps[0].at_least_error
     rival, hints = None, None
     if found.added:
         hints = hints_of(search, baseline)
@@ -586,23 +586,23 @@ def shaped(search: Search, found: SearchNumbers, *, tries_all: bool) -> Shaped:
     elif ending.verdict is Verdict.NOTHING and (found.left or one_sided(search.record)):
         hints = hints_of(search, baseline)[:FOLLOWED]
         forms = candidates_of(search, baseline, hints)
-        shape = best_of(search, forms_judged(search, baseline, forms))
+        shape = best_of(search, judge_forms(search, baseline, forms))
         if shape is None or shape.gain < BESIDE_ONE.points * found.share:
-            return Shaped(search, found, ending)
-        return Shaped(search, found, Ending(unnamed(tries_all), [], []), shape)
+            return Unnamed(search, found, ending)
+        return Unnamed(search, found, Ending(unnamed_verdict(tries_all), [], []), shape)
     if not ending.verdict.leaves_unknown:
-        return Shaped(search, found, ending)
+        return Unnamed(search, found, ending)
     parent = unnamed_parent(found, ending)
     if rival is None or parent is not baseline:
         if hints is None or parent is not baseline:
             hints = hints_of(search, parent)
         forms = candidates_of(search, parent, hints[:FOLLOWED])
-        step = forms_judged(search, parent, forms)
+        step = judge_forms(search, parent, forms)
         rival = best_of(search, step)
         if rival is None:
             doubtful = [c for c in step.candidates if c.pays and c.joint > LEAST_DELTA_BIC]
-            return Shaped(search, found, ending, None, tuple(doubtful))
-    return Shaped(search, found, ending, rival)
+            return Unnamed(search, found, ending, None, tuple(doubtful))
+    return Unnamed(search, found, ending, rival)
 
 
 def beside_one_form(
@@ -618,7 +618,7 @@ def beside_one_form(
     several = len(found.added) > 1
     limits = BESIDE_SEVERAL if several else BESIDE_ONE
     least, share = limits.points, limits.counts
-    baseline = found.steps[0].plain
+    baseline = found.steps[0].at_least_error
     most = max([hint.points for hint in hints], default=0.0)
     hopeful = [h for h in hints[:TRIED] if h.points > HOPEFUL * found.gained]
     named = output_error_fit(found.path.model) if hopeful else baseline
@@ -632,7 +632,7 @@ def beside_one_form(
     if several and better:  # of which another may explain more of held-out rows
         n = len(tried)
         better = [*tried, *candidates_of(search, baseline, hints[n:FOLLOWED], n)]
-    rival = best_of(search, forms_judged(search, baseline, better)) if better else None
+    rival = best_of(search, judge_forms(search, baseline, better)) if better else None
     if rival is None or rival.model is None:
         return found, None
     excess, one_cause = rival.gain - found.gained, False
@@ -653,7 +653,7 @@ def unnamed_parent(found: SearchNumbers, ending: Ending) -> Model:
     model = found.path.model
     ids = [dict(model.effects.steps)[name].name for name in found.added]
     kept = sum(1 for name in ids if name in ending.named)
-    return found.steps[kept].plain
+    return found.steps[kept].at_least_error
 
 
 def curve_with_band(model: Model, name: str) -> tuple[pd.DataFrame, float]:

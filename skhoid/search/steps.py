@@ -49,6 +49,7 @@ from .judging import (
     RIVAL,
     Candidate,
     as_good,
+    find_why_unnamed,
     hardly_there,
     likeliest_alternatives,
     mark_confused,
@@ -56,7 +57,6 @@ from .judging import (
     order_key,
     plainest_first,
     special_cases_of,
-    without_name,
 )
 from .statuses import Against, Reason
 
@@ -64,7 +64,7 @@ PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power
 TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
 
-Weigh = Callable[[list[Candidate]], None]
+FindJoint = Callable[[list[Candidate]], None]
 
 
 class Progress:
@@ -114,30 +114,30 @@ def unique_name(effect: Effect, effects: Effects) -> str:
 class SearchStep:
     """A parent, and all candidates for it, best first.
 
-    ``parent`` is at the largest likelihood under the noise model of the step, ``plain`` at the
-    least error of the simulation; ``refit`` is the held-out VAF of a model refitted for each fold,
-    and ``weigh`` finds the unbiased ΔBIC of candidates.
+    The parent is there twice: ``at_likelihood``, the largest under the noise model of the step, and
+    ``at_least_error`` of the simulation. ``refit`` is the held-out VAF of a model refitted for each
+    fold, and ``find_joint`` finds the unbiased ΔBIC of candidates.
     """
 
-    parent: Model
-    plain: Model
+    at_likelihood: Model
+    at_least_error: Model
     vaf: float
     prediction: np.ndarray
     candidates: list[Candidate]
     loop: LoopParent | None
     refit: Callable[[Model], float]
-    weigh: Weigh | None = None
+    find_joint: FindJoint | None = None
 
     @property
     def refitted_vaf(self) -> float:
         """Held-out VAF of the parent, refitted for each fold."""
-        return self.refit(self.plain)
+        return self.refit(self.at_least_error)
 
     def rank(self) -> None:
         """Put the best first; it has also passed in the closed loop, where that is known."""
         judged: list[Candidate] = []
         while True:
-            weigh_likely(self.candidates, self.weigh)
+            find_likely_joint(self.candidates, self.find_joint)
             self.candidates.sort(key=order_key)
             plainest_first(self.candidates)
             first = self.candidates[0] if self.candidates else None
@@ -163,10 +163,12 @@ class SearchStep:
         enough = first.in_loop.delta_bic + LOOP_DELTA_BIC
         if not any(self._likely_in_loop(c, enough) for c in rivals):  # whatever rows held out say
             for c in rivals:
-                if abs(c.weight - first.weight) < CONFUSED:
+                if abs(c.ranking_bic - first.ranking_bic) < CONFUSED:
                     self.judge(c)
             return
-        near = [c for c in rivals if self.judge(c) and c.linear_in_loop]
+        for c in rivals:
+            self.judge(c)
+        near = [c for c in rivals if c.passes and c.linear_in_loop]
 
         def in_loop(c: Candidate) -> float:
             assert c.in_loop is not None
@@ -179,26 +181,29 @@ class SearchStep:
 
     def rivals(self) -> list[Candidate]:
         """Candidates that pass and have much of the weight of the first."""
-        weigh_likely(self.candidates, self.weigh, RIVAL)
+        find_likely_joint(self.candidates, self.find_joint, RIVAL)
         self.candidates[1:] = sorted(self.candidates[1:], key=order_key)
-        least = RIVAL * self.candidates[0].weight
-        return [c for c in self.candidates[1:] if c.passes and c.weight > least]
+        least = RIVAL * self.candidates[0].ranking_bic
+        return [c for c in self.candidates[1:] if c.passes and c.ranking_bic > least]
 
     def _likely_in_loop(self, candidate: Candidate, enough: float) -> bool:
         """Whether a linear effect's ΔBIC in the closed loop is more than enough."""
         assert self.loop is not None
         assert candidate.model is not None
-        found, _ = self.loop.compared(candidate.model)
+        found, _ = self.loop.compare_likelihood(candidate.model)
         return not found.bends and bool(found.delta_bic > enough)
 
-    def judge(self, candidate: Candidate) -> bool:
-        """Whether a candidate passes in the closed loop too, and refitted without each fold."""
-        if candidate.unweighed and self.weigh is not None:
-            self.weigh([candidate])
+    def judge(self, candidate: Candidate) -> None:
+        """Judge a candidate in the closed loop too, and refitted without each fold.
+
+        Its ``passes`` says afterwards whether it still passes.
+        """
+        if candidate.lacks_joint and self.find_joint is not None:
+            self.find_joint([candidate])
         if candidate.in_loop is None and not candidate.trace:
             assert candidate.model is not None
             loop = self.loop
-            candidate.in_loop = InLoop() if loop is None else loop.judged(candidate.model)
+            candidate.in_loop = InLoop() if loop is None else loop.compare_in_loop(candidate.model)
         solved = candidate.in_loop is not None and np.isfinite(candidate.in_loop.vaf)
         if candidate.pays and candidate.model is not None and not solved:
             candidate.refused = self._leak_beyond_parent(candidate.model)
@@ -210,7 +215,6 @@ class SearchStep:
                 candidate.refused = Against(
                     Reason.LOSES, f"fitted without the rows, it loses {-gain:.2g} points there"
                 )
-        return candidate.passes
 
     def _leak_beyond_parent(self, model: Model) -> Against | None:
         """What the leak test says about a model, unless it says much the same about the parent."""
@@ -222,7 +226,7 @@ class SearchStep:
 
     @cached_property
     def _parent_leak(self) -> LeakTest | None:
-        return leak_of(self.parent)
+        return leak_of(self.at_likelihood)
 
     @property
     def best(self) -> Candidate | None:
@@ -238,18 +242,19 @@ class SearchStep:
         if general is None or general.trace:
             return
         for special in special_cases_of(general, self.candidates):
-            if self.judge(special) and as_good(special, general):
+            self.judge(special)
+            if special.passes and as_good(special, general):
                 self.candidates.remove(special)
                 self.candidates.insert(0, special)
                 return
 
 
-def weigh_likely(
-    candidates: list[Candidate], weigh: Weigh | None, share: float = MAY_BE_BEST
+def find_likely_joint(
+    candidates: list[Candidate], find_joint: FindJoint | None, share: float = MAY_BE_BEST
 ) -> None:
     """Find the unbiased ΔBIC of those that may be the best, or have a ``share`` of its weight."""
-    while weigh is not None and (left := may_lead(candidates, share)):
-        weigh(left)
+    while find_joint is not None and (left := may_lead(candidates, share)):
+        find_joint(left)
 
 
 class Search:
@@ -279,8 +284,11 @@ class Search:
         self._parts: dict[tuple, list[Model]] = {}
         self._parents: dict[frozenset[str], Model] = {}
 
-    def quiet(self, baseline: Model) -> Search | None:
-        """The same search without noise that a model's residual shows; None where there is none."""
+    def without_tremor(self, baseline: Model) -> Search | None:
+        """The same search on the output without a tremor that a model's residual shows.
+
+        None where it shows none.
+        """
         if not self.core.kind.is_operator:
             return None
         record = without_noise(self.record, baseline.output, self.noises)
@@ -329,7 +337,7 @@ class Search:
             done = self._each(self._extended, added, parent, rough)
             for c, found in zip(tried, done, strict=True):
                 c.model = self._model(found, parent)
-            return self.judged(parent, candidates)
+            return self.judge_candidates(parent, candidates)
 
     def step_from(self, parent: Model, other: SearchStep, more: Sequence[Candidate]) -> SearchStep:
         """The candidates of another step for a parent, each fitted from where it ended there.
@@ -346,7 +354,7 @@ class Search:
             self.progress.done(len(more))
             for c, found in zip(tried, self._each(self._followed, ends, parent), strict=True):
                 c.model = self._model(found, parent)
-            return self.judged(parent, [*candidates, *more])
+            return self.judge_candidates(parent, [*candidates, *more])
 
     def _followed(
         self, end: tuple[Effects, dict[str, float]], parent: Model
@@ -372,14 +380,14 @@ class Search:
         effects, fit = found
         return Model(Simulator(self.core, effects, self.record), fit, parent.other_cores)
 
-    def judged(self, parent: Model, candidates: list[Candidate]) -> SearchStep:
+    def judge_candidates(self, parent: Model, candidates: list[Candidate]) -> SearchStep:
         """Refine all under one noise model, that of the best, and rank."""
-        plain, criterion = self.criterion, Criterion(self.record)
+        criterion = Criterion(self.record)
         tried = [c for c in candidates if c.model is not None]
         best = min([parent, *(c.model for c in tried if c.model)], key=lambda m: m.sse)
         criterion.set_noise(criterion.remnant_model(best.output))
-        base = parent.refined(criterion)
-        base_vaf, base_prediction = self._held_out(parent)
+        at_likelihood = parent.refined(criterion)
+        vaf_before, prediction_before = self._held_out(parent)
         n = criterion.n
         for c in tried:
             c.trace = self.traces.get(c.effect.name, "") if c.effect.place == "output" else ""
@@ -389,49 +397,56 @@ class Search:
             assert c.model is not None
             before = c.model.sse
             c.model = self._model((c.model.effects, fit), parent)
-            c.n_parameters = c.model.n_parameters - base.n_parameters
-            ratio = n * np.log(max(base.sse, 1e-300) / max(c.model.sse, 1e-300))
+            c.n_parameters = c.model.n_parameters - at_likelihood.n_parameters
+            ratio = n * np.log(max(at_likelihood.sse, 1e-300) / max(c.model.sse, 1e-300))
             c.delta_bic = ratio - c.n_parameters * np.log(n)
             if prediction is None:
-                c.gain = 100 * (parent.sse - before) / plain.power
-                c.vaf = base_vaf + c.gain
+                c.gain = 100 * (parent.sse - before) / self.criterion.power
+                c.vaf = vaf_before + c.gain
             else:
                 c.vaf, c.prediction = vaf, prediction
-                c.gain = c.vaf - base_vaf
+                c.gain = c.vaf - vaf_before
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
             c.least_gain = self.share * (
                 LEAST_GAIN_OF_CLAIM if c.effect.name == CLAIM else LEAST_GAIN
             )
-            c.refused = without_name(c)
+            c.refused = find_why_unnamed(c)
         most = max((c.gain for c in candidates if c.passes and not c.trace), default=0.0)
         for c in tried:  # levels may be those at which something else came to rest
             c.trace = c.trace if c.gain > most - TRACE_LEADS else ""
         if self.core.kind.is_operator:
             for c in tried:
-                c.unweighed = c.gain >= c.least_gain and not (c.trace or c.refused)
-        weigh = self._weighing(base)
-        weigh_likely(candidates, weigh)
+                c.lacks_joint = c.gain >= c.least_gain and not (c.trace or c.refused)
+        find_joint = self._joint_finder(at_likelihood)
+        find_likely_joint(candidates, find_joint)
         candidates = likeliest_alternatives(candidates)
-        loop = None if self.loop is None else self.loop.around(base, parent)
-        known = base, parent, base_vaf, base_prediction
-        step = SearchStep(*known, candidates, loop, self.refit, weigh)
+        step = SearchStep(
+            at_likelihood=at_likelihood,
+            at_least_error=parent,
+            vaf=vaf_before,
+            prediction=prediction_before,
+            candidates=candidates,
+            loop=None if self.loop is None else self.loop.around(at_likelihood, key=parent.key),
+            refit=self.refit,
+            find_joint=find_joint,
+        )
         step.rank()
         step.put_special_first()
         return step
 
-    def _weighing(self, base: Model) -> Weigh:
+    def _joint_finder(self, parent: Model) -> FindJoint:
         """What finds the unbiased ΔBIC of candidates over a parent."""
-        joint_parent = cache(lambda: JointParent(base))
+        joint_parent = cache(lambda: JointParent(parent))
 
-        def weigh(candidates: list[Candidate]) -> None:
+        def find_joint(candidates: list[Candidate]) -> None:
             models = [(c.model.effects, c.model.fit) for c in candidates if c.model]
             for c, found in zip(
                 candidates, self._each(self._joint, models, joint_parent()), strict=True
             ):
-                c.joint, c.unweighed = found, False
+                c.joint, c.lacks_joint = found, False
 
-        return weigh
+        return find_joint
 
     def _joint(self, found: tuple[Effects, Fit], parent: JointParent) -> float:
         return parent.delta_bic(self._model(found, parent.parent), LIKELY_IF_FIRST)

@@ -64,7 +64,7 @@ class World:
         channels = {"e": e, "x": x, "f_t": self.target}
         record = Record(DT, t, channels, roles, ("e",), known, u, controlled_element=self.element)
         self.core = OperatorCore(None)
-        self.record = self.core.on(record)
+        self.record = self.core.add_to_record(record)
 
     def run(self, person, remnant=None):
         remnant = np.zeros_like(self.target) if remnant is None else remnant

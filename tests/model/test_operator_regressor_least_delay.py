@@ -44,7 +44,7 @@ def test_bounds_of_effects_follow(quick):
     least = low = 0.25
     prepared = OperatorRegressor(least_delay=least).prepare(X, y)
     assert OutputFeedback().limits(prepared.record)["delay"][0] == low
-    given = OperatorCore(0.3, least).on(prepared.record)
+    given = OperatorCore(0.3, least).add_to_record(prepared.record)
     assert WrongDelay().limits(given)["extra"][0] == pytest.approx(least - 0.3)
 
 

@@ -23,7 +23,7 @@ MEMBERS = [n for n in vars(ErrorScan) if n == "__call__" or n[0] != "_"]
 def parent_of(kind):
     """A core fitted to runs of one whose command was held between events."""
     core, own = CORES[kind]
-    record = core.on(synthetic_record())
+    record = core.add_to_record(synthetic_record())
     hidden = Effects.of(Intermittent(trigger="event", hold_time=0.2, threshold=0.3))
     record = replace(record, y=Simulator(core, hidden, record).run(np.array(own)) * record.known)
     return fit_core(core, record, Criterion(record), np.array([own]))

@@ -85,7 +85,7 @@ def candidates_of(searches: list[EffectSearchCV]) -> list[Effect]:
                 total[row["effect"]] = total.get(row["effect"], 0.0) + factor
     suggested = {name for name, factor in total.items() if factor > 0.0}
     wanted = named | suggested
-    return [one for one in searches[0].candidates() if one.name in wanted and not one.noise]
+    return [one for one in searches[0].list_effects() if one.name in wanted and not one.noise]
 
 
 def weigh(
@@ -157,7 +157,7 @@ def _fitted(
 ) -> tuple[Any, str]:
     """The model with other effects than a search named: its choices where it has made them."""
     chosen = {effect.name: effect for _, effect in named_by(own)}
-    plain = {one.name: one for one in own.candidates()}
+    plain = {one.name: one for one in own.list_effects()}
     effects = [chosen.get(name, plain.get(name)) for name in wanted]
     model = clone(simulated_model(search.estimator, "GroupEffectSearch"))
     given = Effects.of(getattr(model, "effects", None))

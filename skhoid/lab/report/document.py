@@ -184,7 +184,7 @@ def _search(model: Any, X: Any, y: Any, effects: Any) -> tuple[EffectSearchCV | 
     if effects is None:
         return None, 'Not asked for (effects=None). effects="all" tries the whole catalogue.'
     search = EffectSearchCV(clone(model), effects=effects)
-    search.candidates()  # a name that is none is no matter of this model
+    search.list_effects()  # a name that is none is no matter of this model
     try:
         return search.fit(X, y), ""
     except ValueError as error:
