@@ -43,8 +43,9 @@ def extended(
 ) -> Model:
     """A fitted model with one more effect, from the best of its variants and starts.
 
-    They are explored under the ``coarse`` criterion, and followed to the end only where that shows
-    a gain: of twice the share ``worth`` of the power, or of as much as that after some iterations.
+    They are explored under the ``coarse`` criterion. Of the best, one is fitted to the end if it
+    gains more than twice the share ``worth`` of the power there, or more than that share after a
+    few iterations under ``criterion``.
     In a search, ``rough`` is what :func:`explored_from` returned for the parent: without it, what
     other parameters gain on the rows of ``coarse`` counts as gain of the effect.
     """

@@ -50,8 +50,8 @@ ROUNDS_AMONG_JUMPS = 3
 ALIKE = 1.0  # of n log(SSE), by which minima side by side may differ
 SAME = 0.1  # of n log(SSE), from a minimum, where a fit will end there too
 NEEDED = 8.0  # of n log(SSE), that a gain on the error rate or another minimum must save
-# Squares of a gain over its variance, at which it saves much more than that: it saves a tenth of
-# them at least.
+# Square of a gain over its variance, beyond which nobody needs to try without it: n log(SSE) rises
+# by a tenth of that ratio at least, which is far more than NEEDED.
 CLEARLY_NEEDED = 500.0
 SHORT_LEAD = 0.05  # s, from which to seek how large a gain may be that was left out
 SOUGHT, CLOSE, FARTHER = 4, 0.2, 3.0  # tries; relative accuracy; times as far, at most

@@ -218,11 +218,12 @@ def find_profile_intervals(
 ) -> dict[str, tuple[float, float]]:
     """95 % intervals of the parameters of effects by their full names, by profile likelihood.
 
-    What the ``covariance`` has beyond that of the likelihood adds to the squares of the distances,
-    so that of a normal likelihood this is the interval of the standard error. Parameters at their
-    bounds are free here, and their own intervals end there. Only for smooth responses, and not for
-    so many rows that some are fitted first (Venzon and Moolgavkar 1988, A method for computing
-    profile-likelihood-based confidence intervals).
+    The square of an end's distance is that of the profile, plus 3.84 (chi-squared at 95 %) times
+    what the variance in ``covariance`` exceeds that of the likelihood by: of a normal likelihood
+    this is the interval of the standard error. Parameters at their bounds are free here, and their
+    own intervals end there. Only for smooth responses, and not for so many rows that some are
+    fitted first (Venzon and Moolgavkar 1988, A method for computing profile-likelihood-based
+    confidence intervals).
     """
     simulator = model.simulator
     curves = tuple(f"{name}__" for name, effect in simulator.effects if effect.free_form)

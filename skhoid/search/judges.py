@@ -124,8 +124,8 @@ class JointParent:
     """A model against which others are judged, each with the noise model that is likeliest with it.
 
     The noise model of a simulation-error fit holds the bias of the remnant that comes back in the
-    error. What is likely at one rate only is an error of simulation or sensor: ΔBIC is the least of
-    all rates.
+    error. A model must win at every rate of ``RATES``, so ΔBIC is the least of them: one that wins
+    at a single rate fits an error of the simulation or of a sensor.
     """
 
     def __init__(self, parent: Model):
@@ -172,10 +172,10 @@ class InLoop:
 
     NaN where the loop cannot be solved, as with what jumps or sticks, or is not asked. ``bends``
     says that what the model has more is not linear, moves levels, or acts in stretches that were
-    found in the data: a remnant makes its mean answer in the loop nearly linear, or is held there,
-    and what is no better in the loop may still be right. None where no loop is known.
-    ``parent_has``
-    is nothing yet, other effects, or among them some that bend.
+    found in the data; None where no loop is known. The loop may be wrong about such effects: the
+    mean over remnants hides the bend, the loop leaves the level open, or the stretches take up the
+    remnant. That they are no better there does not refute them; that they are much worse does.
+    ``parent_has`` is nothing yet, other effects, or among them some that bend.
     """
 
     vaf: float = np.nan

@@ -1,25 +1,37 @@
-"""What counts: all rules and thresholds by which a search adds, refuses and names effects.
+"""What counts: the rules and thresholds by which a search adds, refuses and names effects.
 
-What they are applied to is measured in :mod:`skhoid.search.judges`.
+What they are applied to is measured in :mod:`skhoid.search.judges`. What is worth computing, such
+as how many rivals are followed, stands where it is computed.
+
+A candidate has several ΔBICs over its parent, and the larger is the better:
+
+``delta_bic``
+    Both under one noise model, that of the best of the step.
+``joint``
+    Each with the noise model that is likeliest with it: unbiased. NaN where it is not asked.
+``in_loop.delta_bic``
+    In the closed loop, in which no remnant returns in the error.
+``ranking_bic``
+    ``delta_bic / 2 + joint`` (``delta_bic`` where ``joint`` is NaN), less what the loop has against
+    an effect that is not linear.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
+from ..diagnosis.leaks import SLOPE, LeakTest
+from ..effects.base import Effect
+from ..effects.registry import title_of
+from ..model.model import AT_BOUND, Model
 from .judges import InLoop
 from .statuses import Against, Ending, Reason, Verdict
 
 if TYPE_CHECKING:
     from .leftover import SearchNumbers
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
-
-import numpy as np
-
-from ..effects.base import Effect
-from ..effects.registry import title_of
-from ..model.model import AT_BOUND, Model
 
 LEAST_DELTA_BIC = 25.0  # of an effect that counts
 LEAST_GAIN = 0.2  # VAF points on held-out rows of an effect that counts
@@ -32,11 +44,15 @@ LITTLE_NOISE = 97.0  # % of VAF, above which an effect must gain more than a pla
 AS_GOOD = 0.05  # points
 SURE = 3.0  # standard errors, by which an effect's numbers are off those at which it does nothing
 AT_ZERO = 1e-9  # rounding of a bound
-MOST_UNBIASED = 1.5  # times ΔBIC, of a weight that is about as large usually
-MAY_BE_BEST = 0.5  # of the weight of the best, for another that may be it once it is known
-RIVAL = 0.3  # of the weight of the best, at least, of another that may be it
+MOST_UNBIASED = 1.5  # times ΔBIC, of a ranking ΔBIC that is about as large usually
+MAY_BE_BEST = 0.5  # of the ranking ΔBIC of the best, for another that may be it once it is known
+RIVAL = 0.3  # of the ranking ΔBIC of the best, at least, of another that may be it
 N_RIVALS = 3  # which the closed loop compares with the best
 CONFUSED = 12.0  # of ΔBIC, within which two effects are not told apart
+TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
+NOTED = 0.2  # points of structure that is left
+LEFT_SURELY = 4.0  # standard errors by which what is left exceeds nothing
+P_OF_CHANGE = 0.005  # of a parameter that changes too: two are tested, which makes 0.01 for both
 
 # In the closed loop: of an effect that counts; of one that gains so many points there.
 LOOP_DELTA_BIC, LOOP_GAIN = 20.0, 0.1
@@ -48,9 +64,10 @@ LIKELY, LIKELY_IF_FIRST, LIKELY_BESIDE_BENT = 25.0, 12.0, 50.0
 class LeftBeside(NamedTuple):
     """How much structure may be left beside effects that are named.
 
-    Beyond ``points`` (of VAF about the mean) and the share ``counts`` of what could be explained it
-    is unknown; above the share ``unnames`` the effects are not named, up to ``unnames_much`` as
-    they gain more, since hardly anything else imitates much.
+    It counts as structure that nothing explains if it is at least ``points`` (of VAF about the
+    mean) and more than the share ``counts`` of what could be explained. Names are dropped if it is
+    more than the share ``unnames`` too; the limit rises with what the effects gain, to
+    ``unnames_much`` for 10 points, since hardly anything else imitates as much.
     """
 
     points: float
@@ -139,7 +156,9 @@ class Candidate:
         """Whether the unbiased likelihood and the closed loop, if evaluated, speak against it.
 
         The loop decides on linear effects, and on others only against them; else the noise model
-        does. It is blind to what only the remnant excites, unless that acts on the limb.
+        does. In the loop a linear model meets no remnant, so an effect that only the remnant
+        excites shows nothing there: much outside the loop counts for it, if it loses nothing in
+        it. Of effects at place "inside" the loop decides all the same.
         """
         judged = self.in_loop
         if judged is None:
@@ -151,7 +170,8 @@ class Candidate:
         if np.isnan(judged.delta_bic):
             return likely <= likely_asked(judged)
         if self.effect.name in OF_TARGET and not judged.bends:
-            # The loop is not blind to it: of nothing, ΔBIC to 80, but hardly any points.
+            # The target excites it in the loop too. With no such effect in the data, ΔBIC there
+            # still reached 80, but the VAF hardly rose.
             least = LOOP_DELTA_BIC_IF_BETTER if judged.gain >= CLEAR else CERTAIN
             return judged.delta_bic <= least or judged.gain < LOOP_GAIN
         if np.isnan(self.joint) or not judged.bends:
@@ -174,7 +194,7 @@ class Candidate:
 
     @property
     def ranking_bic_at_most(self) -> float:
-        """What its weight may be once the unbiased ΔBIC, usually half the other, is known."""
+        """What that may be once the unbiased ΔBIC, usually half of ``delta_bic``, is known."""
         if not self.lacks_joint:
             return self.ranking_bic
         return MOST_UNBIASED * max(self.delta_bic, 0.0) + LEAST_DELTA_BIC
@@ -191,7 +211,7 @@ class Candidate:
 
 
 def may_lead(candidates: list[Candidate], share: float) -> list[Candidate]:
-    """Candidates without an unbiased ΔBIC that may have a ``share`` of the weight of the best."""
+    """Candidates without an unbiased ΔBIC that may have a ``share`` of the best's ranking ΔBIC."""
     most = [c.ranking_bic_at_most for c in candidates if c.passes and not c.lacks_joint]
     left = [c for c in candidates if c.lacks_joint]
     known: dict[str, float] = {}
@@ -223,6 +243,14 @@ def order_key(candidate: Candidate) -> tuple[bool, bool, float]:
     passes = candidate.passes
     trace = passes and bool(candidate.trace)
     return not trace, not passes, -(candidate.ranking_bic if passes else candidate.delta_bic)
+
+
+def leaks_beyond(leak: LeakTest | None, of_parent: LeakTest | None) -> Against | None:
+    """What the leak test says about a model, unless it says much the same about the parent."""
+    if leak is None or not leak.leaks:
+        return None
+    known = of_parent.slope if of_parent is not None and of_parent.leaks else -np.inf
+    return None if leak.slope < known + SLOPE else Against(Reason.REBUILDS, leak.reason)
 
 
 def find_why_unnamed(candidate: Candidate) -> Against | None:

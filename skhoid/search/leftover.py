@@ -26,7 +26,7 @@ from ..model.simulator import Simulator
 from ..runs.roles import OTHER
 from .data import Held
 from .judges import RATES, HeldOutRows, LoopJudge, noises_in
-from .judging import LEAST_DELTA_BIC
+from .judging import LEAST_DELTA_BIC, LEFT_SURELY, NOTED
 from .path import Path, further_changes
 from .steps import Search, SearchStep
 
@@ -38,8 +38,6 @@ PIECES = 9  # of a run
 MEMORIES = (1.5, 6.0)  # s, of slow senses such as semicircular canals
 LAGGED = 0.2  # s, by which an output of limited rate stays behind
 REPEATS = "part of the residual repeats from run to run, or follows the target"
-NOTED = 0.2  # points
-LEFT_SURELY = 4.0  # standard errors by which what is left exceeds nothing
 
 
 @dataclass(frozen=True)
@@ -234,8 +232,9 @@ def leftovers(
 ) -> list[Leftover]:
     """Families that explain part of a model's residual on held-out rows, best first.
 
-    With a ``judge`` linear responses count for no more than in the closed loop, where they cannot
-    follow the remnant, at full rate and at one at which they cannot follow the sensor's error.
+    With a ``judge`` and a loop that can be solved, a family of ``IN_LOOP`` is credited with the
+    least of its points: outside the loop, in it at the usual rate, and in it at 12.5 Hz. In the
+    loop it cannot follow the remnant, and at the lower rate not the sensor's error.
     """
     found = _found(model, folds)
     if judge is not None and any(item.where in IN_LOOP for item in found):

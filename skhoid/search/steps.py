@@ -14,7 +14,7 @@ from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
 
 from .._machine import ended_by_signals
-from ..diagnosis.leaks import SLOPE, LeakTest
+from ..diagnosis.leaks import LeakTest
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
@@ -47,10 +47,12 @@ from .judging import (
     MAY_BE_BEST,
     N_RIVALS,
     RIVAL,
+    TRACE_LEADS,
     Candidate,
     as_good,
     find_why_unnamed,
     hardly_there,
+    leaks_beyond,
     likeliest_alternatives,
     mark_confused,
     may_lead,
@@ -62,7 +64,6 @@ from .statuses import Against, Reason
 
 PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power
-TRACE_LEADS = 0.5  # points of VAF that another may gain more than what a trace shows
 
 FindJoint = Callable[[list[Candidate]], None]
 
@@ -151,8 +152,8 @@ class SearchStep:
     def _likeliest_in_loop(self) -> None:
         """Of the linear effects that pass, the one with the largest ΔBIC in the closed loop.
 
-        Outside the loop, the remnant also influences which of them fits best. What the loop does
-        not tell apart, by less than counts there, is left in its order.
+        Outside the loop, the remnant also influences which of them fits best. Those whose ΔBIC in
+        the loop is within 20 of the largest keep their order: the first of them leads.
         """
         first = self.best
         if first is None or not first.linear_in_loop:
@@ -180,7 +181,7 @@ class SearchStep:
         self.candidates.insert(0, best)
 
     def rivals(self) -> list[Candidate]:
-        """Candidates that pass and have much of the weight of the first."""
+        """Candidates that pass and have much of the ranking ΔBIC of the first."""
         find_likely_joint(self.candidates, self.find_joint, RIVAL)
         self.candidates[1:] = sorted(self.candidates[1:], key=order_key)
         least = RIVAL * self.candidates[0].ranking_bic
@@ -206,7 +207,7 @@ class SearchStep:
             candidate.in_loop = InLoop() if loop is None else loop.compare_in_loop(candidate.model)
         solved = candidate.in_loop is not None and np.isfinite(candidate.in_loop.vaf)
         if candidate.pays and candidate.model is not None and not solved:
-            candidate.refused = self._leak_beyond_parent(candidate.model)
+            candidate.refused = leaks_beyond(leak_of(candidate.model), self._parent_leak)
         if candidate.passes and not candidate.trace:
             candidate.refused = hardly_there(candidate)
         if candidate.passes and candidate.model is not None:
@@ -215,14 +216,6 @@ class SearchStep:
                 candidate.refused = Against(
                     Reason.LOSES, f"fitted without the rows, it loses {-gain:.2g} points there"
                 )
-
-    def _leak_beyond_parent(self, model: Model) -> Against | None:
-        """What the leak test says about a model, unless it says much the same about the parent."""
-        leak, of_parent = leak_of(model), self._parent_leak
-        if leak is None or not leak.leaks:
-            return None
-        known = of_parent.slope if of_parent is not None and of_parent.leaks else -np.inf
-        return None if leak.slope < known + SLOPE else Against(Reason.REBUILDS, leak.reason)
 
     @cached_property
     def _parent_leak(self) -> LeakTest | None:
@@ -252,7 +245,7 @@ class SearchStep:
 def find_likely_joint(
     candidates: list[Candidate], find_joint: FindJoint | None, share: float = MAY_BE_BEST
 ) -> None:
-    """Find the unbiased ΔBIC of those that may be the best, or have a ``share`` of its weight."""
+    """Find the unbiased ΔBIC of those that may have a ``share`` of the best's ranking ΔBIC."""
     while find_joint is not None and (left := may_lead(candidates, share)):
         find_joint(left)
 

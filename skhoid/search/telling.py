@@ -31,6 +31,7 @@ from ..text import (
     gap_text,
     p_text,
 )
+from .judging import P_OF_CHANGE
 from .likeness import experiment_between
 from .results import SearchResult, with_effects
 from .statuses import UNKNOWN, Status, Verdict
@@ -219,8 +220,7 @@ def note_changes(changes: dict[str, tuple[float, float, float]]) -> list[Note]:
     """Which neuromuscular parameters change with the gains."""
     notes = []
     for name, (value, sd, p) in changes.items():
-        # Two parameters are tested for each change: 0.005 each makes 0.01 for both.
-        verb = "changes too" if p < 0.005 else "does not change"
+        verb = "changes too" if p < P_OF_CHANGE else "does not change"
         text = f"{name} {verb}: by {100 * value:.0f} ± {100 * sd:.0f} % ({p_text(p)})"
         notes.append(Note("changes", text))
     return notes
