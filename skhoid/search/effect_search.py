@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from numbers import Integral
 from typing import Any, NamedTuple
 
@@ -58,22 +58,7 @@ from .telling import (
     tell_search,
 )
 
-KEPT = (  # of a result, as attributes
-    "verdict",
-    "best_effects",
-    "stand_ins",
-    "ranking",
-    "error_path",
-    "predictions",
-    "unexplained",
-    "left_out",
-    "shape",
-    "explainable_gap",
-    "ceiling_note",
-    "experiments",
-    "notes",
-    "searched_runs",
-)
+NOT_KEPT = ("parameters", "max_effects")  # of a result: the search tells them under other names
 
 # Data of fits, for as long as others hold them: a search itself keeps none, and is small.
 _DATA: weakref.WeakKeyDictionary[Any, tuple[Any, Any]] = weakref.WeakKeyDictionary()
@@ -380,8 +365,9 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     def _keep(self, result: SearchResult, n_splits: int) -> None:
         """Fitted attributes of a result."""
         self.result_ = result
-        for name in KEPT:
-            setattr(self, f"{name}_", getattr(result, name))
+        for field in fields(result):
+            if field.name not in NOT_KEPT:
+                setattr(self, f"{field.name}_", getattr(result, field.name))
         self.n_splits_ = n_splits
         self.scorer_ = check_scoring(self.best_estimator_)
         self.cv_results_ = compare_models(result, self.best_estimator_.effects)
