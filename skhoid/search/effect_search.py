@@ -58,7 +58,7 @@ from .telling import (
     tell_search,
 )
 
-NOT_KEPT = ("parameters", "max_effects")  # of a result: the search tells them under other names
+NOT_KEPT = ("parameters", "max_effects")  # the best estimator has these, and the search itself
 
 # Data of fits, for as long as others hold them: a search itself keeps none, and is small.
 _DATA: weakref.WeakKeyDictionary[Any, tuple[Any, Any]] = weakref.WeakKeyDictionary()
