@@ -372,7 +372,7 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
             raise ShortRunError(
                 f"The first {self.init_window:g} s hold {len(table)} usable rows for "
                 f"{len(self.parameter_names_)} parameters (n_samples = {n_samples}).{clock}",
-                hint=f"Give {'' if clocked else 'dt=, or '}a longer init_window, or init= and p0=.",
+                hint=f"Give {'' if clocked else 'dt=, or '}a longer init_window.",
                 options=[] if clocked else ["dt"],
             )
         return start_of(self.init, self.p0, self.parameter_names_, table)

@@ -518,7 +518,7 @@ def _least_squares(table: np.ndarray, scale: np.ndarray, names: list[str]) -> np
     warnings.warn(
         f"The first {len(table)} usable rows do not determine all of {', '.join(names)}; the "
         "recursion starts from the minimum-norm parameters that fit them. Give a longer "
-        "init_window, or init= and p0=.",
+        "init_window.",
         PoorExcitationWarning,
         stacklevel=5,
     )

@@ -4,7 +4,6 @@ from ..parameters import ModelParameter, ParameterTable
 from .effect_curves import effect_curves as effect_curves
 from .estimator import GreyBox
 from .operator_regressor import OperatorRegressor
-from .parameters import parameter_text as parameter_text
 from .prepared import SimulatedCore
 from .simulated_arx import SimulatedARX
 from .simulated_arx import simulated_model as simulated_model

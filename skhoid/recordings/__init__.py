@@ -3,7 +3,6 @@
 from .channels import check_channels
 from .experiment_check import ExperimentCheck, check_experiment
 from .loss_of_control import lost_control
-from .loss_of_control import notes_of_lost as notes_of_lost
 from .recording import Finding
 
 __all__ = ["ExperimentCheck", "Finding", "check_channels", "check_experiment", "lost_control"]

@@ -19,7 +19,6 @@ from .layout import snap as snap
 from .layout import time_in_seconds as time_in_seconds
 from .layout import whole_samples as whole_samples
 from .layout import within_runs as within_runs
-from .roles import OUTPUT as OUTPUT
 from .roles import RUN as RUN
 from .roles import TIME as TIME
 from .roles import input_columns as input_columns

@@ -53,9 +53,9 @@ class Browser:
             lambda _: self.js("return document.readyState") == "complete"
         )
 
-    def emulate(self, colours="light", media=""):
+    def emulate(self, colours="light"):
         features = [{"name": "prefers-color-scheme", "value": colours}]
-        self.command("Emulation.setEmulatedMedia", media=media, features=features)
+        self.command("Emulation.setEmulatedMedia", media="", features=features)
 
     def command(self, name, **parameters):
         return self.driver.execute_cdp_cmd(name, parameters)

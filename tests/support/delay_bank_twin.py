@@ -9,9 +9,9 @@ A = (-1.8, 0.84)
 B = (0.05, -0.04)
 
 
-def jumping_run(seed=0, n_rows=4000, delays=(20, 35), noise=0.03):
+def jumping_run(seed=0, noise=0.03):
     """e, u and the delay in samples of each row, which changes in the middle."""
-    rng = np.random.default_rng(seed)
+    n_rows, delays, rng = 4000, (20, 35), np.random.default_rng(seed)
     e = lfilter([1], [1, -0.9], rng.standard_normal(n_rows))
     nk = np.where(np.arange(n_rows) < n_rows // 2, *delays)
     drive = np.zeros(n_rows)
@@ -38,7 +38,7 @@ def error_ahead(path, e, u, nk, t, steps):
     return u[t] - y[t]
 
 
-def probabilities(paths, runs, delays, *, steps, leave, power, memory, settled, begin=None):
+def probabilities(paths, runs, delays, *, steps, leave, power, memory, settled):
     """Probabilities of the delays over time, from the paths of theta of each delay.
 
     ``runs`` are (e, u) of the same length; NaN in u alone means that there is no error there.

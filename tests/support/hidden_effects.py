@@ -163,7 +163,7 @@ def remnant_psd(truth, omega):
     return gain / np.abs(1j * T_N * np.asarray(omega) + 1) ** (2 * truth.remnant_order) / np.pi
 
 
-def gap_sampling_error(truth, y, n_runs, duration=PERIOD):
+def gap_sampling_error(truth, y, n_runs):
     """Standard deviation of the gap in VAF points where nothing is missing.
 
     With the noise power from the deviations between runs that share the target, the gap is the
@@ -174,7 +174,7 @@ def gap_sampling_error(truth, y, n_runs, duration=PERIOD):
     """
     omega = np.linspace(0, 1000.0, 20001)
     varying = np.mean(truth.remnant_gain**4) / np.mean(truth.remnant_gain**2) ** 2
-    product = varying * np.pi / duration * np.trapezoid(remnant_psd(truth, omega) ** 2, omega)
+    product = varying * np.pi / PERIOD * np.trapezoid(remnant_psd(truth, omega) ** 2, omega)
     return 100 * np.sqrt(2 / (n_runs * (n_runs - 1)) * product) / np.mean(y**2)
 
 

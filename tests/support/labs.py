@@ -69,8 +69,8 @@ def ms(r: pd.DataFrame) -> Any:
     return (1000 * r["t"]).round().astype(int)
 
 
-def rounded(column: str, digits: int = 4, scale: float = 1.0, offset: float = 0.0) -> Make:
-    return lambda r: (scale * r[column] + offset).round(digits)
+def rounded(column: str, digits: int = 4, scale: float = 1.0) -> Make:
+    return lambda r: (scale * r[column]).round(digits)
 
 
 def since_start(r: pd.DataFrame) -> Any:

@@ -67,11 +67,13 @@ def twin(task, f_t, f_d, white, *, open_loop=False, **options):
     )
 
 
-def assert_agrees(record, found_by_twin, run=0, rtol=1e-10):
+def assert_agrees(record, found_by_twin, run=0):
     for name, expected in zip(SIGNALS, found_by_twin, strict=True):
         found = getattr(record, name)[run]
         size = np.abs(expected).max()
-        np.testing.assert_allclose(found, expected, rtol=0, atol=rtol * size + 1e-300, err_msg=name)
+        np.testing.assert_allclose(
+            found, expected, rtol=0, atol=1e-10 * size + 1e-300, err_msg=name
+        )
 
 
 def assert_twin(task, *, seed=0, open_loop=False, run=0, **options):

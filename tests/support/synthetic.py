@@ -13,23 +13,21 @@ NK = 3
 DT = 0.01
 
 
-def run_time(lengths, dt=DT, start=0.0):
+def run_time(lengths, dt=DT):
     """Row index of runs 1, 2, ... of the given lengths."""
     runs = np.repeat(np.arange(1, len(lengths) + 1), lengths)
-    time = np.concatenate([start + dt * np.arange(n) for n in lengths])
+    time = np.concatenate([dt * np.arange(n) for n in lengths])
     return pd.MultiIndex.from_arrays([runs, time], names=["run", "time"])
 
 
-def arx_runs(
-    n_runs=3, n_rows=120, *, lengths=None, noise=0.1, seed=0, a=A, b=B, nk=NK, dt=DT, smooth=0
-):
+def arx_runs(n_runs=3, n_rows=120, *, lengths=None, noise=0.1, seed=0, nk=NK, smooth=0):
     """Runs of A(q) u = B(q) e(t - nk) + white noise, and a channel x that has no part in it.
 
     ``smooth`` low-pass filters the input that many times.
     """
     lengths = [n_rows] * n_runs if lengths is None else lengths
     rng = np.random.default_rng(seed)
-    index = run_time(lengths, dt)
+    index = run_time(lengths)
     X = pd.DataFrame(rng.standard_normal((len(index), 2)), index=index, columns=["e", "x"])
     parts = []
     for run in range(1, len(lengths) + 1):
@@ -37,9 +35,9 @@ def arx_runs(
         for _ in range(smooth):
             e = lfilter([0.2], [1, -0.8], e)
         X.loc[[run], "e"] = e
-        numerator = np.concatenate([np.zeros(nk), b])
+        numerator = np.concatenate([np.zeros(nk), B])
         white = noise * rng.standard_normal(e.size)
-        parts.append(lfilter(numerator, [1, *a], e) + lfilter([1], [1, *a], white))
+        parts.append(lfilter(numerator, [1, *A], e) + lfilter([1], [1, *A], white))
     return X, pd.Series(np.concatenate(parts), index=index, name="u")
 
 
@@ -62,22 +60,20 @@ def with_levels(table, **levels):
     return table
 
 
-def as_table(recording, run=1, start=0.0):
+def as_table(recording, run=1):
     """A closed-loop recording as channels X and output y."""
     n = len(recording.e)
-    time = start + DT * np.arange(n)
+    time = DT * np.arange(n)
     index = pd.MultiIndex.from_arrays([np.full(n, run), time], names=["run", "time"])
     X = pd.DataFrame({"e": recording.e, "x": recording.x, "f_t": recording.f_t}, index=index)
     return X, pd.Series(recording.u, index=index, name="u")
 
 
-def loop_runs(n_runs, state="C1", *, remnant_gain, periods=2, first_seed=0):
+def loop_runs(n_runs, *, remnant_gain):
     """Runs of the closed loop with remnant, its last period each."""
     parts = [
         as_table(
-            closed_loop.simulate(
-                state, remnant_gain=remnant_gain, rng=first_seed + i, periods=periods
-            ).last(),
+            closed_loop.simulate("C1", remnant_gain=remnant_gain, rng=i, periods=2).last(),
             run=i + 1,
         )
         for i in range(n_runs)
