@@ -1,4 +1,4 @@
-"""The residual over time in the run: windows, map over frequency, single changes, CUSUMs."""
+"""The residual over time in the run: windows, map over frequency, and single changes."""
 
 from __future__ import annotations
 
