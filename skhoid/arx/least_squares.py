@@ -149,9 +149,7 @@ def rank_error(
         return RankDeficiencyError(
             head + relation, hint="inputs=[...] says which to keep.", options=["input"]
         )
-    cause = (
-        bad or (bad_output(output, y) if orders.na else None) or _generic(null_space, names, orders)
-    )
+    cause = bad or (bad_output(output, y) if orders.na else None) or _generic(null_space, names)
     return RankDeficiencyError(head + cause)
 
 
@@ -206,7 +204,7 @@ def _formula(terms: list[tuple[float, str]]) -> str:
     return text
 
 
-def _generic(null_space: np.ndarray, names: list[str], orders: Orders) -> str:
+def _generic(null_space: np.ndarray, names: list[str]) -> str:
     weight = np.abs(null_space).max(axis=0)
     involved = [n for n, w in zip(names, weight, strict=True) if w > 1e-3]
     if not any(name.startswith("a") for name in involved):

@@ -38,7 +38,7 @@ def by_frequency(signals: Signals, ceiling: Ceiling) -> pd.DataFrame:
     S, known = noise.at(omega), noise.known(omega)
     n_runs = sum(part.group.n_runs for part in parts)
     rows = []
-    for kind, bins in _sets_of_bins(parts, n, omega):
+    for kind, bins in _sets_of_bins(parts, omega):
         weight = np.where((bins == omega.size - 1) & (omega.size > 1), 1.0, 2.0)
         U2 = sum(np.sum(np.abs(part.output[:, bins]) ** 2, axis=0) for part in parts)
         R2 = sum(np.sum(np.abs(part.residual[:, bins]) ** 2, axis=0) for part in parts)
@@ -111,9 +111,7 @@ class _GroupSpectra:
         return part
 
 
-def _sets_of_bins(
-    parts: list[_GroupSpectra], n: int, omega: np.ndarray
-) -> list[tuple[str, np.ndarray]]:
+def _sets_of_bins(parts: list[_GroupSpectra], omega: np.ndarray) -> list[tuple[str, np.ndarray]]:
     """Bins that a row of the table is about, with their kind."""
     all_bins = np.arange(1, omega.size)
     lines = _common_lines([part.lines for part in parts])

@@ -259,11 +259,6 @@ def unpack(envelope: bytes) -> Any:
     return whole(header["value"])
 
 
-def unpack_text(text: str) -> Any:
-    """The value of :func:`pack_text`."""
-    return unpack(gzip.decompress(base64.b64decode(text)))
-
-
 def _scalar(item: Any) -> Any:
     if isinstance(item, np.generic):
         item = item.item()

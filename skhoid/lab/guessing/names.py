@@ -149,7 +149,7 @@ def names_guess(
         varying = [k for k in range(usual) if len({row[k].label for row in alike}) > 1]
         said = {level for labels in keyed for level in labels}
         names = [level for level in LEVELS if level not in said]
-        example = _example(root, rows[fine], dict(zip(varying, names, strict=False)), files[fine])
+        example = _example(rows[fine], dict(zip(varying, names, strict=False)), files[fine])
         raise UnclearNamesError(
             f"Names of files are built differently: {_relative(files[fine], root)!r} and "
             f"{_relative(files[odd], root)!r}. Give the pattern, such as {str(root / example)!r}, "
@@ -166,7 +166,7 @@ def names_guess(
         | {level: row[k].label for k, level in given.items()}
         for own, row in zip(keyed, open_rows, strict=True)
     ]
-    return labels, _example(root, rows[0], given, files[0], wanted)
+    return labels, _example(rows[0], given, files[0], wanted)
 
 
 def levels_in_names(files: Sequence[Path], root: Path) -> set[str]:
@@ -273,7 +273,6 @@ def _relative(path: Path, root: Path) -> str:
 
 
 def _example(
-    root: Path,
     row: list[_Token],
     given: dict[int, str],
     path: Path,
@@ -305,7 +304,7 @@ def _unclear(
         seen.append(f"part {number} is {', '.join(map(repr, labels[:_LISTED]))}{more}")
     names = (missing or list(LEVELS)) + ["*"] * len(varying)
     given = dict(zip(varying, names, strict=False))
-    example = _example(root, rows[0], given, files[0]).replace("{*}", "*")
+    example = _example(rows[0], given, files[0]).replace("{*}", "*")
     what = " and ".join(missing) if missing else "subject, condition and run, which are known"
     return UnclearNamesError(
         f"Names of files, such as {_relative(files[0], root)!r}, do not say which part is the "

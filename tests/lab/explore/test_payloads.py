@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.envelopes import unpack_text
 
 from skhoid import ARXRegressor, OperatorRegressor, VAFScorer, compare
 from skhoid.effects import Bias
@@ -49,7 +50,7 @@ def test_it_cannot_compute_and_says_so(payload):
 
 
 def test_survives_the_page(payload):
-    back = wire.unpack_text(wire.pack_text(payload))
+    back = unpack_text(wire.pack_text(payload))
     one, other = back["traces"][1]["simulated"]["bias"], payload["traces"][1]["simulated"]["bias"]
     np.testing.assert_allclose(one, other, atol=np.ptp(other) / 65_533)
     assert back["states"]["bias"]["stair"] == payload["states"]["bias"]["stair"]

@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from support.envelopes import unpack_text
 
 from skhoid import OperatorRegressor, compare
 from skhoid.lab.explore import payloads as wire
@@ -72,7 +73,7 @@ def test_a_search_that_was_pickled_needs_its_data(search, runs):
 def test_a_comparison_needs_no_kernel(runs):
     pytest.importorskip("anywidget")
     found = compare(OperatorRegressor().fit(*runs), *runs).explore()
-    payload = wire.unpack_text(found.payload)
+    payload = unpack_text(found.payload)
     np.testing.assert_allclose(
         payload["traces"][0]["measured"], runs[1][0], atol=np.ptp(runs[1]) / 65_533
     )

