@@ -81,8 +81,7 @@ def draw(pair, window):
     )
     for name, column in zip(pair, axes.T, strict=True):
         X, y, _ = runs[name]
-        units = dict.fromkeys(["e", "x", "u"], "deg")
-        options = {"window": window, "units": units, "ax": column}
+        options = {"window": window, "ax": column}
         transition = None if name in ("C1", "C2") else T_M
         TrackingDisplay.from_runs(X[["e", "x"]], y, transition=transition, **options)
         column[0].set_title(name)
