@@ -55,7 +55,13 @@ def factor_of_time(memory_time: Any, dt: float) -> Any:
     """The same for a memory time in seconds; None forgets nothing."""
     if memory_time is None:
         return 1.0
-    return forgetting_factor(np.asarray(memory_time, dtype=float) / dt)
+    try:
+        seconds = np.asarray(memory_time, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"memory_time must be a number of seconds, or one per parameter; got {memory_time!r}."
+        ) from None
+    return forgetting_factor(seconds / dt)
 
 
 @dataclass(frozen=True)

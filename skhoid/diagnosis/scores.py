@@ -178,18 +178,25 @@ def _level_names(X: Any, layout: RunLayout, run: Any) -> list[Any]:
 
 def _wanted(windows: Any) -> dict[str, Window]:
     """Windows by name."""
-    if not isinstance(windows, Mapping):
-        windows = {w if isinstance(w, str) else "{:g}-{:g} s".format(*w): w for w in windows}
-    for window in windows.values():
-        named = isinstance(window, str) and window in NAMED
-        if not named and not (len(window) == 2 and window[0] < window[1]):
+    pairs = windows.items() if isinstance(windows, Mapping) else ((None, w) for w in windows)
+    wanted: dict[str, Window] = {}
+    for name, window in pairs:
+        if isinstance(window, str) and window in NAMED:
+            wanted[name or window] = window
+            continue
+        try:
+            start, stop = map(float, window)
+        except (TypeError, ValueError):
+            start = stop = np.nan
+        if not start < stop:
             raise ValueError(
                 f"A window must be one of {NAMED} or (start, stop) in seconds, and must begin "
                 f"before it ends; got {window!r}."
             )
-    if not windows:
+        wanted[name or f"{start:g}-{stop:g} s"] = (start, stop)
+    if not wanted:
         raise ValueError("windows must name one window at least.")
-    return windows
+    return wanted
 
 
 def _rows_inside(

@@ -73,11 +73,10 @@ GOOD: dict[type, dict[str, list]] = {
         "least_delay": [None, 0.0],
         "settling": [3.0, 0.0],
         "inputs": [None, ["e"]],
-        "initial": [None, "rest", "estimate"],
         "dt": [None, 0.01],
     },
     DelaySearchCV: {
-        "estimator": [None, ARXRegressor(), ARXRegressor(inputs=["e"], fit_intercept=True)],
+        "estimator": [ARXRegressor(), ARXRegressor(inputs=["e"], fit_intercept=True)],
         "nk": [None, [0, 1, 2], range(3), [5]],
         "criterion": ["one_step", "vaf"],
         "cv": [None, 2],
@@ -120,8 +119,10 @@ def models(draw: Any, *kinds: type, bad: bool = True) -> Any:
         options[name] = draw(st.sampled_from(GOOD[cls][name]))
     if cls in (RecursiveARX, RecursiveARXCV):
         options.setdefault("inputs", [0])
+    if cls in SEARCHES:
+        options.setdefault("estimator", ARXRegressor())
     if bad and not draw(st.integers(0, 4)):
-        name = draw(st.sampled_from(sorted(cls().get_params(deep=False))))
+        name = draw(st.sampled_from(sorted(cls(**options).get_params(deep=False))))
         value = draw(st.sampled_from(BAD_NAMES))
         options[name] = value
     return cls(**options)

@@ -92,6 +92,8 @@ def read_groups(X: pd.DataFrame, y: Any) -> list[Group]:
     for name in (RUN, TIME):
         if name not in names:
             raise RunIndexError(f"X has no index level {name!r} (s for 'time'); it has {names}.")
+    if not hasattr(y, "__len__"):
+        raise TypeError(f"y must be a Series or an array, a value per row of X; got {y!r:.60}.")
     if len(y) != len(X):
         raise ValueError(f"X has {len(X)} rows but y has {len(y)}: one value of y for each row.")
     check_alignment(X, y)
