@@ -33,7 +33,7 @@ from world import HopelessError
 from skhoid import ControlledElement, EffectSearchCV, OperatorRegressor
 from skhoid.effects.catalogue import BY_NAME
 from skhoid.effects.composition import Effects
-from skhoid.lab.experiment.group import SURE, candidates_of
+from skhoid.lab.experiment.group import SURE, list_candidates
 from skhoid.lab.experiment.prevalence import PersonEvidence, prevalences
 from skhoid.search.evidence import evidence_of
 
@@ -114,7 +114,7 @@ def experiment(people: list[dict[str, Any]], folder: Path, jobs: int) -> dict[st
         )
         for one in people
     ]
-    names = [effect.name for effect in candidates_of(searches)]
+    names = [effect.name for effect in list_candidates(searches)]
     if not names:
         return {"named": [], "found": {}}
     tables = Parallel(jobs)(delayed(weighed)(one, names, folder) for one in people)

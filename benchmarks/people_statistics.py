@@ -31,7 +31,7 @@ import pandas as pd
 from joblib import Parallel, delayed
 from scipy import stats
 
-from skhoid.lab.experiment.mixed import fit_cells, holm, pairs_of
+from skhoid.lab.experiment.mixed import fit_cells, holm, list_pairs
 from skhoid.lab.experiment.repeated import sphericity
 from skhoid.lab.experiment.rows import Cells, combine
 
@@ -184,7 +184,7 @@ def analysed(draw: Draw, truth: np.ndarray | None, log: bool) -> dict[str, float
     """What the statistics say of one experiment: p-values, and which intervals hold the truth."""
     conditions = np.unique(draw.condition)
     model = fit_cells(draw.cells(log))
-    pairs = model.contrasts(pairs_of(conditions.tolist(), None))
+    pairs = model.contrasts(list_pairs(conditions.tolist(), None))
     plain, corrected = anova_p(draw.means(log))
     found = {
         "F": float(model.omnibus().p < ALPHA),

@@ -60,7 +60,7 @@ def place_of(search: Any) -> str:
     return "no shape" if search.shape_ is None else f"{search.shape_.id} of {search.shape_.over}"
 
 
-def curve_of(search: Any) -> Curve:
+def make_curve(search: Any) -> Curve:
     """The shape's curve as a function of its abscissa, without what the band adds."""
     effect = search.shape_.effect
     return lambda x: np.asarray(effect.curve(np.asarray(effect.values), x))
@@ -78,7 +78,7 @@ def silverbox(data: Path) -> Claims:
     claims = [(f"{search.best_effects_}, {place_of(search)}", place_of(search).endswith(" of u"))]
     if claims[0][1]:
         x = central(v)
-        force = curve_of(search)
+        force = make_curve(search)
         got, cubic = bend((force(x) - force(-x)) / 2, x), bend(stiffness * x**3, x)
         off = float(np.std(got - cubic) / np.std(cubic))
         claims.append((f"odd part: {100 * off:.1f} % off the cubic <= 5", off <= 0.05))
@@ -95,7 +95,7 @@ def drives(data: Path) -> Claims:
         like = 0.0
         if place_of(search) == "free_map of u":
             at = np.linspace(search.shape_.curve.index[0], search.shape_.curve.index[-1], 201)
-            like = cosine(at + curve_of(search)(at), np.abs(at))
+            like = cosine(at + make_curve(search)(at), np.abs(at))
         claims.append(
             (f"record {record}: {search.best_effects_}, {place_of(search)}, {like:.2f}", like > 0.9)
         )
@@ -115,7 +115,7 @@ def emps(data: Path) -> Claims:
         like = 0.0
         if search.shape_ is not None and search.shape_.id == "free_map":
             x = central(speed)
-            like = abs(cosine(bend(curve_of(search)(x), x), bend(np.sign(x), x)))
+            like = abs(cosine(bend(make_curve(search)(x), x), bend(np.sign(x), x)))
         title = f"ARX{orders}: {search.best_effects_}, {place_of(search)}, {like:.2f}"
         claims.append((title, like > 0.85))
     return claims

@@ -12,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 from docutils import nodes
-from effect_pictures import key_of, picture
+from effect_pictures import make_key, picture
 from jinja2 import Environment, FileSystemLoader
 from sphinx.util.docutils import SphinxDirective
 
@@ -86,7 +86,7 @@ def in_the_trial(name: str) -> str:
     return f"named first in {row[name]} of {row.sum()} cases{instead}"
 
 
-def parameters_of(examples: list[Effect]) -> list[tuple[str, str, str, str]]:
+def collect_parameters(examples: list[Effect]) -> list[tuple[str, str, str, str]]:
     """Name, unit and meaning of every number, with the forms that have it where not all do."""
     forms: dict[tuple[str, str, str], list[str]] = {}
     for example in examples:
@@ -133,7 +133,7 @@ def card(name: str, uri: Any) -> str:
     examples = examples_of(name)
     own = effect()
     place = own.place
-    parameters = parameters_of(examples)
+    parameters = collect_parameters(examples)
     model = "OperatorRegressor(" if "human" in effect.domains else "SimulatedARX(2, 2, "
     return TEMPLATES.get_template("effect_card.rst").render(
         effect=effect,
@@ -143,7 +143,7 @@ def card(name: str, uri: Any) -> str:
         also_at=" or ".join(f"the {at}" for at in effect.choices.get("at", ())[1:]),
         is_for=is_for(effect),
         pictures=[(form_of(example), picture(example)) for example in examples],
-        key=[(kind, re.sub(r"\w+", _in_html, words)) for kind, words in key_of(examples[0])],
+        key=[(kind, re.sub(r"\w+", _in_html, words)) for kind, words in make_key(examples[0])],
         several=len(examples) > 1,
         parameters=parameters,
         signals=signals_of(parameters, "the error" if "human" in effect.domains else "the input"),

@@ -59,7 +59,7 @@ def picture(effect: Effect, labels: bool = True) -> str:
     )
 
 
-def key_of(effect: Effect) -> list[tuple[str, str]]:
+def make_key(effect: Effect) -> list[tuple[str, str]]:
     """Class and words of each line of its picture."""
     names = [name.split(":")[0] for name in curves_of(effect).curves]
     words = ["with the effect"] if len(names) == 1 else [f"with the effect: {n}" for n in names]

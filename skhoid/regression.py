@@ -129,7 +129,7 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
             run = None if self._reading.run is None else run_column(names, self._reading.run)
             self._needed = [i for i in range(values.shape[1]) if i != run]
         if needs != "nothing":
-            output = self._without_empty_runs(grid.layout, values, output)
+            output = self._drop_empty_runs(grid.layout, values, output)
         self._units = {**units_of(X), **units_of(y)}
         self._n_runs = len(grid.layout.labels)
         self.dt_ = grid.dt
@@ -145,7 +145,7 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
                 stacklevel=4,
             )
         thinned = grid.thin_inputs(values)
-        inputs = columns_of(thinned, self._columns)
+        inputs = find_columns(thinned, self._columns)
         if inputs.dtype not in dtypes:
             inputs = inputs.astype(np.float64)
         thin = grid.thin_output(output)
@@ -176,7 +176,7 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         read = self._reading
         return input_columns(read.names, n_columns, self.inputs, read.run, self.roles)
 
-    def _without_empty_runs(
+    def _drop_empty_runs(
         self, layout: RunLayout, values: np.ndarray, output: np.ndarray
     ) -> np.ndarray:
         """An output that is missing in runs without any measurement, of which a warning tells."""
@@ -300,9 +300,9 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         self._check_fitted()
         grid, values = self._read_X(X, reset=False)
         output = grid.thin_output(self._read_y(X, y))
-        return self._prediction_of(grid, values, output), self._fed(grid.layout, values)
+        return self._predict_read(grid, values, output), self._fed(grid.layout, values)
 
-    def _prediction_of(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
+    def _predict_read(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
         """The same free run of data that have been read."""
         return grid.to_full_rate(self._run_from(grid, values, output))
 
@@ -392,7 +392,7 @@ def segments(grid: ModelGrid) -> list[tuple[int, int]]:
     return list(pairwise([*np.unique(grid.past).tolist(), *grid.end[-1:].tolist()]))
 
 
-def columns_of(table: np.ndarray, columns: list[int]) -> np.ndarray:
+def find_columns(table: np.ndarray, columns: list[int]) -> np.ndarray:
     """Some columns of a table, as a view where they are evenly apart."""
     steps = np.diff(columns)
     if len(columns) and (steps == steps[:1]).all() and (steps > 0).all():

@@ -32,7 +32,7 @@ def pair(lengths=(60, 40, 50), seed=0, noise=0.5):
     return measured, measured.to_numpy() + noise * rng.standard_normal(len(index))
 
 
-def runs_of(series):
+def cut_runs(series):
     return [series.loc[[run]].index for run in series.index.unique("run")]
 
 
@@ -57,7 +57,7 @@ def test_it_keeps_means_and_is_clipped_and_not_a_correlation():
 def test_pooled_mean_and_per_run():
     measured, model = pair()
     model[60:100] += 3.0  # the second run is bad
-    each = [naive.vaf(measured[i], pd.Series(model, measured.index)[i]) for i in runs_of(measured)]
+    each = [naive.vaf(measured[i], pd.Series(model, measured.index)[i]) for i in cut_runs(measured)]
     np.testing.assert_allclose(vaf_score(measured, model, average=None), np.maximum(each, 0))
     assert vaf_score(measured, model, average="mean") == pytest.approx(max(np.mean(each), 0))
     assert vaf_score(measured, model) == pytest.approx(max(naive.vaf(measured, model), 0))

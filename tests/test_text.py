@@ -53,7 +53,7 @@ def operator(runs):
     return OperatorRegressor(delay=0.28, effects="bias").fit(*runs)
 
 
-def table_of(text: str) -> dict[str, list[str]]:
+def make_table(text: str) -> dict[str, list[str]]:
     """Cells by parameter of the first table of a summary."""
     lines = text.splitlines()
     head = next(i for i, line in enumerate(lines) if "std err" in line)
@@ -69,7 +69,7 @@ def table_of(text: str) -> dict[str, list[str]]:
     raise AssertionError("the table has no end")
 
 
-def facts_of(text: str) -> str:
+def gather_facts(text: str) -> str:
     return " ".join(text.split("-" * WIDTH)[0].split())
 
 
@@ -108,7 +108,7 @@ def test_numbers_are_those_of_the_model(model, runs):
     model.fit(*runs)
     text = model.summary()
     check_lines(text)
-    check_numbers(table_of(text), model.parameter_names_, model.coef_, model.standard_errors_)
+    check_numbers(make_table(text), model.parameter_names_, model.coef_, model.standard_errors_)
     assert pickle.loads(pickle.dumps(model)).summary() == text
     # The sd shown is that of the covariance.
     np.testing.assert_allclose(model.standard_errors_**2, np.diag(np.asarray(model.covariance_)))
@@ -116,7 +116,7 @@ def test_numbers_are_those_of_the_model(model, runs):
 
 def test_header_of_a_batch_model(arx, runs):
     X, _ = runs
-    facts = facts_of(arx.summary())
+    facts = gather_facts(arx.summary())
     assert "na = 2, nb = 2, nk = 15, intercept" in facts
     assert "Output: u (deg) Input: e (deg)" in facts
     assert f"Rows: {arx.n_rows_used_} Runs: 3" in facts
@@ -126,7 +126,7 @@ def test_header_of_a_batch_model(arx, runs):
     fit = n * np.log(arx.noise_variance_ * (n - p) / n)
     assert f"AIC: {fit + 2 * p:.1f} BIC: {fit + p * np.log(n):.1f}" in facts
     assert f"{np.abs(np.roots([1, *arx.a_])).max():.4f}" in facts
-    assert table_of(arx.summary())["b0"][-1] == "deg/deg"
+    assert make_table(arx.summary())["b0"][-1] == "deg/deg"
     assert X.attrs["units"]["e"] == "deg"
 
 
@@ -143,7 +143,7 @@ def test_path_of_a_recursive_model(runs):
             values[[0, low_at, high_at, -1]], rel=1e-3
         )
         assert [float(at_low), float(at_high)] == pytest.approx(model.time_path_[[low_at, high_at]])
-    facts = facts_of(text)
+    facts = gather_facts(text)
     assert "Memory: N0 = 100 samples, 2 s (λ = 0.99)" in facts
     assert f"{model.n_updates_} updates Runs: 3, pooled" in facts
     assert "Protection: forgetting held back at 0 instants" in facts
@@ -152,7 +152,7 @@ def test_path_of_a_recursive_model(runs):
 def test_operator_with_an_effect(operator):
     text = operator.summary()
     check_lines(text)
-    rows = table_of(text)
+    rows = make_table(text)
     assert list(rows) == operator.parameters_.index.tolist()
     assert rows["tau_e"] == ["0.28", *"-----", "s"]  # given
     free = operator.parameters_[operator.parameters_["sd"] > 0]
@@ -160,7 +160,7 @@ def test_operator_with_an_effect(operator):
     intervals = free[["low", "high"]].to_numpy()
     check_numbers(shown, free.index, free["value"], free["sd"], intervals)
     assert rows["K_e"][-1] == "deg/deg"
-    facts = facts_of(text)
+    facts = gather_facts(text)
     assert "Effects: bias" in facts
     assert f"VAF, fit: {operator.vaf_:.1f} %" in facts
     assert f"BIC: {operator.bic_:.1f}" in facts

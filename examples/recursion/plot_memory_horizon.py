@@ -28,7 +28,7 @@ HORIZONS = [*(2.0 ** np.arange(4, 14)), np.inf]
 OPTIONS = {"nk": 29, "scoring": VAFScorer(window=(30.72, 51.2)), "n_jobs": 2}
 
 
-def runs_of(condition, intensity):
+def cut_runs(condition, intensity):
     """Runs with remnant of second order, with the gains of Table G.1."""
     return make_tracking_runs(
         condition, N_RUNS, remnant_gain="table", remnant_intensity=intensity, random_state=0
@@ -41,7 +41,7 @@ def searched(X, y, horizons=HORIZONS, estimated=1):
     return RecursiveARXCV(horizons, cv=cv, **OPTIONS).fit(X, y)
 
 
-runs = {name: runs_of(name, 0.15) for name in ("C1", "C3", "C4", "C6")}
+runs = {name: cut_runs(name, 0.15) for name in ("C1", "C3", "C4", "C6")}
 searches = {name: searched(*of_condition) for name, of_condition in runs.items()}
 _ = MemoryHorizonDisplay.from_estimator(searches)
 
@@ -60,9 +60,9 @@ for name, search in searches.items():
 # The same for C4 with less and with more remnant.
 
 intensities = {
-    "$P_n$ = 0.05": searched(*runs_of("C4", 0.05)),
+    "$P_n$ = 0.05": searched(*cut_runs("C4", 0.05)),
     "$P_n$ = 0.15": searches["C4"],
-    "$P_n$ = 0.30": searched(*runs_of("C4", 0.30)),
+    "$P_n$ = 0.30": searched(*cut_runs("C4", 0.30)),
 }
 _ = MemoryHorizonDisplay.from_estimator(intensities)
 for name, search in intensities.items():

@@ -39,7 +39,7 @@ def rows(n, lanes):
     return [np.zeros(lanes)] * n
 
 
-def rows_of(array, at, lanes):
+def find_rows(array, at, lanes):
     """Room for vectors in an array from the flat position ``at`` on, for what is too large."""
     return [np.zeros(lanes)] * ((array.size - at) // lanes)
 
@@ -154,7 +154,7 @@ def _(n, lanes):
     return Rows(lanes.literal_value) if _literal(n, lanes) else None
 
 
-@_typed(rows_of)
+@_typed(find_rows)
 def _(array, at, lanes):
     return Rows(lanes.literal_value) if _literal(lanes) else None
 
@@ -217,7 +217,7 @@ def _(context, builder, sig, args):
     return builder.gep(cgutils.alloca_once(builder, room), [ir.Constant(ir.IntType(32), 0)] * 2)
 
 
-@lower_builtin(rows_of, types.Array, types.Integer, types.Integer)
+@lower_builtin(find_rows, types.Array, types.Integer, types.Integer)
 def _(context, builder, sig, args):
     array, at, _ = args
     return _position(context, builder, sig.args[0], array, at, _ir(Vector(sig.return_type.lanes)))

@@ -23,12 +23,12 @@ from .lanes import (
     VERSION,
     every,
     everywhere,
+    find_rows,
     fma,
     load,
     maximum,
     minimum,
     rows,
-    rows_of,
     select,
     spread,
     store,
@@ -174,8 +174,8 @@ def recursion(lanes, shared=False, n_params=0):
         if FIXED > 0:
             s, c, q, limits = rows(HOT, L), rows(COLD, L), rows(SHARED, W), rows(LIMITS, W)
         else:
-            s, c = rows_of(heap, 0, L), rows_of(heap, after_s, L)
-            q, limits = rows_of(heap, after_c, W), rows_of(heap, after_q, W)
+            s, c = find_rows(heap, 0, L), find_rows(heap, after_s, L)
+            q, limits = find_rows(heap, after_c, W), find_rows(heap, after_q, W)
         for i in range(SIZE):
             c[i] = load(state, i * L, L)
         for i in range(THETA + N):

@@ -23,7 +23,7 @@ from ..preprocessing.gate import AS_GIVEN, as_output
 from ..preprocessing.grid import HeldInputs, ModelGrid
 from .base import BOUND, BaseARX, check_lengths, check_row_count
 from .batch import ARXRegressor
-from .folds import Fold, RunRows, folds_of
+from .folds import Fold, RunRows, make_folds
 from .least_squares import Triangle, solutions
 from .orders import Orders, regressor_blocks, whole_number
 
@@ -325,7 +325,7 @@ class Validation:
 
     def split(self, cv: Any, routed: dict[str, Any]) -> list[Fold]:
         """Make the folds."""
-        return folds_of(self.layout, cv, routed, self.known, self.keep)
+        return make_folds(self.layout, cv, routed, self.known, self.keep)
 
     def score_together(
         self, table: CandidateTable, models: FittedCandidates, number: int

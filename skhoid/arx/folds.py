@@ -126,7 +126,7 @@ def _splitter(cv: Any, several: bool = True) -> Any:
     return check_cv(cv)
 
 
-def _rows_of(part: Any, n_rows: int) -> np.ndarray:
+def _check_rows(part: Any, n_rows: int) -> np.ndarray:
     """Rows of one side of a split, checked."""
     rows = np.asarray(part)
     if not rows.size:
@@ -141,7 +141,7 @@ def _rows_of(part: Any, n_rows: int) -> np.ndarray:
     return rows
 
 
-def folds_of(
+def make_folds(
     layout: RunLayout,
     cv: Any,
     routed: dict[str, Any],
@@ -180,7 +180,7 @@ def folds_of(
             # Splitters that do not use groups say so; the runs are offered to all alike.
             warnings.filterwarnings("ignore", message="The groups parameter is ignored")
             found = splitter.split(rows[:, None], np.zeros(rows.size), **{**routed, "groups": kept})
-            parts = [[rows[_rows_of(part, rows.size)] for part in split] for split in found]
+            parts = [[rows[_check_rows(part, rows.size)] for part in split] for split in found]
         folds = [Fold(*(RunRows.of(part, starts) for part in split)) for split in parts]
         cut = [
             layout.labels[run]

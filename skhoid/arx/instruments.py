@@ -86,7 +86,7 @@ def estimate(
     theta, Q = _two_stage(raw_Phi, raw_output, Z, orders, names)
     converged, rounds = False, 0
     # Coefficients by what they make of the output, whatever the units.
-    weight = _scale_of(raw_Phi) / _scale_of(raw_output)
+    weight = _find_scale(raw_Phi) / _find_scale(raw_output)
     settle = round(SETTLE / dt)
     while not converged and rounds < MAX_ROUNDS:
         a = _stabilised(np.r_[1.0, theta[: orders.na]])
@@ -100,7 +100,7 @@ def estimate(
     error = raw_output - raw_Phi @ theta
     filtered_error = output - Phi @ theta
     projected = Q @ (Q.T @ Phi)
-    scale = _scale_of(projected)
+    scale = _find_scale(projected)
     scaled = projected / scale
     bread = np.linalg.inv(scaled.T @ scaled) / np.outer(scale, scale)
     if coloured:
@@ -172,11 +172,11 @@ def _stack(parts: list[_Stretch]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _basis(Z: np.ndarray) -> np.ndarray:
     """Orthonormal basis of the excited directions of the instruments."""
-    U, sizes, _ = np.linalg.svd(Z / _scale_of(Z), full_matrices=False)
+    U, sizes, _ = np.linalg.svd(Z / _find_scale(Z), full_matrices=False)
     return U[:, sizes > WEAK * sizes[0]]
 
 
-def _scale_of(columns: np.ndarray) -> np.ndarray:
+def _find_scale(columns: np.ndarray) -> np.ndarray:
     """Root mean square of each column, or 1."""
     scale = np.sqrt(np.mean(columns**2, axis=0))
     return np.where(scale > 0, scale, 1.0)
@@ -187,7 +187,7 @@ def _two_stage(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Two-stage least squares: theta, and a basis of the excited instruments."""
     Q = _basis(Z)
-    scale = _scale_of(Phi)
+    scale = _find_scale(Phi)
     theta, _, rank, _ = np.linalg.lstsq(Q.T @ (Phi / scale), Q.T @ y, rcond=None)
     theta /= scale
     if rank < orders.n_params:

@@ -59,7 +59,7 @@ class LeastDelay:
         return []
 
 
-def least_delay_of(
+def find_least_delay(
     inputs: Sequence[Any],
     columns: Sequence[Any],
     dt: float,

@@ -34,12 +34,12 @@ from .rls import (
     RecursionData,
     RecursionState,
     RunRecursion,
+    find_start,
     grid_numbers,
     kernel_regressors,
     likelihoods,
     needs_data,
     run_recursion,
-    start_of,
 )
 from .streaming import Recursion, Streaming
 
@@ -375,7 +375,7 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
                 hint=f"Give {'' if clocked else 'dt=, or '}a longer init_window.",
                 options=[] if clocked else ["dt"],
             )
-        return start_of(self.init, self.p0, self.parameter_names_, table)
+        return find_start(self.init, self.p0, self.parameter_names_, table)
 
     def _set_forgetting(self, forgetting: Forgetting, variable: Any) -> None:
         self._forgetting = forgetting

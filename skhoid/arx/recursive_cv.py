@@ -18,7 +18,7 @@ from ..exceptions import RunCutWarning
 from ..metrics import VAFScorer, scored_rows, vaf_of_rows
 from ..text import ModelSummary, TextTable, number, vaf_name
 from .base import BOUND
-from .folds import SplitsRuns, folds_of
+from .folds import SplitsRuns, make_folds
 from .forgetting import Forgetting, kernel_arrays, read_forgetting
 from .recursive import RecursiveLeastSquares
 from .rls import RecursionData, RecursionState, kernel_regressors, recurse
@@ -179,15 +179,15 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
         )
         for of_fold in in_turn:
             scored.append(of_fold)
-            self._told_of(context, f"fold {len(scored)}")
+            self._tell_part(context, f"fold {len(scored)}")
         self.n_runs_pooled_ = min(len(train) for train, _ in folds)
         self._set_results(settings, np.array(scored))
         self._fit_recursion(data, settings[self.best_index_])
-        self._told_of(context, "refit")
+        self._tell_part(context, "refit")
         context.call_on_fit_task_end(estimator=self, X=X, y=y)
         return self
 
-    def _told_of(self, context: Any, part: str) -> None:
+    def _tell_part(self, context: Any, part: str) -> None:
         """Tell callbacks that a part of the fit is done."""
         task = context.subcontext(task_name=part)
         task.call_on_fit_task_begin(estimator=self)
@@ -236,7 +236,7 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
             )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RunCutWarning)
-            folds = folds_of(layout, self.cv, routed, validation.known, validation.keep)
+            folds = make_folds(layout, self.cv, routed, validation.known, validation.keep)
         if any(rows.cut for fold in folds for rows in fold):
             raise ValueError(
                 f"The splits of cv={self.cv!r} take parts of runs, but a path over time cannot be "

@@ -479,7 +479,7 @@ def needs_data(init: Any, p0: Any) -> bool:
     return p0 is None or (isinstance(init, str) and init == "ols")
 
 
-def start_of(
+def find_start(
     init: Any, p0: Any, names: list[str], table: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """theta0 and P0, from the regressors and output (last column) of the first window."""

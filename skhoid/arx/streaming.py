@@ -17,7 +17,7 @@ from .. import _kernels
 from .._sklearn import fit_context
 from ..exceptions import IrregularSamplingError, RunIndexError
 from ..preprocessing.grid import BLOCK
-from ..regression import RunRegressor, columns_of
+from ..regression import RunRegressor, find_columns
 from ..runs import GAP, JITTER_TOLERANCE, RunLayout
 from .rls import window_rows
 
@@ -217,7 +217,7 @@ class Streaming(RunRegressor):
         # Nothing is kept of rows that are refused.
         clock = copy(vars(self).get("_clock", Clock()))
         columns = self._stream_columns(values.shape[1])
-        inputs, output = columns_of(values, columns), _kernels.gate(output)
+        inputs, output = find_columns(values, columns), _kernels.gate(output)
         pieces = list(clock.pieces(grid.layout, inputs, output, new_run))
         recursion = deepcopy(recursion)
         if recursion is None:

@@ -124,7 +124,7 @@ def noise_ceiling(signals: Signals) -> Ceiling:
     for group, route in zip(signals.groups, routes, strict=True):
         r, spread = signals.residual[group.rows], 0.0
         if route is best is not Route.NONE:
-            r, spread = _without_linear_misfit(signals, group, noise)
+            r, spread = _remove_linear_misfit(signals, group, noise)
         residuals.append(r)
         variance += spread
     if best is not Route.NONE:
@@ -222,7 +222,7 @@ def _noise_power(
     return float(between + 2 * expected.sum()), float(np.sum((2 * expected) ** 2))
 
 
-def _without_linear_misfit(
+def _remove_linear_misfit(
     signals: Signals, group: Group, noise: NoiseDensity
 ) -> tuple[np.ndarray, float]:
     """Residuals of a group less a linear response to e, and the variance that this adds."""

@@ -388,13 +388,13 @@ def compare(
     ceiling = noise_ceiling(signals)
     views, tests = _look(signals, ceiling, fitted)
     found = Comparison(
-        model_name=_name_of(model),
+        model_name=_find_name(model),
         output=signals.output,
         unit=signals.units.get(signals.output),
         dt=signals.dt,
         domain=domain,
         figures=_figures(signals, vaf, fitted),
-        ceiling=_ceiling_of(ceiling, vaf, held_out=fitted is not None),
+        ceiling=_find_ceiling(ceiling, vaf, held_out=fitted is not None),
         leak=leak,
         views=views,
         tests=tests_table([*tests, *_leak_row(signals, leak)]),
@@ -425,7 +425,7 @@ def _figures(signals: Signals, vaf: float, fitted: Signals | None) -> Figures:
     )
 
 
-def _ceiling_of(ceiling: Ceiling, vaf: float, held_out: bool) -> NoiseCeiling:
+def _find_ceiling(ceiling: Ceiling, vaf: float, held_out: bool) -> NoiseCeiling:
     """The ceiling to show, or why it is not known."""
     estimate = vaf + ceiling.gap
     top, reason = consistent_ceiling(estimate, vaf, ceiling.sd, held_out=held_out)
@@ -532,7 +532,7 @@ def _leak_row(signals: Signals, leak: LeakTest | None) -> list[Test]:
     ]
 
 
-def _name_of(model: Any) -> str:
+def _find_name(model: Any) -> str:
     steps, last = taken_apart(model)
     # As they were fitted: parameters may have been set since.
     told = [(step, as_fitted(step)) for step in [*steps, last]]

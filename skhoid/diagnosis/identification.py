@@ -21,7 +21,7 @@ from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.utils import check_array
 
 from ..arx.batch import ARXRegressor
-from ..arx.least_delay import LeastDelay, least_delay_of
+from ..arx.least_delay import LeastDelay, find_least_delay
 from ..arx.recursive import RecursiveARX
 from ..arx.searches import DelaySearchCV, OrderSearchCV
 from ..exceptions import MissingDataWarning, UsageError
@@ -266,7 +266,7 @@ def identify(
     scorer = VAFScorer(run_in=run_in, centered=centered)
     X_e, y_e = X[~held_out], seen.output[~held_out]
 
-    least = least_delay_of(
+    least = find_least_delay(
         list(X.columns) if choice.inputs is None else choice.inputs,
         list(X.columns),
         layout.dt * factor,

@@ -213,7 +213,7 @@ def leak_test(
         return _unknown(inverse)
     unseen, low = [v - p["u"] for v, p in zip(inverse, low_all, strict=True)], low_all
     if recorded is not None and told(recorded):
-        unseen = _without_recorded(unseen, low, taps)
+        unseen = _remove_recorded(unseen, low, taps)
     else:
         low = [{k: v for k, v in p.items() if k != "disturbance"} for p in low]
     trim = max(round(0.5 / (edge * dt)), 1)
@@ -310,7 +310,7 @@ def _pieces(
     return pieces
 
 
-def _without_recorded(
+def _remove_recorded(
     disturbance: list[np.ndarray], low: list[dict[str, np.ndarray]], taps: int
 ) -> list[np.ndarray]:
     """What is left of the disturbance when all that follows the recorded one is taken out."""
@@ -338,7 +338,7 @@ def _immediate(
     lags = range(earliest, max(latest, 1), max(round(STEP / dt), 1))
     n_free = 1 + len(lags)
 
-    def table_of(piece: dict[str, np.ndarray], d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def make_table(piece: dict[str, np.ndarray], d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Prediction, disturbance and what is held fixed where all are known; and the rows."""
         columns = [piece["u_hat"][:, None], lagged(d, lags)]
         columns.append(lagged(piece["u"], [taps * k for k in OF_OUTPUT]))
@@ -351,7 +351,7 @@ def _immediate(
         keep[:trim] = keep[-trim:] = False
         return table[keep], np.flatnonzero(keep)
 
-    rows, n = triangle(table_of(*each)[0] for each in zip(low, unseen, strict=True))
+    rows, n = triangle(make_table(*each)[0] for each in zip(low, unseen, strict=True))
     free, held = rows[:, :n_free], rows[:, n_free:]
     scale = np.sqrt(np.sum(held**2, axis=0) / max(n, 1))
     moves = scale > 0
@@ -372,7 +372,7 @@ def _immediate(
     best = int(np.argmax(slopes))
     spread = 0.0
     for piece, d in zip(low, unseen, strict=True):
-        table, at = table_of(piece, d)
+        table, at = make_table(piece, d)
         left = table[:, :n_free] - table[:, n_free:] @ explained
         probe = left[:, 1 + best]
         sums = np.bincount(at // max(4 * taps, 1), (left[:, 0] - slopes[best] * probe) * probe)

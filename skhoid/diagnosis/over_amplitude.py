@@ -13,7 +13,7 @@ from scipy.stats import poisson
 
 from .ceiling import Ceiling
 from .signals import Signals
-from .tests_table import FALSE_ALARM, N_DRAWS, Test, draws_of
+from .tests_table import FALSE_ALARM, N_DRAWS, Test, draw_normals
 
 N_BINS = 12
 LONGEST_LAG = 1.5  # s, by which the response follows a channel at most
@@ -174,7 +174,7 @@ def _linear_in_remnant(r: np.ndarray, z: np.ndarray, known: np.ndarray) -> np.nd
 def _largest_of_bins(covariance: np.ndarray, sd: np.ndarray, free: float) -> np.ndarray:
     """Draws of the largest mean, in its standard deviations, that noise alone would give."""
     rng = np.random.default_rng(0)
-    draws = draws_of(covariance / np.outer(sd, sd), rng)
+    draws = draw_normals(covariance / np.outer(sd, sd), rng)
     return np.abs(draws).max(axis=1) / np.sqrt(rng.chisquare(free, N_DRAWS) / free)
 
 

@@ -13,7 +13,7 @@ from scipy.stats import f as f_distribution
 from .ceiling import Ceiling, Route
 from .repeats import Group
 from .signals import Signals
-from .tests_table import FALSE_ALARM, Test, of_several
+from .tests_table import FALSE_ALARM, Test, correct_for_several
 
 N_BANDS = 16  # at most
 WIDTH = 1.4  # ratio of the ends of a band, at least
@@ -64,7 +64,7 @@ def by_frequency(signals: Signals, ceiling: Ceiling) -> pd.DataFrame:
         known = table[kind].notna().to_numpy()
         table.loc[known, kind] = np.rad2deg(np.unwrap(np.deg2rad(table.loc[known, kind])))
     tested = table["p"].notna().to_numpy()
-    table.loc[tested, "p"] = of_several(table.loc[tested, "p"].to_numpy())
+    table.loc[tested, "p"] = correct_for_several(table.loc[tested, "p"].to_numpy())
     table["exceeds"] = table["p"] < FALSE_ALARM
     return table[list(COLUMNS)]
 

@@ -10,7 +10,7 @@ from ..metrics import VAF_FLOOR
 from ..recordings.loss_of_control import WINDOW, ControlCheck
 from .ceiling import Ceiling
 from .signals import Signals
-from .tests_table import Test, of_several
+from .tests_table import Test, correct_for_several
 
 
 def by_run(signals: Signals, data: str) -> pd.DataFrame:
@@ -76,7 +76,7 @@ def tests_over_runs(signals: Signals, ceiling: Ceiling) -> tuple[np.ndarray, lis
         log = np.log(power)
         scatter = np.sqrt(2 / free)
         each = (log - _centre_of_others(log)) / np.sqrt(scatter**2 + _spread_of_centre(scatter))
-        alone = of_several(2 * norm.sf(np.abs(each)))
+        alone = correct_for_several(2 * norm.sf(np.abs(each)))
         p[used] = alone
         worst = int(np.argmax(np.abs(each)))
         tests.append(

@@ -15,7 +15,7 @@ from scipy.stats import f as f_distribution
 from .ceiling import Ceiling, Route
 from .repeats import Group
 from .signals import Signals, coherent_part
-from .tests_table import FALSE_ALARM, N_DRAWS, Test, of_one, of_several
+from .tests_table import FALSE_ALARM, N_DRAWS, Test, correct_for_several, of_one
 
 TRIM = 0.05  # of the information, at either end, where no change is looked for
 
@@ -137,7 +137,7 @@ class BlockSums:
                 gains += _gain_sums(signals, ceiling, group, response, edges)
                 whole = signals.predicted[group.rows]
                 placing += _gain_sums(signals, ceiling, group, whole, edges)
-        p = float(of_several(2 * norm.sf(largest[0]), n_rows))
+        p = float(correct_for_several(2 * norm.sf(largest[0]), n_rows))
         outlier = Test(
             "outlier",
             of_run,
@@ -323,7 +323,7 @@ def _table_of_windows(
         vaf = 100 * (1 - lost / power)
         share = np.where(all_power > 0, 100 * lost / all_power, np.nan)
         ratio = np.where(all_lost > 0, lost / count / (all_lost / n_samples), 1.0)
-    p = of_several(2 * np.where(np.isfinite(F), tail, 0.5), n_windows)
+    p = correct_for_several(2 * np.where(np.isfinite(F), tail, 0.5), n_windows)
     views = np.where(run == 0, 1, len(names) - 1)
     each = of_one(FALSE_ALARM / views, n_windows) / 2
     limits = np.array(
@@ -374,7 +374,7 @@ def _repeating(
         p = f_distribution.sf(repeated / noise, *np.maximum(free, 1.0))
     return {
         "explainable": (100 * (repeated - noise) / power)[used],
-        "p_explainable": of_several(np.nan_to_num(p, nan=1.0))[used],
+        "p_explainable": correct_for_several(np.nan_to_num(p, nan=1.0))[used],
     }
 
 

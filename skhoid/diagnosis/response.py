@@ -15,7 +15,7 @@ from .ceiling import Ceiling
 from .over_time import tail_probability
 from .repeats import Group
 from .signals import Signals, bandwidth, coherent_part, tap_spacing
-from .tests_table import FALSE_ALARM, Test, draws_of
+from .tests_table import FALSE_ALARM, Test, draw_normals
 
 
 def linear_misfit(signals: Signals, ceiling: Ceiling) -> list[Test]:
@@ -297,7 +297,7 @@ def _correlation(
         cross += fft.irfft(R * Z.conj(), size)[lags]
         auto += fft.irfft(np.abs(Z) ** 2, size)[step * np.arange(2 * n_lags + 1)]
     # The largest of them has the distribution without a fault.
-    draws = draws_of(toeplitz(auto / power_z), np.random.default_rng(0))
+    draws = draw_normals(toeplitz(auto / power_z), np.random.default_rng(0))
     return (
         lags * signals.dt,
         cross / np.sqrt(power_z),  # whitened noise has the density 1

@@ -53,7 +53,7 @@ def tests_table(tests: list[Test]) -> pd.DataFrame:
     return frame[list(COLUMNS)]
 
 
-def of_several(p: np.ndarray, n: Any = None) -> np.ndarray:
+def correct_for_several(p: np.ndarray, n: Any = None) -> np.ndarray:
     """P-values of ``n`` independent tests (None: all finite), corrected as by Sidak."""
     p = np.asarray(p, dtype=float)
     n = np.sum(np.isfinite(p)) if n is None else n
@@ -65,7 +65,7 @@ def of_one(false_alarm: Any, n: Any) -> Any:
     return -np.expm1(np.log1p(-false_alarm) / n)
 
 
-def draws_of(covariance: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def draw_normals(covariance: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Normal draws (rows) with a covariance; equal data are to have equal ones."""
     values, vectors = np.linalg.eigh(covariance)
     root = (vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T

@@ -212,7 +212,7 @@ class Effect(Composable, BaseEstimator):
         """
         made: list[Effect] = [self]
         for argument, options in self.choices.items():
-            made = [variant for one in made for variant in one.one_of_each(argument, options)]
+            made = [variant for one in made for variant in one.copy_for_each(argument, options)]
         return made
 
     def alternatives(self, record: Record) -> list[Effect]:
@@ -223,7 +223,7 @@ class Effect(Composable, BaseEstimator):
         """Starting values of the parameters, in the units of the data."""
         found: list[dict[str, float]] = [{}]
         for p in self.parameters:
-            scale = p.scale_of(record, self.place)
+            scale = p.find_scale(record, self.place)
             found = [{**f, p.name: s * scale} for f in found for s in p.starts]
         return found
 
@@ -288,7 +288,7 @@ class Effect(Composable, BaseEstimator):
         """Bounds of the parameters in the units of the data."""
         bounds = {}
         for p in self.parameters:
-            scale = p.scale_of(record, self.place)
+            scale = p.find_scale(record, self.place)
             bounds[p.name] = (p.low * scale, p.high * scale)
         return bounds
 
@@ -346,7 +346,7 @@ class Effect(Composable, BaseEstimator):
         """A copy with some arguments set."""
         return clone(self).set_params(**choices)
 
-    def one_of_each(self, argument: str, options: tuple[str, ...]) -> list[Any]:
+    def copy_for_each(self, argument: str, options: tuple[str, ...]) -> list[Any]:
         """A copy for each option of an argument, or for the one that is given."""
         given = getattr(self, argument)
         chosen = options if given is None else (given,)

@@ -47,7 +47,7 @@ class SmoothCurve:
 
     @property
     def _found(self) -> tuple[np.ndarray, np.ndarray]:
-        return _basis_of(self.knots, self.kept)
+        return _make_basis(self.knots, self.kept)
 
     @property
     def basis(self) -> np.ndarray:
@@ -74,7 +74,7 @@ class SmoothCurve:
 
 
 @lru_cache(maxsize=64)
-def _basis_of(knots: tuple[float, ...], kept: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _make_basis(knots: tuple[float, ...], kept: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Values at the knots of each curve of the basis, and their roughness."""
     points = np.asarray(knots)
     span = points[-1] - points[0]

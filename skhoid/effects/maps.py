@@ -15,7 +15,7 @@ from .entry import Argument
 from .error_scan import ErrorScan
 from .operator_signals import Spring
 from .parameter import ONE, CoreKind, E, Parameter, S, U
-from .record import Record, differentiated, stop_of
+from .record import Record, differentiated, find_stop
 
 __all__ = [  # in the order of the catalogue
     "DeadZone",
@@ -76,7 +76,7 @@ class StaticMap(Effect):
 
     def alternatives(self, record: Record) -> list[Effect]:
         """One for each place; an ARX model has the usual one only."""
-        usual, *others = self.one_of_each("at", self.choices["at"])
+        usual, *others = self.copy_for_each("at", self.choices["at"])
         return [usual] if record.core == CoreKind.ARX else [usual, *others]
 
     def apply(self, signal: Any, record: Record, *args: Any, **values: Any) -> Any:
@@ -435,7 +435,7 @@ class Saturation(StaticMap):
     def variants(self, record: Record) -> list[Effect]:
         made: list[Any] = super().variants(record)
         # A stop after the remnant shows in the output itself.
-        possible = self.form == "behind" or stop_of(record) is not None
+        possible = self.form == "behind" or find_stop(record) is not None
         return [v for v in made if v.form != "behind" or possible]
 
     def mapped(

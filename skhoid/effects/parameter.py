@@ -267,18 +267,18 @@ class Parameter:
         bounds: tuple[float, float] | None = None,
     ) -> ScaledParameter:
         """The same in the units of a record, for an effect of a place, under its full name."""
-        scale = self.scale_of(record, place)
+        scale = self.find_scale(record, place)
         low, high = (self.low * scale, self.high * scale) if bounds is None else bounds
         return ScaledParameter(
             name or self.name,
             meaning=self.meaning,
             min=low,
             max=high,
-            dimension=self.dimension_on(record, place) if place else self.dimension,
+            dimension=self.find_dimension(record, place) if place else self.dimension,
             scale=scale,
         )
 
-    def scale_of(self, record: Record, place: str = "") -> float:
+    def find_scale(self, record: Record, place: str = "") -> float:
         """What bounds and starts are in, as a number, for an effect of a place."""
         named = self.dimension if self.scale is None else self.scale
         output, on_arx = "u", record.core == CoreKind.ARX
@@ -301,7 +301,7 @@ class Parameter:
                 value *= size**-1
         return value
 
-    def dimension_on(self, record: Record, place: str) -> Dimension:
+    def find_dimension(self, record: Record, place: str) -> Dimension:
         """The dimension in the core of a record, for an effect of a place.
 
         Written for operators, whose command has the unit of the output. The command of an ARX model

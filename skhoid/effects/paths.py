@@ -213,7 +213,7 @@ class _AnswerToTarget(Effect):
         left = error_of.left([*columns, np.stack(answers, axis=2)], np.inf)
         # Only the best of neighbours, which leaves room for another minimum.
         best = [i for i in np.argsort(left) if left[i] <= left[max(i - 1, 0) : i + 2].min()]
-        scale = gain.scale_of(record, self.place)
+        scale = gain.find_scale(record, self.place)
         return [
             {gain.name: start * scale, time.name: float(times[i])}
             for i in best[:2]
@@ -312,7 +312,7 @@ class Preview(_AnswerToTarget):
         if self.form != "spread":
             return signal.plus(gain * record.delayed(shaped_target(record, self.form), -time))
         name = record.with_role("f_t")[0]
-        total = record.once(("total", name), lambda: integral_of(record, name))
+        total = record.once(("total", name), lambda: integrate_channel(record, name))
         end = record.delayed(total, -time - stretch / 2)
         return signal.plus(gain / stretch * (end - record.delayed(total, stretch / 2 - time)))
 
@@ -528,7 +528,7 @@ class CrossAxis(Effect):
         return signal.plus(gain * record.delayed(answered, signal.delay))
 
 
-def integral_of(record: Record, name: str) -> np.ndarray:
+def integrate_channel(record: Record, name: str) -> np.ndarray:
     """Integral over time of what makes the controlled element follow a channel."""
     answer = record.inverse_dynamics(name)
     # The trapezoid rule from rest one sample before; SciPy's rounds differently in the last bits.

@@ -180,7 +180,7 @@ class Record:
         def thinned(values: np.ndarray) -> np.ndarray:
             return np.ascontiguousarray(values[::thin])
 
-        channels = self._channels_of(runs)
+        channels = self._find_channels(runs)
         return replace(
             self,
             dt=self.dt * thin,
@@ -194,7 +194,7 @@ class Record:
             remembered={},
         )
 
-    def _channels_of(self, runs: slice | np.ndarray) -> Mapping[str, np.ndarray]:
+    def _find_channels(self, runs: slice | np.ndarray) -> Mapping[str, np.ndarray]:
         if isinstance(self.channels, RowChannels):
             return self.channels.of_runs(runs)
         return {
@@ -217,7 +217,7 @@ class Record:
         return replace(
             self,
             t=self.t if self.t.shape[1] == 1 else self.t[:, columns],
-            channels=self._channels_of(columns),
+            channels=self._find_channels(columns),
             known=self.known[:, columns],
             y=None if self.y is None else self.y[:, columns],
             prediction=None,
@@ -380,7 +380,7 @@ class Signature:
     parameters: str
 
 
-def step_of(record: Record) -> float | None:
+def find_step(record: Record) -> float | None:
     """Typical distance between the levels that the output takes; None where it takes too many."""
     return record.once("step", lambda: _step(record))
 
@@ -414,14 +414,14 @@ class Stop(NamedTuple):
     where: str
 
 
-def stop_of(record: Record) -> Stop | None:
+def find_stop(record: Record) -> Stop | None:
     """Where samples of the output pile up; None where they do not."""
     return record.once("stop", lambda: _stop(record))
 
 
 def _stop(record: Record) -> Stop | None:
     y, spread = _output(record)
-    if spread == 0.0 or step_of(record) is not None:
+    if spread == 0.0 or find_step(record) is not None:
         return None
     found = []
     for side in (1.0, -1.0):
@@ -441,13 +441,13 @@ def _stop(record: Record) -> Stop | None:
     return Stop(share, limit, where) if share > PILED else None
 
 
-def fastest_of(record: Record) -> tuple[float, float] | None:
+def find_fastest(record: Record) -> tuple[float, float] | None:
     """Share of the rates that lie at the greatest rate, and that rate per second."""
     return record.once("fastest", lambda: _fastest(record))
 
 
 def _fastest(record: Record) -> tuple[float, float] | None:
-    if record.y is None or step_of(record) is not None:
+    if record.y is None or find_step(record) is not None:
         return None
     rates = np.abs(np.diff(record.y, axis=0))[record.known[1:] & record.known[:-1]] / record.dt
     top = float(np.quantile(rates, 0.998)) if rates.size else 0.0

@@ -86,7 +86,7 @@ def _fit_path(
     for rows in np.array_split(known, -(-known.size // BLOCK)) if known.size else []:
         target = response[rows]
         fit = ResponseFit(hold, target, 1 / np.abs(target), *bounds)
-        p, squares = fit.best_of(fit.starts(filters, N_REFINED))
+        p, squares = fit.find_best_minima(fit.starts(filters, N_REFINED))
         misfit[rows] = np.sqrt(squares / target.shape[1])
         inside = ~np.any((p < bounds[0] + 1e-6) | (p > bounds[1] - 1e-6), axis=1)
         rows, p, target = rows[inside], p[inside], target[inside]

@@ -101,7 +101,7 @@ class ResponseFit:
                 break
         return p, squares
 
-    def best_of(self, starts: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    def find_best_minima(self, starts: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """The best minimum of each response from several starts; of equals the first."""
         p, squares = zip(*(self.refined(start) for start in starts), strict=True)
         best = np.argmin(squares, axis=0)

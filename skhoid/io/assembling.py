@@ -109,7 +109,7 @@ def combined_labels(
 ) -> Coded | None:
     """Labels of runs with those of the outer levels, as tuples; None where there is one run."""
     if run is None:
-        labels = restarts_of(time)
+        labels = find_restarts(time)
         if labels is None and not levels:
             return None
         labels = labels or (np.zeros(n_rows, dtype=np.int32), [1])
@@ -145,7 +145,7 @@ def _tuples(parts: list[Coded]) -> Coded:
     return np.repeat(each, np.diff(starts, append=n_rows)), list(places)
 
 
-def restarts_of(time: np.ndarray) -> tuple[np.ndarray, list[Any]] | None:
+def find_restarts(time: np.ndarray) -> tuple[np.ndarray, list[Any]] | None:
     """Runs that begin where time returns to its first value; None where it never does."""
     if time.size < 3:
         return None
@@ -212,7 +212,7 @@ class FileRuns:
     channels: list[np.ndarray]
 
 
-def runs_of(
+def cut_runs(
     table: FileTable,
     asked: list[str],
     *,
@@ -246,7 +246,7 @@ def runs_of(
     lengths = {name: len(values) for name, values in columns.items()}
     n_rows = lengths[asked[0]]
     if isinstance(clock, str):
-        per_second = per_second_of(table, clock, time_unit)
+        per_second = count_per_second(table, clock, time_unit)
         time = found[-1] if per_second == 1 else found[-1] / per_second
         if time.shape[1] not in (1, n_runs):
             raise ValueError(
@@ -321,7 +321,7 @@ def _matrix(table: FileTable, position: int, raw: Any) -> np.ndarray:
     return values.reshape(shape)
 
 
-def per_second_of(table: FileTable, time: str, stated: str | None) -> float:
+def count_per_second(table: FileTable, time: str, stated: str | None) -> float:
     """Number of units of the clock per second."""
     unit = stated or table.unit_of(table.find(time)) or "s"
     if unit not in _PER_SECOND:

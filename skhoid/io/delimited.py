@@ -176,7 +176,7 @@ def _open(path: Path, encoding: str, skip: int = 0) -> TextIO:
     return file
 
 
-def _encoding_of(path: Path) -> str:
+def _find_encoding(path: Path) -> str:
     with path.open("rb") as file:
         is_wide = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
         file.seek(0)
@@ -200,7 +200,7 @@ def _encoding_of(path: Path) -> str:
 
 def _find_header(path: Path) -> _Sheet:
     """Read the header of a file, and make sure that rows follow."""
-    encoding = _encoding_of(path)
+    encoding = _find_encoding(path)
     with _open(path, encoding) as file:
         above = _count_lines_above(list(itertools.islice(file, _FAR)))
     with _open(path, encoding, above) as file:

@@ -249,7 +249,7 @@ def coded(labels: Any) -> tuple[np.ndarray, list[Any]]:
     return codes, pd.Index(found).tolist()
 
 
-def _float_of(cell: Any) -> float:
+def _read_float(cell: Any) -> float:
     """A cell as a number, infinite if it is too large; NaN if it is not a number."""
     try:
         return float(str(cell))
@@ -278,7 +278,7 @@ def as_numbers(values: Any, where: str) -> np.ndarray:
     try:
         numbers = pd.to_numeric(text, errors="coerce")
     except OverflowError:  # an integer of more than 308 digits
-        numbers = text.map(_float_of).astype(np.float64)
+        numbers = text.map(_read_float).astype(np.float64)
     bad = np.flatnonzero(numbers.isna().to_numpy() & text.notna().to_numpy())
     if bad.size:
         advice = "Leave a cell empty, or write NaN, where nothing was measured."

@@ -45,7 +45,7 @@ def is_hdf5(path: Path) -> bool:
     return head.startswith(_HDF5_SIGNATURE) or head[512:].startswith(_HDF5_SIGNATURE)
 
 
-def content_of(path: Path) -> dict[str, Any]:
+def read_content(path: Path) -> dict[str, Any]:
     """The variables of a MAT file of version 5, as SciPy gives them."""
     with warnings.catch_warnings(), read_as(path, "a MATLAB file"):
         # Objects all carry the name "None" for SciPy < 1.18; they are reported by read_mat.
@@ -54,7 +54,7 @@ def content_of(path: Path) -> dict[str, Any]:
 
 
 def _read_v5(path: Path) -> FileTable:
-    content = content_of(path)
+    content = read_content(path)
     arrays: dict[str, Any] = {}  # sparse ones too
     unreadable: dict[str, str] = {}
     note = ""
@@ -200,20 +200,20 @@ def _list_hdf5(
             _list_hdf5(h5py, item, f"{name}.", places, unreadable)
 
 
-def _class_of(item: Any) -> str:
+def _name_class(item: Any) -> str:
     found = item.attrs.get("MATLAB_class", b"")
     return found.decode() if isinstance(found, bytes) else str(found)
 
 
 def _is_struct(h5py: Any, item: Any) -> bool:
     other = {"MATLAB_sparse", "MATLAB_object_decode"} & {*item.attrs}
-    return isinstance(item, h5py.Group) and not other and _class_of(item) in ("", "struct")
+    return isinstance(item, h5py.Group) and not other and _name_class(item) in ("", "struct")
 
 
 def _not_numbers(h5py: Any, name: str, item: Any) -> str | None:
     """What an object in a file is instead of numbers; None if it holds numbers."""
     is_group = isinstance(item, h5py.Group)
-    matlab_class = _class_of(item)
+    matlab_class = _name_class(item)
     if "MATLAB_sparse" in item.attrs:
         return f"is sparse: save full({name})."
     if "MATLAB_object_decode" in item.attrs:

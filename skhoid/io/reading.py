@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from .archives import read_npz, read_parquet, read_xdf
-from .assembling import Channel, FileRuns, assemble, gather_units, runs_of
+from .assembling import Channel, FileRuns, assemble, cut_runs, gather_units
 from .delimited import read_csv
 from .files import FileTable, Paths, expand_paths, shown
 from .matlab import read_mat
@@ -47,13 +47,13 @@ def read_named(
     levels: Mapping[str, str] | None = None,
     opened: FileTable | None = None,
 ) -> tuple[pd.DataFrame, pd.Series]:
-    """X and y of files; ``levels`` as in runs_of, with the names of their levels."""
+    """X and y of files; ``levels`` as in cut_runs, with the names of their levels."""
     pieces: list[FileRuns] = []
     known: dict[str, tuple[str, Path]] = {}
     for path in files:
         table = opened if opened is not None and opened.path == path else open_table(path)
         pieces.append(
-            runs_of(
+            cut_runs(
                 table,
                 [channel.asked for channel in channels],
                 clock=clock,

@@ -69,7 +69,7 @@ def about_means(data: Any) -> Any:
     return about
 
 
-def estimator_of(said: Any, X: Any, y: Any, **shared: Any) -> Any:
+def make_estimator(said: Any, X: Any, y: Any, **shared: Any) -> Any:
     """The model, unfitted; the delay of an ARX model is found where it is not said."""
     if said.core == "operator":
         return OperatorRegressor(delay=said.delay, **shared)

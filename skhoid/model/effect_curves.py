@@ -231,7 +231,7 @@ def _runs(model: Any, X: Any, y: Any) -> tuple[Record, np.ndarray | None]:
     """Channels of runs as the model takes them, and their output; both empty where X is None."""
     simulation = model.simulation_
     if X is not None:
-        record = model.record_of(X)
+        record = model.make_record(X)
         output = np.asarray(model.predict(X) if y is None else y, dtype=float)
         return record, output[np.isfinite(output)]
     element = model.controlled_element_
@@ -277,7 +277,7 @@ def share_of_command(bench: Bench, values: dict[str, float]) -> np.ndarray | Non
     made = []
     for error in (1.0 + 0.1 * np.sin(slow * t), 1.0 - 0.1 * np.cos(2 * slow * t)):
         # Of a position: what scales the rate as well kicks at every change of the factor.
-        given = command_of(bench, error)
+        given = find_command(bench, error)
         given = given._replace(rate=np.zeros_like(given.rate))
         after = bench.effect.apply(given, record, **values)
         made += [total_command(after, record.dt), total_command(given, record.dt)]
@@ -309,7 +309,7 @@ def is_linear(bench: Bench) -> bool:
     return bool(np.allclose(twice, 2 * once, atol=near) and same)
 
 
-def command_of(bench: Bench, error: np.ndarray) -> Command:
+def find_command(bench: Bench, error: np.ndarray) -> Command:
     """The command of the core for an error, without delay."""
     late = np.ascontiguousarray(error[:, None])
     values = dict(zip(bench.core_names, bench.theta.tolist(), strict=True))
@@ -322,7 +322,7 @@ def passed(
 ) -> np.ndarray:
     """What the effect makes of the command for an error."""
     given = bench.values if values is None else values
-    return total_command(bench.effect.apply(command_of(bench, error), record, **given), record.dt)
+    return total_command(bench.effect.apply(find_command(bench, error), record, **given), record.dt)
 
 
 def total_command(command: Command, dt: float) -> np.ndarray:
@@ -606,7 +606,7 @@ def linear_gain(bench: Bench) -> Response:
     inside = np.flatnonzero((omega >= BAND[0]) & (omega <= min(BAND[1], 1.5 / dt)))
     some = np.unique(np.geomspace(inside[0], inside[-1], 300).round().astype(int))
     record = bench.made_up(t)
-    given = np.fft.rfft(total_command(command_of(bench, pulse), dt))[some]
+    given = np.fft.rfft(total_command(find_command(bench, pulse), dt))[some]
 
     return Response(
         "gain",
@@ -634,7 +634,7 @@ def held_command(bench: Bench) -> Response:
         lambda values, theta: passed(bench, record, x, values)[later],
         "time, s",
         with_unit("command", bench.unit("u")),
-        without=Curve(shown, total_command(command_of(bench, x), dt)[later]),
+        without=Curve(shown, total_command(find_command(bench, x), dt)[later]),
         note=f"for an error that is a sine of {SINE:g} rad/s",
     )
 

@@ -37,7 +37,7 @@ from ..text import (
     quantity,
 )
 from .element import adopt_element, estimate_element
-from .extend import beside_each_other, extended, on_all_runs
+from .extend import extended, refit_each_beside, refit_on_all_runs
 from .fitting import Criterion, RemnantModel, minimise, take_some_runs
 from .initial import begin_where_it_pays, find_error
 from .likelihood import collect_prior, likelihood_fit, make_criterion
@@ -59,7 +59,7 @@ from .prepared import (
     mark_measured,
 )
 from .simulator import Simulator, list_parameters
-from .uncertainty import covariance_of, find_profile_intervals
+from .uncertainty import estimate_covariance, find_profile_intervals
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ class GreyBox(RunRegressor):
         intervals = {}
         if record.core != CoreKind.ARX:
             own = make_criterion(model, noise)
-            covariance = covariance_of(
+            covariance = estimate_covariance(
                 model.simulator, own, model.fit, collect_prior(model.simulator)
             )
             intervals = find_profile_intervals(model, own, covariance)
@@ -436,7 +436,7 @@ class GreyBox(RunRegressor):
         found = self._free_run(prepared.grid, prepared.table)
         return prepared.grid.to_full_rate(found)
 
-    def record_of(self, X: Any) -> Record:
+    def make_record(self, X: Any) -> Record:
         """Channels of runs as a record, as simulations of this fitted model take them.
 
         Parameters
@@ -535,7 +535,7 @@ def fit_first_model(prepared: Prepared, effects: Effects) -> Model:
     record, core = prepared.record, prepared.core
     some = take_some_runs(record)
     if some is not None:
-        return on_all_runs(fit_first_model(replace(prepared, record=some), effects), record)
+        return refit_on_all_runs(fit_first_model(replace(prepared, record=some), effects), record)
     criterion = Criterion(record)
     start = prepared.spec.start
     for name, effect in effects:
@@ -551,7 +551,7 @@ def fit_first_model(prepared: Prepared, effects: Effects) -> Model:
         given = {n: v for n, v in start.items() if n.startswith(f"{name}__") or "__" not in n}
         model = extended(model, name, effect, criterion, coarse, start=given)
     templates = {effect.name: effect for _, effect in effects}
-    model = beside_each_other(model, templates, criterion, coarse)
+    model = refit_each_beside(model, templates, criterion, coarse)
     return try_user_start(model, criterion, start)
 
 
@@ -597,7 +597,7 @@ def tabulate_least_error(model: Model, prepared: Prepared) -> pd.DataFrame:
     """
     criterion = Criterion(model.simulator.record)
     plain = model.refined(criterion)
-    covariance = covariance_of(plain.simulator, criterion, plain.fit)
+    covariance = estimate_covariance(plain.simulator, criterion, plain.fit)
     table = parameter_table(
         plain.simulator, plain.theta, covariance, prepared.units, prepared.spec.given
     )

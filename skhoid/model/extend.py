@@ -174,7 +174,7 @@ def restart_core(simulator: Simulator, criterion: Criterion, theta: np.ndarray) 
     return min([theta, *again], key=lambda t: find_scaled_sse(simulator, criterion, t))
 
 
-def beside_each_other(
+def refit_each_beside(
     model: Model, templates: Mapping[str, Effect], criterion: Criterion, coarse: Criterion
 ) -> Model:
     """Each effect but the last refitted together with the others, where that is better.
@@ -192,7 +192,7 @@ def beside_each_other(
     return in_order(model, names)
 
 
-def on_all_runs(model: Model, record: Record) -> Model:
+def refit_on_all_runs(model: Model, record: Record) -> Model:
     """A model of some runs of a record, at the minimum of the simulation error of all of them."""
     simulator = Simulator(model.simulator.core, model.effects, record)
     criterion = Criterion(record)

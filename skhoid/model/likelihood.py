@@ -24,7 +24,7 @@ from .fitting import (
     take_some_runs,
 )
 from .jumps import SOFT, evolve, wander
-from .loop import LoopSimulator, loop_of
+from .loop import LoopSimulator, find_loop
 from .model import Model
 from .simulator import Simulator
 
@@ -320,7 +320,7 @@ def fit_in_loop(
     simulator: Simulator, theta: np.ndarray, held: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Likeliest parameters of a linear model in its closed loop if it is known, and variances."""
-    loop = loop_of(simulator.record)
+    loop = find_loop(simulator.record)
     linear = all(effect.place in ("path", "sum", "delay") for _, effect in simulator.effects)
     if loop is None or not linear:
         return None

@@ -339,7 +339,7 @@ def draw_remnant(residual: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.stack([found, -found], axis=2)
 
 
-def loop_of(record: Record) -> Loop | None:
+def find_loop(record: Record) -> Loop | None:
     """The loop of a record, closed after SETTLING; None where it is not known.
 
     It takes a measured output without gaps, an input of role e, and a known controlled element.

@@ -31,7 +31,7 @@ class Posterior(NamedTuple):
     dof: np.ndarray
 
 
-def posterior_of(model: Model, criterion: Criterion) -> Posterior:
+def find_posterior(model: Model, criterion: Criterion) -> Posterior:
     """Covariance under data and prior, and how much of each parameter the data decide."""
     normal, _ = make_normal_equations(model.simulator, criterion, model.theta)
     sigma2 = sse_at(model.simulator, criterion, model.theta) / max(criterion.n, 1)
@@ -96,7 +96,7 @@ def smooth(model: Model, names: Collection[str]) -> Model:
     return model.refined(criterion, max_iter=4)
 
 
-def in_detail(model: Model, name: str, least: int = N_FINE) -> Model:
+def refine_detail(model: Model, name: str, least: int = N_FINE) -> Model:
     """A model at the least error of simulation, with more knots of a free form that has a curve.
 
     As many at least, by further ones half-way between. Between few knots a curve cannot bend: what
@@ -116,7 +116,7 @@ def crowded(model: Model, name: str) -> bool:
     """Whether the data use most coefficients of a curve."""
     criterion = Criterion(model.simulator.record)
     criterion.set_noise(criterion.remnant_model(model.output))
-    dof = posterior_of(model, criterion).dof
+    dof = find_posterior(model, criterion).dof
     own = [one.startswith(f"{name}__") for one in model.simulator.names]
     return bool(dof[own].sum() > CROWDED * sum(own))
 
@@ -146,7 +146,7 @@ def choose_spreads(
 ) -> dict[str, tuple[float, float]]:
     """New and old spread of free forms by their names; none where there is no curve."""
     simulator, values = model.simulator, model.values()
-    dof = posterior_of(model, criterion).dof
+    dof = find_posterior(model, criterion).dof
     found = {}
     for name, effect in model.effects:
         if name not in names or not isinstance(effect, FreeForm) or not effect.free:

@@ -31,7 +31,7 @@ SEARCHED = 0.02  # relative accuracy of parameters where the response is not smo
 MEMORY = 2.0  # s, over which scores may correlate
 
 
-def covariance_of(
+def estimate_covariance(
     simulator: Simulator, criterion: Criterion, fit: Fit, prior: Prior | None = None
 ) -> np.ndarray:
     """Covariance of an operator's parameters; NaN for those at a bound or without effect.

@@ -151,7 +151,7 @@ def draw_band(
     return panel.fill_between(x, low, high, **(look | more))
 
 
-def limits_of(
+def find_limits(
     inner: Any, outer: Any, much: float, margin: float, least: float = 1e-12
 ) -> tuple[float, float]:
     """Limits that hold ``outer``, or where that takes ``much`` times its range, ``inner`` alone.

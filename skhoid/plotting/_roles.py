@@ -109,7 +109,7 @@ def dimmed(share: float = 0.65) -> str:
     return to_hex((red, green, blue))
 
 
-def readable_on(colour: Any) -> str:
+def choose_readable(colour: Any) -> str:
     """Black or white, whichever text in a patch of this colour is read by more easily."""
     linear = [v / 12.92 if v <= 0.04045 else ((v + 0.055) / 1.055) ** 2.4 for v in to_rgb(colour)]
     luminance = float(np.dot([0.2126, 0.7152, 0.0722], linear))  # as WCAG 2 defines it
@@ -133,7 +133,7 @@ def _mixed(one: Any, other: Any, share: float) -> str:
 
 def veil(share: float) -> float:
     """How opaque a band of any colour is: so much on light backgrounds, twice as much on dark."""
-    return share if readable_on(background()) == "black" else min(1.0, 2.0 * share)
+    return share if choose_readable(background()) == "black" else min(1.0, 2.0 * share)
 
 
 def series_colour(position: int) -> str:

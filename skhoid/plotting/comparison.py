@@ -27,7 +27,7 @@ from ._axes import (
     wrapped,
 )
 from ._display import FittingLayout, add_lines, check_option, figure_size, letter_size
-from ._roles import GREY, ROLES, dimmed, foreground, readable_on, scaled, sized, veil
+from ._roles import GREY, ROLES, choose_readable, dimmed, foreground, scaled, sized, veil
 from .residual import (
     ResidualPanels,
     beyond,
@@ -354,7 +354,7 @@ class ComparisonDisplay(ResidualPanels):
             look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small"}
             box = {"facecolor": colour, "edgecolor": "none", "pad": 0.0}
             middle, text = (low + high) / 2, f"{name}\n{size}"
-            panel.text(middle, 0, text, color=readable_on(colour), bbox=box, **look)
+            panel.text(middle, 0, text, color=choose_readable(colour), bbox=box, **look)
         self._draw_ceiling_line(panel)
         below = [", ".join(small)] if small else []
         panel.set_xlabel("\n".join([*below, note] if note else below), fontsize="small")

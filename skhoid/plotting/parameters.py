@@ -12,7 +12,7 @@ import pandas as pd
 from ..human import HumanOperator
 from ..interpret.arx_channel import is_arx
 from ..interpret.conversion import FROM_POLES, NAMES, UNITS, operator_parameters
-from ._axes import draw_band, limits_of, note_outside, parameter_symbol, with_unit
+from ._axes import draw_band, find_limits, note_outside, parameter_symbol, with_unit
 from ._display import Display, check_option, check_some_column, fitted_end, page_width
 from ._roles import BLUE, GREEN, GREY, ORANGE, PALETTE, ROLES, scaled, sized
 from ._study import REPLICATION, cell_text, check_table, ordered
@@ -151,7 +151,7 @@ class ParametersDisplay(Display):
             return cls.from_frame(frames, truth, references, ax=ax, **known, **kwargs)
         models = {str(label): _arx_model(m) for label, m in given.items()}
         frames = {label: _frame(m) for label, m in models.items()}
-        if not _times_of(frames.values()):
+        if not _find_times(frames.values()):
             raise ValueError(
                 "ParametersDisplay draws ARX parameters over time, and no model here has a path of "
                 "them: fit a RecursiveARX."
@@ -162,7 +162,7 @@ class ParametersDisplay(Display):
             if getattr(m, "coef_paths_", None) is not None
         }
         if hasattr(truth, "task") or hasattr(truth, "arx_parameters"):
-            truth = _coefficients_of(truth, models)
+            truth = _find_coefficients(truth, models)
         names = _names(frames)
         return cls(
             frames=frames,
@@ -203,7 +203,7 @@ class ParametersDisplay(Display):
             check_table(table, NAMES, cls.__name__)
         truth = getattr(truth, "parameters", truth)  # the third result of make_tracking_runs
         if isinstance(truth, HumanOperator):
-            truth = _over_time(truth, _times_of(frames.values()))
+            truth = _over_time(truth, _find_times(frames.values()))
         return cls(
             frames=frames,
             truth=_checked_table(truth, NAMES, "truth"),
@@ -220,7 +220,7 @@ class ParametersDisplay(Display):
         delay = self._delay() if of_operator else None
         names = [n for n in every if n != "tau_e"] + ["tau_e"] * (of_operator and delay is None)
         names = list(self.parameters or names)
-        times = _times_of(self.frames.values())
+        times = _find_times(self.frames.values())
         bottom = self._begin(names, of_operator, ax)
         for name, panel in zip(self.names_, self.axes_, strict=True):
             for position, (label, frame) in enumerate(self.frames.items()):
@@ -277,10 +277,10 @@ class ParametersDisplay(Display):
         taken = {GREEN} if self.references is None else {GREEN, ORANGE}
         colours = [colour for colour in PALETTE if colour not in taken]
         table, colour = self.frames[label], colours[position % len(colours)]
-        time, value, deviation = table.index, table[name].to_numpy(), _deviation_of(table, name)
+        time, value, deviation = table.index, table[name].to_numpy(), _find_deviation(table, name)
         dashes, width = "-", 1.0
         if not _is_over_time(table):
-            times = _times_of(self.frames.values())
+            times = _find_times(self.frames.values())
             time = pd.Index([min(t.min() for t in times), max(t.max() for t in times)])
             value, deviation, dashes = np.repeat(value, 2), np.repeat(deviation, 2), "--"
         if self.runs and label in self.runs:
@@ -299,7 +299,7 @@ class ParametersDisplay(Display):
 
     def _draw_point(self, panel: Any, name: str, position: int, label: str) -> None:
         table = self.frames[label]
-        value, deviation = table[name].iloc[0], np.nan_to_num(_deviation_of(table, name))
+        value, deviation = table[name].iloc[0], np.nan_to_num(_find_deviation(table, name))
         point, _, bars = panel.errorbar(
             [position],
             [value],
@@ -328,7 +328,7 @@ class ParametersDisplay(Display):
         tables = [table for table in self.frames.values() if "tau_e" in table]
         delays = np.concatenate([*(table["tau_e"] for table in tables), np.empty(0)])
         delays = delays[np.isfinite(delays)]
-        uncertain = any((_deviation_of(table, "tau_e") > EXACT).any() for table in tables)
+        uncertain = any((_find_deviation(table, "tau_e") > EXACT).any() for table in tables)
         if uncertain or delays.size == 0 or np.ptp(delays) > EXACT:
             return None
         return float(delays[0])
@@ -349,7 +349,7 @@ class ParametersDisplay(Display):
             panel.axvline(self.transition_time, label="transition", **look)
 
     def _draw_references(self, panel: Any, name: str, references: pd.DataFrame) -> None:
-        deviations = _deviation_of(references, name)
+        deviations = _find_deviation(references, name)
         label = f"batch {DEVIATION}" if np.isfinite(deviations).any() else "batch"
         look: dict[str, Any] = {"lw": scaled(2.0), "solid_capstyle": "butt", "zorder": 2.3}
         for row, deviation in zip(references.to_dict("records"), deviations, strict=True):
@@ -371,7 +371,7 @@ class ParametersDisplay(Display):
         paths = [line.get_ydata() for (_, of), line in self.lines_.items() if of == name]
         for label, runs in (self.runs or {}).items():
             paths.append(runs[:, :, _names({label: self.frames[label]}).index(name)])
-        spread = [_finite(_deviation_of(table, name)) for table in self.frames.values()]
+        spread = [_finite(_find_deviation(table, name)) for table in self.frames.values()]
         margins = [float(np.median(s)) for s in spread if s.size]
         margin = max(margins, default=0.0)
         for values in map(_finite, paths):
@@ -380,7 +380,7 @@ class ParametersDisplay(Display):
                 held += [low - margin, high + margin]
                 outer += [values.min() - margin, values.max() + margin]
         if held:
-            low, high = limits_of(held, outer, MUCH, MARGIN, least=0.0)
+            low, high = find_limits(held, outer, MUCH, MARGIN, least=0.0)
             if low < high:
                 panel.set_ylim(low, high)
                 lines = [line for (_, of), line in self.lines_.items() if of == name]
@@ -628,12 +628,12 @@ def _is_over_time(table: pd.DataFrame) -> bool:
     return bool(table.index.name == "time")
 
 
-def _times_of(tables: Iterable[pd.DataFrame]) -> list[np.ndarray]:
+def _find_times(tables: Iterable[pd.DataFrame]) -> list[np.ndarray]:
     """The instants of those that vary in time."""
     return [table.index.to_numpy(dtype=float) for table in tables if _is_over_time(table)]
 
 
-def _deviation_of(table: pd.DataFrame, name: str) -> np.ndarray:
+def _find_deviation(table: pd.DataFrame, name: str) -> np.ndarray:
     if f"sd_{name}" not in table:
         return np.full(len(table), np.nan)
     return table[f"sd_{name}"].to_numpy(dtype=float)
@@ -706,7 +706,7 @@ def _names(frames: Mapping[str, pd.DataFrame]) -> list[str]:
     return sorted(names, key=lambda name: kinds.get(name[0], 2))
 
 
-def _coefficients_of(truth: Any, models: dict[str, Any]) -> pd.DataFrame:
+def _find_coefficients(truth: Any, models: dict[str, Any]) -> pd.DataFrame:
     """True ARX parameters of make_tracking_runs, which hold at the rate of the simulation."""
     if not hasattr(truth, "arx_parameters"):
         raise ValueError(

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
-from ._axes import MARKERS, limits_of, note_outside, phase_ticks, plain_logarithmic
+from ._axes import MARKERS, find_limits, note_outside, phase_ticks, plain_logarithmic
 from ._display import Display, page_width
 from ._roles import (
     GREY,
@@ -229,7 +229,7 @@ class StudyBoxDisplay(Display):
                 panel.set_ylim(1.2 * min(every.min(), -bend), 1.2 * max(every.max(), bend))
             elif np.isfinite(whiskers).any():
                 held = whiskers[np.isfinite(whiskers)]
-                panel.set_ylim(limits_of(held, every, MUCH, MARGIN))
+                panel.set_ylim(find_limits(held, every, MUCH, MARGIN))
                 if (every == np.rint(every)).all():
                     panel.yaxis.set_major_locator(MaxNLocator(6, integer=True))
                 note_outside(panel, every, ("top", "right"))

@@ -134,7 +134,7 @@ class SimulationDisplay(Display):
         simulated = np.asarray(estimator.predict(X), dtype=float).ravel()
         run_in = trimmed_rows(estimator, X)
         traces, note = _traces(layout, as_output(y), simulated, run_in, runs, window)
-        return cls(traces=traces, note=note, centered=centered, **_name_of(y)).plot(ax, **kwargs)
+        return cls(traces=traces, note=note, centered=centered, **_find_name(y)).plot(ax, **kwargs)
 
     @classmethod
     def from_predictions(
@@ -174,7 +174,7 @@ class SimulationDisplay(Display):
         trimmed = run_in_rows(layout, run_in=run_in)
         measured = as_output(y_true, "y_true")
         traces, note = _traces(layout, measured, simulated, trimmed, runs, window)
-        return cls(traces=traces, note=note, centered=centered, **_name_of(y_true)).plot(
+        return cls(traces=traces, note=note, centered=centered, **_find_name(y_true)).plot(
             ax, **kwargs
         )
 
@@ -249,7 +249,7 @@ class SimulationDisplay(Display):
         return f"{vaf_name(centered=self.centered, clipped=vaf <= 0)} {vaf:.1f} %"
 
 
-def _name_of(y: Any) -> dict[str, Any]:
+def _find_name(y: Any) -> dict[str, Any]:
     name = getattr(y, "name", None)
     units = (getattr(y, "attrs", None) or {}).get("units", {})
     return {"output": "output" if name is None else str(name), "unit": units.get(name)}

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ._axes import parameter_symbol, plain_logarithmic
 from ._display import Display, check_option, figure_size, page_width
-from ._roles import GREY, background, faded, readable_on, scaled, series_colour, sized
+from ._roles import GREY, background, choose_readable, faded, scaled, series_colour, sized
 from ._study import cell_text, check_table, ordered
 
 COLUMNS = {
@@ -196,7 +196,7 @@ class TournamentDisplay(Display):
                     ha="center",
                     va="center",
                     fontsize="x-small",
-                    color=readable_on(look["facecolor"]),
+                    color=choose_readable(look["facecolor"]),
                     bbox={"facecolor": look["facecolor"], "edgecolor": "none", "pad": 0.0},
                 )
 

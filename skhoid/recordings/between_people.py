@@ -17,7 +17,7 @@ from ..preprocessing.gate import as_table
 from ..runs import RUN, TIME, run_name
 from ..runs.roles import role_of
 from ..text import counted
-from .recording import NamedSignals, of_list
+from .recording import NamedSignals, join_names
 
 LAGS = np.linspace(-1.0, 1.0, 21)  # s
 _MOST = 6  # channels that are compared
@@ -93,7 +93,7 @@ class Recordings:
         return [run for c in conditions for run in self._cells.get((subject, c), [])]
 
 
-def facts_of(X: pd.DataFrame, y: Any) -> Recordings:
+def gather_facts(X: pd.DataFrame, y: Any) -> Recordings:
     """The facts of all runs of an experiment."""
     X = as_table(X)
     if not isinstance(X, pd.DataFrame):
@@ -291,9 +291,9 @@ def _same_data(recordings: Recordings) -> Iterator[BetweenFinding]:
             conditions,
             list(dict.fromkeys(run.run for run in same)),
             "same data",
-            f"{of_list(names)} are the same recording",
+            f"{join_names(names)} are the same recording",
             f"All {first.rows} rows of all channels are equal.",
-            f"Find out whose it is, and leave out {of_list(names[1:])} or read the right file.",
+            f"Find out whose it is, and leave out {join_names(names[1:])} or read the right file.",
         )
 
 
@@ -466,7 +466,7 @@ def _gains(recordings: Recordings) -> Iterator[BetweenFinding]:
     for (subject, same, _), channels in groups.items():
         runs = [(run, d) for c in channels for run, d in found[subject, c] if id(run) in same]
         deviation = float(np.median([d for _, d in runs]))
-        named = of_list(channels)
+        named = join_names(channels)
         factor = _factor(deviation)
         near = f"A factor of {factor} would explain it: " if factor else ""
         yield from _findings(

@@ -14,7 +14,7 @@ from ..runs import GAP, JITTER_TOLERANCE, snap
 from ..runs.roles import of_person
 from ..text import counted
 from .rates import check_rates
-from .recording import Finding, RawRecording, of_list, read_recording
+from .recording import Finding, RawRecording, join_names, read_recording
 
 NOTED_JITTER = 0.01  # of a sampling time
 SAME_STEP = 0.01  # relative difference of sampling times
@@ -491,7 +491,7 @@ def _constant(recording: RawRecording) -> Iterator[Finding]:
 
 def _runs(labels: Any) -> str:
     labels = list(labels)
-    return f"run{'s' if len(labels) > 1 else ''} {of_list(labels)}"
+    return f"run{'s' if len(labels) > 1 else ''} {join_names(labels)}"
 
 
 def _rms(values: np.ndarray) -> float:

@@ -13,9 +13,9 @@ import pandas as pd
 
 from ..exceptions import RunIndexError, SlowClockWarning
 from ..text import Block, Document, Item, Items, Paragraph, TextTable, Told, counted
-from .between_people import BetweenFinding, Recordings, compare_people, facts_of
+from .between_people import BetweenFinding, Recordings, compare_people, gather_facts
 from .channels import check_channels
-from .recording import of_list
+from .recording import join_names
 
 __all__ = ["ExperimentCheck", "check_experiment"]
 
@@ -174,7 +174,7 @@ def check_experiment(X: pd.DataFrame, y: Any = None) -> ExperimentCheck:
     >>> check.findings[["subject", "title"]].to_numpy().tolist()
     [['S2', "u or e of S2 has the opposite sign of the others'"]]
     """
-    recordings = facts_of(X, y)
+    recordings = gather_facts(X, y)
     between = compare_people(recordings)
     findings = [*between, *_of_each(X, y, recordings, between)]
     rows = [_as_row(finding) for finding in findings]
@@ -256,7 +256,7 @@ def _as_row(finding: BetweenFinding) -> list[Any]:
 
 def _named(labels: list[Any]) -> Any:
     """The one label, several in a sentence, or "all"."""
-    return labels[0] if len(labels) == 1 else of_list(labels) if labels else "all"
+    return labels[0] if len(labels) == 1 else join_names(labels) if labels else "all"
 
 
 def _table(recordings: Recordings, findings: list[BetweenFinding]) -> pd.DataFrame:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .recording import Finding, RawRecording, of_list
+from .recording import Finding, RawRecording, join_names
 
 RATE_NAMES = ("rate", "rates", "dot", "velocity", "vel", "speed", "derivative", "deriv")
 ANGLE_NAMES = ("angle", "angles", "ang", "position", "pos", "displacement", "attitude")
@@ -79,7 +79,7 @@ def check_rates(recording: RawRecording) -> list[Finding]:
 
 def pairs(names: list[Any]) -> Iterator[tuple[Any, Any]]:
     """Channels and their rates, by name: stem and stem + rate, in any style of writing."""
-    angles = {_without_angle(_parts(name)): name for name in names if _rate_stem(name) is None}
+    angles = {_drop_angle(_parts(name)): name for name in names if _rate_stem(name) is None}
     for name in names:
         stem = _rate_stem(name)
         if stem in angles:
@@ -102,10 +102,10 @@ def _rate_stem(name: Any) -> str | None:
         parts = [*parts[:-1], match[1]]
     else:
         return None
-    return _without_angle(parts)
+    return _drop_angle(parts)
 
 
-def _without_angle(parts: list[str]) -> str:
+def _drop_angle(parts: list[str]) -> str:
     if len(parts) > 1 and parts[-1] in ANGLE_NAMES:
         parts = parts[:-1]
     elif parts and (match := re.match(r"(.+)(angle|position|pos)$", parts[-1])):
@@ -216,7 +216,7 @@ def _wrong(recording: RawRecording, angle: Any, rate: Any, gain: Gain, alone: li
     others = _alike(recording, rate, alone)
     if others and not gain.allows(1.0):
         next_step += (
-            f" {of_list(others)} {'has' if len(others) == 1 else 'have'} no angle to be checked "
+            f" {join_names(others)} {'has' if len(others) == 1 else 'have'} no angle to be checked "
             f"against, and {'is' if len(others) == 1 else 'are'} as small or large: probably "
             "converted together, and wrong by the same factor."
         )

@@ -232,7 +232,7 @@ def _slices(edges: np.ndarray) -> list[slice]:
     return [slice(int(a), int(b)) for a, b in pairwise(edges)]
 
 
-def of_list(names: list[Any]) -> str:
+def join_names(names: list[Any]) -> str:
     """Names in a sentence; of many, the first few and how many more."""
     listed = [str(name) for name in names]
     if len(listed) > MOST_NAMED:

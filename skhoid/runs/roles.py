@@ -218,7 +218,7 @@ def not_channels(names: Iterable[Any]) -> list[Any]:
     return [name for name in names if plain_name(name) in (*LABELS, *OUTER, TIME)]
 
 
-def words_of(name: Any) -> list[str]:
+def put_in_words(name: Any) -> list[str]:
     """Words of a name in lower case, without figures and plurals."""
     if not isinstance(name, str):
         return []
@@ -227,13 +227,13 @@ def words_of(name: Any) -> list[str]:
 
 def label_word(name: Any) -> str:
     """The word for what a column labels, if its name has no other; ``Trial No.`` is a trial."""
-    words = [word for word in words_of(name) if word not in _NUMBERING]
+    words = [word for word in put_in_words(name) if word not in _NUMBERING]
     return words[0] if len(words) == 1 and words[0] in {*LABEL_WORDS, *OUTER_WORDS} else ""
 
 
 def names_time(name: Any) -> bool:
     """Whether a column may be a clock by its name."""
-    words = words_of(name)
+    words = put_in_words(name)
     if len(words) == 1 and words[0] in _SECONDS:
         return True
     while len(words) > 1 and words[-1] in _UNITS:

@@ -205,12 +205,12 @@ class _Columns:
         if label is None and self.goes_back(clock):
             times = "X.index.to_series()" if clock == self.level else f"X[{clock!r}]"
             label, more = RUN, f" after X['run'] = ({times}.diff() < 0).cumsum()"
-        text += f"{self._index_of(label, clock)}{more}; y keeps its rows."
+        text += f"{self._write_index(label, clock)}{more}; y keeps its rows."
         by_run = "" if label is None or more else f"run={label!r}"
         by_dt = "" if self.level == TIME else "dt=, the sampling time in seconds"
         return f"{text} Or pass {' and '.join(filter(None, (by_run, by_dt)))}."
 
-    def _index_of(self, label: Any, clock: Any) -> str:
+    def _write_index(self, label: Any, clock: Any) -> str:
         """The call that makes the row index of these columns, and of outer levels beside them."""
         outer: dict[Any, str] = {}
         for word, wanted in OUTER_WORDS.items() if label is not None else ():

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..arx.folds import folds_of
+from ..arx.folds import make_folds
 from ..effects.record import Record
 from ..exceptions import ShortRunError, SlowClockWarning
 from ..model import OperatorRegressor
-from ..model.extend import on_all_runs
+from ..model.extend import refit_on_all_runs
 from ..model.fitting import some_runs
 from ..model.model import Model
 from ..model.prepared import Prepared, check_rows
@@ -82,7 +82,7 @@ def prepare_data(
         judged = None if layout.trimmed is None else ~layout.trimmed
         control = control_check(layout, channels, judged)
     lost = control.rows(prepared.grid.layout.n_rows)
-    return without_rows(in_domain(prepared, domain, roles), lost, model.settling), control
+    return without_rows(set_domain(prepared, domain, roles), lost, model.settling), control
 
 
 def split_data(
@@ -118,7 +118,7 @@ def split_rows(
     if cv is None and groups is None:
         return split_in_blocks(known, round(GUARD / record.dt)), []
     folds, held = [], []
-    for fold in folds_of(prepared.grid.layout, cv, routed, prepared.known):
+    for fold in make_folds(prepared.grid.layout, cv, routed, prepared.known):
         rows = prepared.grid.thin_inputs(fold.test.mask())
         whole = columns.beside(rows, fill=False) & record.known
         test = whole if some is None else whole[:, some]
@@ -147,12 +147,12 @@ def held_columns(test: np.ndarray, columns: np.ndarray | None = None) -> Held:
     return (some if columns is None else columns[some]), test[:, some]
 
 
-def on_rows_of(record: Record, fitted: Model) -> Model:
+def refit_on_rows(record: Record, fitted: Model) -> Model:
     """The model fitted to all rows of a record, where a search fitted it to others."""
-    return fitted if fitted.simulator.record.y is record.y else on_all_runs(fitted, record)
+    return fitted if fitted.simulator.record.y is record.y else refit_on_all_runs(fitted, record)
 
 
-def in_domain(prepared: Prepared, domain: str | None, roles: Any) -> Prepared:
+def set_domain(prepared: Prepared, domain: str | None, roles: Any) -> Prepared:
     """The data with their domain: the given one, or the one that core and roles imply."""
     record = prepared.record
     if domain is None:

@@ -34,9 +34,9 @@ from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, notes_of_lost
 from ..regression import units_of
 from ..runs import fingerprint_of
 from ..text import Note, Summary
-from .data import Held, SearchData, held_columns, on_rows_of, prepare_data, split_data
+from .data import Held, SearchData, held_columns, prepare_data, refit_on_rows, split_data
 from .leftover import JudgedRecord, SearchNumbers, measure_path
-from .path import GivenDelay, Path, forward, pair_of, with_given_delay
+from .path import GivenDelay, Path, find_pair, forward, with_given_delay
 from .results import (
     SearchResult,
     compare_models,
@@ -576,7 +576,7 @@ def search_as_given(
     numbers, best = ends.numbers(search, prepared, forward(search, baseline, most))
     ended = find_unnamed(search, numbers, tries_all=ends.tries_all)
     alone = ended.ending.best_effects == [UNKNOWN] and ended.form is None
-    pair = pair_of(search, numbers.path, most) if alone else None
+    pair = find_pair(search, numbers.path, most) if alone else None
     if pair is not None:
         numbers, best_of_pair = ends.numbers(search, prepared, pair)
         of_pair = find_unnamed(search, numbers, tries_all=ends.tries_all)
@@ -649,7 +649,7 @@ class Estimators:
         """A model as an estimator."""
         key = (id(prepared), *fitted.key)
         if key not in self._known:
-            start = on_rows_of(prepared.record, fitted)
+            start = refit_on_rows(prepared.record, fitted)
             # An ARX model has few rounds of noise models: it begins where its own ``fit`` does.
             if not start.simulator.core.kind.is_operator:
                 start = output_error_fit(start)

@@ -184,7 +184,7 @@ def formulas_for(form: FreeForm) -> Sequence[Formula]:
     return (*OF_SIGNALS, *WHOLE) if form.place in MAPPED else OF_SIGNALS
 
 
-def formula_of(form: FreeForm, curve: pd.DataFrame, dof: float, record: Record) -> Fitted | None:
+def find_formula(form: FreeForm, curve: pd.DataFrame, dof: float, record: Record) -> Fitted | None:
     """The likeliest formula that lies within the band of a curve everywhere, by BIC; or None."""
     grid = curve.index.to_numpy(dtype=float)
     like = Likeness.of(form, grid, curve["value"].to_numpy(), record)
@@ -193,7 +193,7 @@ def formula_of(form: FreeForm, curve: pd.DataFrame, dof: float, record: Record) 
     sd = half / norm.ppf((1 + LEVEL ** (1 / dof)) / 2)
     best, least = None, np.inf
     for formula in formulas_for(form):
-        low, high, starts = starts_of(formula, like)
+        low, high, starts = list_starts(formula, like)
 
         def departure(values: np.ndarray, formula: Formula = formula) -> np.ndarray:
             return formula.function(like.at, *values)
@@ -210,7 +210,7 @@ def formula_of(form: FreeForm, curve: pd.DataFrame, dof: float, record: Record) 
     return best
 
 
-def starts_of(formula: Formula, like: Likeness) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def list_starts(formula: Formula, like: Likeness) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Bounds and starts of a formula's parameters, in the units of the data."""
     span = float(np.ptp(like.grid))
     reach = span if like.form.over == "time" else float(np.abs(like.grid).max())

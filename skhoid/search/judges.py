@@ -16,13 +16,13 @@ from ..diagnosis.leaks import LeakTest, leak_test
 from ..effects.base import Effect
 from ..effects.catalogue import CLASSES
 from ..effects.composition import Effects
-from ..effects.record import Record, Signature, fastest_of, step_of, stop_of
+from ..effects.record import Record, Signature, find_fastest, find_step, find_stop
 from ..model.cores import Core
 from ..model.estimator import vaf_of_output
 from ..model.extend import refitted, shared_derivatives
 from ..model.fitting import Criterion, minimise, whitened_derivatives
 from ..model.likelihood import likeliest, usual_starts
-from ..model.loop import Loop, LoopSimulator, draw_remnant, loop_of
+from ..model.loop import Loop, LoopSimulator, draw_remnant, find_loop
 from ..model.model import Model
 from ..model.simulator import Simulator
 
@@ -208,7 +208,7 @@ class LoopJudge:
         thin = max(1, int(1 / (LEAST_RATE * record.dt) + 1e-6))
         if thin > 1:
             record = record.part(np.arange(record.n_runs), thin)
-        loop = loop_of(record)
+        loop = find_loop(record)
         if loop is None:
             return None
         rows = [HeldOutRows(fold.test[::thin], fold.train[::thin]) for fold in folds]
@@ -380,7 +380,7 @@ class LoopParent:
         return vaf_of_output(judge.record, predicted)
 
 
-def leak_of(model: Model) -> LeakTest | None:
+def test_leak(model: Model) -> LeakTest | None:
     """The leak test of a model's free run; None where x is not known, or nobody steers."""
     record = model.simulator.record
     if record.y is None or record.roles.get(record.inputs[0]) != "e":
@@ -402,16 +402,16 @@ def leak_of(model: Model) -> LeakTest | None:
         )
 
 
-def traces_of(record: Record) -> dict[str, str]:
+def find_traces(record: Record) -> dict[str, str]:
     """Sentences on stops, rate limits and levels seen in the measured output, by effect."""
-    step = step_of(record)
+    step = find_step(record)
     if step is not None:
         return {"quantised": f"the output takes few values, {step:.3g} apart"}
     found = {}
-    stop = stop_of(record)
+    stop = find_stop(record)
     if stop is not None:
         found["saturation"] = f"{100 * stop.share:.0f} % of the samples lie at {stop.where}"
-    fastest = fastest_of(record)
+    fastest = find_fastest(record)
     if fastest is not None:
         share, limit = fastest
         found["rate_limit"] = f"{100 * share:.0f} % of the rates lie at ±{limit:.3g} per second"

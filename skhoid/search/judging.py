@@ -331,7 +331,7 @@ def mark_confused(candidates: list[Candidate]) -> None:
         ]
 
 
-def special_cases_of(general: Candidate, candidates: list[Candidate]) -> list[Candidate]:
+def find_special_cases(general: Candidate, candidates: list[Candidate]) -> list[Candidate]:
     """Candidates that a general form contains, so far as they pass, the likeliest first."""
     special = [c for c in candidates if general.effect.name in c.effect.within and c.passes]
     return sorted(special, key=lambda c: -c.ranking_bic)
@@ -449,7 +449,10 @@ def first_stands(rival: Candidate, found: SearchNumbers) -> bool:
     """Whether the first effect acts where a form does, and leaves little of what that explains."""
     first = dict(found.path.model.effects.steps)[found.added[0]]
     left = rival.gain - (found.steps[1].vaf - found.steps[0].vaf)
-    return bool(group_of(rival.effect) & group_of(first)) and left <= BESIDE_ONE.counts * rival.gain
+    return (
+        bool(find_group(rival.effect) & find_group(first))
+        and left <= BESIDE_ONE.counts * rival.gain
+    )
 
 
 def excess_asked(one: Candidate, found: SearchNumbers) -> float:
@@ -466,11 +469,11 @@ def excess_asked(one: Candidate, found: SearchNumbers) -> float:
 def elsewhere(form: Any, found: SearchNumbers) -> bool:
     """Whether a form acts elsewhere than all effects that were found."""
     effects = dict(found.path.model.effects.steps)
-    own = group_of(form)
-    return all(not own & group_of(effects[name]) for name in found.added)
+    own = find_group(form)
+    return all(not own & find_group(effects[name]) for name in found.added)
 
 
-def group_of(effect: Effect) -> frozenset[str]:
+def find_group(effect: Effect) -> frozenset[str]:
     """What an effect changes, so far as data tell places apart."""
     return GROUPS.get(effect.place, frozenset({effect.place}))
 

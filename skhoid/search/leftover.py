@@ -17,7 +17,7 @@ from ..effects.free_forms import shakes
 from ..effects.operator_signals import Gains
 from ..effects.record import Record, Signature, differentiated
 from ..model.estimator import GreyBox, vaf_of_output
-from ..model.extend import on_all_runs
+from ..model.extend import refit_on_all_runs
 from ..model.fitting import Criterion, derivatives
 from ..model.loop import LoopSimulator
 from ..model.model import Model
@@ -98,7 +98,7 @@ class JudgedRecord:
         """A step with its model fitted to this record, judged by the folds of the search."""
         base, without = search.fitted_without_folds(model)
         prediction = self.prediction(base, without)
-        at_likelihood = on_all_runs(step.at_likelihood, self.record)
+        at_likelihood = refit_on_all_runs(step.at_likelihood, self.record)
         vaf = vaf_of_output(self.record, prediction)
         return replace(step, at_likelihood=at_likelihood, vaf=vaf, prediction=prediction)
 
@@ -127,7 +127,7 @@ def measure_path(
     left = leftovers(path.model, search.folds, search.loop)
     noises, others = noises_in(recorded - path.model.output, record, search.noises)
     left += [Leftover(s.where, "output", s.words, 100 * s.share, np.nan) for s in others]
-    rest, rest_sd, vaf, unknown = gap_of(best, prepared, measured)
+    rest, rest_sd, vaf, unknown = find_gap(best, prepared, measured)
     noted = NOTED * search.share
     left = [item for item in left if item.points >= noted]
     if rest > LEFT_SURELY * rest_sd and rest >= noted:  # not where it is NaN
@@ -160,7 +160,7 @@ def walked(search: Search, path: Path, judged_on: JudgedRecord | None = None) ->
     ]
 
 
-def gap_of(
+def find_gap(
     model: GreyBox, prepared: Prepared, measured: np.ndarray
 ) -> tuple[float, float, float, str]:
     """Explainable gap of a model (points), its standard error, its VAF, and why it is not known."""

@@ -150,7 +150,7 @@ def _fitted(
     def departure(values: np.ndarray) -> np.ndarray:
         own = fixed | dict(zip(names, values.tolist(), strict=True))
         with np.errstate(all="ignore"):
-            return departure_of(like.form, effect, own, record, gains)(like.at)
+            return find_departure(like.form, effect, own, record, gains)(like.at)
 
     fit = like.fitted(departure, starts, low, high)
     if fit is None:
@@ -158,7 +158,7 @@ def _fitted(
     texts = []
     for parameter, value, acts in zip(effect.free, fit.values, fit.acts, strict=True):
         if acts:
-            unit = parameter.dimension_on(record, effect.place).label(units)
+            unit = parameter.find_dimension(record, effect.place).label(units)
             texts.append(f"{parameter.name} = {value:.4g}{'' if unit == '-' else f' {unit}'}")
     within = bool((np.abs(fit.curve - like.value) <= half).all())
     form = str(getattr(effect, "form", None) or "")
@@ -268,7 +268,7 @@ class Likeness:
         value = value - form.at_rest
         if form.over == "lag":
             of_pulse = form.with_choices(reference=0.0) if hasattr(form, "reference") else form
-            answer = departure_of(form, of_pulse, {}, record, gains)
+            answer = find_departure(form, of_pulse, {}, record, gains)
             value, there = answer(grid), answer(points)
         else:
             there = form.curve(np.asarray(form.values), points)
@@ -294,7 +294,7 @@ class Likeness:
     def refitted_columns(self, at: np.ndarray) -> np.ndarray:
         """What the model refits beside the curve, as columns."""
         if self.form.name == "free_dynamics":  # the gains on error and error rate
-            pulse = pulse_of(self.form, at)
+            pulse = make_pulse(self.form, at)
             return np.stack([pulse, np.gradient(pulse, at)], axis=1)
         return np.polynomial.polynomial.polyvander(at, 1)[:, list(self.removed)]
 
@@ -389,7 +389,7 @@ def mapped(effect: Effect, x: np.ndarray, record: Record, values: dict[str, floa
     return signal[:, 0]
 
 
-def departure_of(
+def find_departure(
     form: FreeForm,
     effect: Effect,
     values: dict[str, float],
@@ -411,7 +411,7 @@ def departure_of(
     return over
 
 
-def pulse_of(form: FreeForm, at: np.ndarray) -> np.ndarray:
+def make_pulse(form: FreeForm, at: np.ndarray) -> np.ndarray:
     """A pulse of area one at lag zero, as wide as the curve can resolve."""
     assert form.knots is not None
     width = (form.knots[-1] - form.knots[0]) / (2 * (len(form.knots) - 1))
@@ -429,7 +429,7 @@ def _answered(
     """What follows a pulse of the channel, or of the error: of the command, or of the output."""
     span = at[-1] - at[0]
     t = np.arange(min(at[0], 0.0) - span / 2, at[-1] + span / 2, record.dt)
-    pulse = pulse_of(form, t)[:, None]
+    pulse = make_pulse(form, t)[:, None]
     channel = getattr(form, "channel", None)
     if form.place == "sum":
         assert channel is not None

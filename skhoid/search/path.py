@@ -12,7 +12,7 @@ from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..model.cores import OperatorCore
 from ..model.estimator import GreyBox, vaf_of_output
-from ..model.extend import beside_each_other, extended
+from ..model.extend import extended, refit_each_beside
 from ..model.fitting import Criterion, minimise
 from ..model.model import Model, in_order, without
 from ..model.prepared import Prepared
@@ -95,7 +95,7 @@ def fitted_again(search: Search, path: Path) -> Path:
     """Each of several effects refitted with the others: the first was fitted without them."""
     templates = {effect.name: effect for effect in search.effects}
     plain = output_error_fit(path.model)
-    model = beside_each_other(plain, templates, search.criterion, search.coarse)
+    model = refit_each_beside(plain, templates, search.criterion, search.coarse)
     if not model.sse < BETTER_AGAIN * plain.sse:
         return path
     step = search.judge_candidates(model, [])
@@ -279,7 +279,7 @@ def likeliest_few(first: SearchStep, path: Path) -> list[Candidate]:
     return sorted(found, key=lambda c: -c.ranking_bic)[:N_FEW]
 
 
-def pair_of(search: Search, path: Path, most: int) -> Path | None:
+def find_pair(search: Search, path: Path, most: int) -> Path | None:
     """A path that begins with two effects that pass all criteria beside each other; or None."""
     first = path.steps[0]
     if most < len(first.at_likelihood.effects) + 2:

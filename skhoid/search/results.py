@@ -107,18 +107,18 @@ class SearchResult:
         found : dict
         """
         return {
-            "ranking": records_of(self.ranking),
-            "error_path": records_of(self.error_path.reset_index()),
+            "ranking": list_records(self.ranking),
+            "error_path": list_records(self.error_path.reset_index()),
             "best_effects": self.best_effects,
             "stand_ins": self.stand_ins,
             "verdict": str(self.verdict),
             "explainable_gap": self.explainable_gap,
-            "parameters": records_of(self.parameters.reset_index()),
-            "unexplained": records_of(self.unexplained),
+            "parameters": list_records(self.parameters.reset_index()),
+            "unexplained": list_records(self.unexplained),
             "shape": None if self.shape is None else self.shape.as_dict(),
             "ceiling_note": self.ceiling_note,
             "experiments": self.experiments,
-            "left_out": records_of(self.left_out),
+            "left_out": list_records(self.left_out),
             "notes": [str(note) for note in self.notes],
         }
 
@@ -146,7 +146,7 @@ def with_effects(names: Iterable[str]) -> str:
     return f"with {titles_of(names)}" if names else "baseline"
 
 
-def records_of(frame: pd.DataFrame) -> list[dict[str, Any]]:
+def list_records(frame: pd.DataFrame) -> list[dict[str, Any]]:
     """The rows of a table, for JSON."""
     return [
         {key: v.item() if isinstance(v, np.generic) else v for key, v in record.items()}

@@ -29,13 +29,13 @@ from ..model.smoothing import (
     change_if_finer,
     change_if_rougher,
     crowded,
-    in_detail,
-    posterior_of,
+    find_posterior,
+    refine_detail,
 )
-from ..model.uncertainty import covariance_of
+from ..model.uncertainty import estimate_covariance
 from ..text import Document, Paragraph, TextTable, Told, number
-from .data import on_rows_of
-from .formulas import Fitted, formula_of
+from .data import refit_on_rows
+from .formulas import Fitted, find_formula
 from .judges import HeldOutRows, held_out
 from .judging import (
     AS_GOOD,
@@ -52,7 +52,7 @@ from .judging import (
     first_stands,
     unnamed_verdict,
 )
-from .leftover import Leftover, SearchNumbers, gap_of, leftovers, points_gained
+from .leftover import Leftover, SearchNumbers, find_gap, leftovers, points_gained
 from .likeness import nearest_effects, nearest_table, recordings_for
 from .path import lead
 from .statuses import Ending, Verdict
@@ -310,7 +310,7 @@ class Shape(Told):
         return str(self.summary())
 
 
-def labels_of(model: Model, name: str, units: dict[str, str | None]) -> tuple[str, str]:
+def make_labels(model: Model, name: str, units: dict[str, str | None]) -> tuple[str, str]:
     """Names and units of both axes."""
     effect: Any = dict(model.effects.steps)[name]
     first = next(p for p in model.simulator.parameters if p.name.startswith(f"{name}__"))
@@ -334,7 +334,7 @@ def make_shape(
     assert model is not None
     effect: Any = dict(effects_with_values(model).steps)[candidate.name]
     curve, dof = curve_with_band(model, candidate.name)
-    x_label, y_label = labels_of(model, candidate.name, units)
+    x_label, y_label = make_labels(model, candidate.name, units)
     values = model.values()
     gains = values.get("K_e", 1.0), values.get("K_edot", 0.0)
     record = replace(model.simulator.record, prediction=model.output)
@@ -356,7 +356,7 @@ def make_shape(
         nearest=nearest_table(near),
         recordings=recordings_for(effect, curve, near, effect.abscissa.label(units)),
         nearest_curve=pd.Series(near[0].curve, curve.index) if near else None,
-        formula=formula_of(effect, curve, dof, record),
+        formula=find_formula(effect, curve, dof, record),
     )
 
 
@@ -365,16 +365,16 @@ def detailed(search: Search, found: Candidate) -> Candidate:
     assert found.model is not None
     before = output_error_fit(found.model)
 
-    def vaf_of(model: Model) -> float:
+    def measure_vaf(model: Model) -> float:
         return vaf_of_output(search.record, held_out(model, search.criterion, search.folds))
 
     plain = before
-    start = vaf = vaf_of(before)
+    start = vaf = measure_vaf(before)
     while (few := _n_knots(plain, found.name) < N_FINE) or crowded(plain, found.name):
         least = max(N_FINE, 2 * _n_knots(plain, found.name) - 1)
-        finer = in_detail(plain, found.name, least) if least <= MOST_KNOTS else plain
+        finer = refine_detail(plain, found.name, least) if least <= MOST_KNOTS else plain
         asked = -AS_GOOD if few else LEAST_GAIN * search.share
-        if finer is plain or not (new := vaf_of(finer)) - vaf > asked:
+        if finer is plain or not (new := measure_vaf(finer)) - vaf > asked:
             break
         plain, vaf = finer, new
     if plain is before:
@@ -404,7 +404,7 @@ def fit_shape(
     repeated = max([i.points for i in unnamed_part.found.left if i.where == "repeats"], default=0.0)
     for one in unnamed_part.doubtful if repeated else ():
         shape = _fit_form(unnamed_part, one, model, prepared, measured)
-        if shape is not None and gap_of(shape.estimator, prepared, measured)[0] < repeated / 2:
+        if shape is not None and find_gap(shape.estimator, prepared, measured)[0] < repeated / 2:
             return shape
     return None
 
@@ -431,10 +431,10 @@ def _fit_form(
         return None
     found = detailed(unnamed_part.search, found)
     assert found.model is not None
-    fitted = on_rows_of(prepared.record, output_error_fit(found.model))
+    fitted = refit_on_rows(prepared.record, output_error_fit(found.model))
     best = model.with_fit(prepared, *_unbiased(fitted, Criterion(prepared.record)))
     best.set_params(effects=found.model.effects)
-    rest, _, _, _ = gap_of(best, prepared, measured)
+    rest, _, _, _ = find_gap(best, prepared, measured)
     if not np.isfinite(rest):
         folds = unnamed_part.search.folds
         rest = max([item.points for item in leftovers(fitted, folds)], default=0.0)
@@ -469,7 +469,7 @@ def is_far(form: Any, record: Record) -> bool:
     return any(form.starts(record)[0].values())
 
 
-def candidates_of(
+def list_candidates(
     search: Search, parent: Model, hints: Sequence[Hint], first: int = 0
 ) -> list[Candidate]:
     """Free forms, fitted beside a parent; the ``first`` of their numbers."""
@@ -481,7 +481,7 @@ def candidates_of(
     return candidates
 
 
-def best_of(search: Search, step: SearchStep) -> Candidate | None:
+def find_best_minima(search: Search, step: SearchStep) -> Candidate | None:
     """The best form, with what it gains where folds are refitted, as it is told of names."""
     best = step.best
     if best is None or best.model is None:
@@ -490,7 +490,7 @@ def best_of(search: Search, step: SearchStep) -> Candidate | None:
     return replace(best, vaf=vaf, gain=vaf - step.refitted_vaf)
 
 
-def hints_of(search: Search, parent: Model) -> list[Hint]:
+def find_hints(search: Search, parent: Model) -> list[Hint]:
     """Forms at every place where they apply, those first that explain most, and the likeliest."""
     record = replace(search.record, prediction=parent.output)
     criterion = Criterion(search.record)
@@ -580,13 +580,13 @@ def find_unnamed(search: Search, found: SearchNumbers, *, tries_all: bool) -> Un
     ending, baseline = decided(found, tries_all=tries_all), found.steps[0].at_least_error
     rival, hints = None, None
     if found.added:
-        hints = hints_of(search, baseline)
+        hints = find_hints(search, baseline)
         found, rival = beside_one_form(search, found, hints)
         ending = decided(found, tries_all=tries_all)
     elif ending.verdict is Verdict.NOTHING and (found.left or one_sided(search.record)):
-        hints = hints_of(search, baseline)[:FOLLOWED]
-        forms = candidates_of(search, baseline, hints)
-        shape = best_of(search, judge_forms(search, baseline, forms))
+        hints = find_hints(search, baseline)[:FOLLOWED]
+        forms = list_candidates(search, baseline, hints)
+        shape = find_best_minima(search, judge_forms(search, baseline, forms))
         if shape is None or shape.gain < BESIDE_ONE.points * found.share:
             return Unnamed(search, found, ending)
         return Unnamed(search, found, Ending(unnamed_verdict(tries_all), [], []), shape)
@@ -595,10 +595,10 @@ def find_unnamed(search: Search, found: SearchNumbers, *, tries_all: bool) -> Un
     parent = unnamed_parent(found, ending)
     if rival is None or parent is not baseline:
         if hints is None or parent is not baseline:
-            hints = hints_of(search, parent)
-        forms = candidates_of(search, parent, hints[:FOLLOWED])
+            hints = find_hints(search, parent)
+        forms = list_candidates(search, parent, hints[:FOLLOWED])
         step = judge_forms(search, parent, forms)
-        rival = best_of(search, step)
+        rival = find_best_minima(search, step)
         if rival is None:
             doubtful = [c for c in step.candidates if c.pays and c.joint > LEAST_DELTA_BIC]
             return Unnamed(search, found, ending, None, tuple(doubtful))
@@ -622,7 +622,7 @@ def beside_one_form(
     most = max([hint.points for hint in hints], default=0.0)
     hopeful = [h for h in hints[:TRIED] if h.points > HOPEFUL * found.gained]
     named = output_error_fit(found.path.model) if hopeful else baseline
-    tried = candidates_of(search, baseline, hopeful)
+    tried = list_candidates(search, baseline, hopeful)
     better = [
         one
         for one in tried
@@ -631,8 +631,8 @@ def beside_one_form(
     ]
     if several and better:  # of which another may explain more of held-out rows
         n = len(tried)
-        better = [*tried, *candidates_of(search, baseline, hints[n:FOLLOWED], n)]
-    rival = best_of(search, judge_forms(search, baseline, better)) if better else None
+        better = [*tried, *list_candidates(search, baseline, hints[n:FOLLOWED], n)]
+    rival = find_best_minima(search, judge_forms(search, baseline, better)) if better else None
     if rival is None or rival.model is None:
         return found, None
     excess, one_cause = rival.gain - found.gained, False
@@ -679,11 +679,11 @@ def curve_with_band(model: Model, name: str) -> tuple[pd.DataFrame, float]:
     at = np.linspace(first, effect.knots[-1], N_POINTS)
     design = effect.design(at)
     value = effect.at_rest + design @ model.theta[own]
-    covariance = covariance_of(simulator, criterion, model.fit, simulator.prior)
+    covariance = estimate_covariance(simulator, criterion, model.fit, simulator.prior)
     half = half_width(design, np.nan_to_num(covariance)[np.ix_(own, own)])
     rougher = design @ change_if_rougher(model, name, criterion)[own]
     half = half + np.abs(rougher) + np.abs(design @ change_if_slower(model)[own])
-    dof = float(posterior_of(model, criterion).dof[own].sum())
+    dof = float(find_posterior(model, criterion).dof[own].sum())
     finer = effect.with_more_knots()
     if dof > CROWDED * len(own) and finer.knots != effect.knots:
         missed = change_if_finer(model, name, criterion, finer, at) - rougher

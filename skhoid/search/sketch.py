@@ -104,7 +104,7 @@ def written(name: str, path: Any, shape: Shape, *, overwrite: bool = False) -> P
             f"{str(target)!r} exists, and may have been changed by hand: give another path, or "
             "overwrite=True."
         )
-    target.write_text(source_of(name, shape), encoding="utf-8", newline="\n")
+    target.write_text(write_source(name, shape), encoding="utf-8", newline="\n")
     return target
 
 
@@ -121,19 +121,19 @@ def checked_name(name: Any) -> None:
         raise ValueError(
             f"{name!r} is in the catalogue of skhoid already: give your effect another name."
         )
-    if class_of(name) in IMPORTED:
+    if name_class(name) in IMPORTED:
         raise ValueError(
-            f"{name!r} would make a class {class_of(name)}, which skhoid.effects has already: give "
-            "your effect another name."
+            f"{name!r} would make a class {name_class(name)}, which skhoid.effects has already: "
+            "give your effect another name."
         )
 
 
-def class_of(name: str) -> str:
+def name_class(name: str) -> str:
     """Name of the class of an effect: ``MyEffect`` for ``my_effect``."""
     return "".join(part[:1].upper() + part[1:] for part in name.split("_"))
 
 
-def source_of(name: str, shape: Shape) -> str:
+def write_source(name: str, shape: Shape) -> str:
     """The file of an effect as text."""
     form, formula = shape.effect, shape.formula
     lines = ['"""' + _first_line(name), "", *_provenance(shape), '"""', ""]
@@ -243,7 +243,7 @@ def _literal(value: Any) -> str:
 def _head(name: str, shape: Shape, how: str) -> Iterator[str]:
     form = shape.effect
     sentence = shape.sentence[0].upper() + shape.sentence[1:]
-    yield f"class {class_of(name)}(Effect):"
+    yield f"class {name_class(name)}(Effect):"
     yield from _wrapped(f'"""{_first_line(name)[:-1]}, {how}."""', "    ")
     yield ""
     yield f'    name = "{name}"'

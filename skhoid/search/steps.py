@@ -30,10 +30,10 @@ from .judges import (
     JointParent,
     LoopJudge,
     LoopParent,
+    find_traces,
     held_out,
-    leak_of,
     refitted_prediction,
-    traces_of,
+    test_leak,
     without_folds,
     without_noise,
 )
@@ -50,6 +50,7 @@ from .judging import (
     TRACE_LEADS,
     Candidate,
     as_good,
+    find_special_cases,
     find_why_unnamed,
     hardly_there,
     leaks_beyond,
@@ -58,7 +59,6 @@ from .judging import (
     may_lead,
     order_key,
     plainest_first,
-    special_cases_of,
 )
 from .statuses import Against, Reason
 
@@ -207,7 +207,7 @@ class SearchStep:
             candidate.in_loop = InLoop() if loop is None else loop.compare_in_loop(candidate.model)
         solved = candidate.in_loop is not None and np.isfinite(candidate.in_loop.vaf)
         if candidate.pays and candidate.model is not None and not solved:
-            candidate.refused = leaks_beyond(leak_of(candidate.model), self._parent_leak)
+            candidate.refused = leaks_beyond(test_leak(candidate.model), self._parent_leak)
         if candidate.passes and not candidate.trace:
             candidate.refused = hardly_there(candidate)
         if candidate.passes and candidate.model is not None:
@@ -219,7 +219,7 @@ class SearchStep:
 
     @cached_property
     def _parent_leak(self) -> LeakTest | None:
-        return leak_of(self.at_likelihood)
+        return test_leak(self.at_likelihood)
 
     @property
     def best(self) -> Candidate | None:
@@ -234,7 +234,7 @@ class SearchStep:
         general = self.best
         if general is None or general.trace:
             return
-        for special in special_cases_of(general, self.candidates):
+        for special in find_special_cases(general, self.candidates):
             self.judge(special)
             if special.passes and as_good(special, general):
                 self.candidates.remove(special)
@@ -267,7 +267,7 @@ class Search:
         self.loop = LoopJudge.of(core, record, folds)
         self.effects = [e for e in effects if not e.noise]
         self.noises = [e for e in effects if e.noise]  # which no input explains
-        self.traces = traces_of(record)
+        self.traces = find_traces(record)
         self.criterion = Criterion(record)
         self.coarse = self.criterion.coarse()
         # Of the output's power that is not its mean: what points of VAF have to count in.
@@ -305,7 +305,7 @@ class Search:
         with ended_by_signals():
             done = []
             for part in Parallel(n_jobs, batch_size=1, return_as="generator")(
-                delayed(_all_of)(function, part, args) for part in parts
+                delayed(_run_all)(function, part, args) for part in parts
             ):
                 done.append(part)
                 self.progress.done(len(part))
@@ -508,7 +508,7 @@ class Search:
         return vaf_of_output(self.record, prediction), prediction
 
 
-def _all_of(function: Callable[..., Any], items: Sequence[Any], args: tuple) -> list[Any]:
+def _run_all(function: Callable[..., Any], items: Sequence[Any], args: tuple) -> list[Any]:
     """The work of one process; a single thread, as the matrix products are small."""
     with threadpool_limits(1):
         return [function(item, *args) for item in items]

@@ -92,7 +92,7 @@ def tell_baseline(found: SearchResult) -> Paragraph:
     """How good the model without effects is, and how good any could be."""
     first = found.error_path.iloc[0]
     top = f", noise ceiling {first['ceiling']:.1f} %" if np.isfinite(first["ceiling"]) else ""
-    text = f"Baseline: VAF {first['vaf']:.1f} % on held-out rows{top}{in_loop_text(first)}."
+    text = f"Baseline: VAF {first['vaf']:.1f} % on held-out rows{top}{tell_in_loop(first)}."
     if found.ceiling_note:
         text += f" The noise ceiling is not known: {found.ceiling_note.rstrip('.')}."
     return Paragraph(text)
@@ -107,7 +107,7 @@ def tell_step(found: SearchResult, step: int) -> Paragraph:
     text = (
         f"Step {step}, {with_effects(found.added[:step])}: VAF {before['vaf']:.1f} -> "
         f"{row['vaf']:.1f} %, RMSE {before['rmse']:.4g} -> {row['rmse']:.4g}"
-        f"{in_loop_text(before, row)}."
+        f"{tell_in_loop(before, row)}."
     )
     physics = added["words"].iloc[0] if len(added) else title_of(name)
     numbers = parameter_text(found.parameters, name)
@@ -199,7 +199,7 @@ def tell_no_name(found: SearchResult) -> list[str]:
     return [f"{NO_FORM}."] if found.shape is None else found.shape.sentences()
 
 
-def in_loop_text(*rows: pd.Series) -> str:
+def tell_in_loop(*rows: pd.Series) -> str:
     """VAF in the closed loop of rows of an error path, where all of them are known."""
     figures = [row["vaf_loop"] for row in rows]
     if not np.isfinite(figures).all():

@@ -21,7 +21,7 @@ from ..model.operator_regressor import OperatorRegressor
 from ..model.simulated_arx import SimulatedARX
 from ..model.simulator import Simulator
 from ..text import Estimate
-from .records import DELAY, OPERATOR, parts_of, signal_at, started_later, synthetic_record
+from .records import DELAY, OPERATOR, signal_at, split_parts, started_later, synthetic_record
 
 
 def check_effect(
@@ -80,18 +80,19 @@ def check_effect(
     reason = effect.refusal(record, CoreKind(core))
     expect(
         reason is None,
-        f"{name_of(effect)} does not apply to the runs on which it is checked: {reason}. They "
+        f"{find_name(effect)} does not apply to the runs on which it is checked: {reason}. They "
         f"have the columns {', '.join(record.channels)}; name others with channels=[...].",
     )
     variants = effect.variants(record)
     expect(
         isinstance(variants, list) and len(variants) > 0,
-        f"{name_of(effect)}.variants must return a list of at least one effect; got {variants!r}.",
+        f"{find_name(effect)}.variants must return a list of at least one effect; got "
+        f"{variants!r}.",
     )
     for variant in variants:
         expect(
             isinstance(variant, Effect) and variant.name == effect.name,
-            f"{name_of(effect)}.variants must return effects of the same name; got {variant!r}.",
+            f"{find_name(effect)}.variants must return effects of the same name; got {variant!r}.",
         )
         check_description(variant)
         check_estimator(variant)
@@ -109,12 +110,12 @@ def expect(condition: Any, message: str) -> None:
         raise AssertionError(message)
 
 
-def name_of(effect: Effect) -> str:
+def find_name(effect: Effect) -> str:
     return type(effect).__name__
 
 
 def check_description(effect: Effect) -> None:
-    who = name_of(effect)
+    who = find_name(effect)
     name, place = getattr(effect, "name", None), getattr(effect, "place", None)
     expect(
         isinstance(name, str) and name.isidentifier() and "__" not in name,
@@ -146,7 +147,7 @@ def check_description(effect: Effect) -> None:
 
 
 def check_estimator(effect: Effect) -> None:
-    who = name_of(effect)
+    who = find_name(effect)
     params = effect.get_params()
     missing = [p.name for p in effect.parameters if p.name not in params]
     expect(not missing, f"{who}.__init__ must take {missing} by keyword, with the default None.")
@@ -176,14 +177,14 @@ def check_starts(effect: Effect, record: Record) -> None:
     for start in map(own_values, effect.starts(record)):
         expect(
             start.keys() == limits.keys() == names,
-            f"{name_of(effect)}.starts and limits must give each parameter: {sorted(names)}; got "
+            f"{find_name(effect)}.starts and limits must give each parameter: {sorted(names)}; got "
             f"{sorted(start)} and {sorted(limits)}.",
         )
         for key, value in start.items():
             low, high = limits[key]
             expect(
                 np.isfinite(value) and low <= value <= high,
-                f"{name_of(effect)}.starts gives {key} = {value:.4g}, which is not within its "
+                f"{find_name(effect)}.starts gives {key} = {value:.4g}, which is not within its "
                 f"limits, {low:.4g} to {high:.4g}.",
             )
 
@@ -202,7 +203,7 @@ def _applied(effect: Effect, record: Record, values: dict[str, float]) -> Any:
         return effect.apply(signal_at(effect.place, record), record, **values)
     except Exception as error:
         raise AssertionError(
-            f"{name_of(effect)}.apply fails at {shown(values)}: {type(error).__name__}: {error}. "
+            f"{find_name(effect)}.apply fails at {shown(values)}: {type(error).__name__}: {error}. "
             "It is called as apply(signal, record, <each parameter by name>)."
         ) from error
 
@@ -212,7 +213,7 @@ def shown(values: Mapping[str, float]) -> str:
 
 
 def check_apply(effect: Effect, record: Record) -> None:
-    who = name_of(effect)
+    who = find_name(effect)
     before_effect = copy.deepcopy(effect.__dict__)
     for values in _tried(effect, record):
         given = signal_at(effect.place, record)
@@ -256,7 +257,7 @@ def _check_kind(out: Any, place: str, record: Record, at: str) -> None:
             f"{at} must return {kind.__name__}, as signal.plus(...), signal.times(...), "
             f"signal.stiffer(...) or signal._replace(...) do; got {type(out).__name__}.",
         )
-    for name, values in parts_of(out).items():
+    for name, values in split_parts(out).items():
         which = f"{at}, {name}," if name else at
         # Delay and gains may be anything that broadcasts over samples and runs.
         broad = place == "delay" or kind is Gains or name == "delay"
@@ -280,7 +281,7 @@ def _check_kind(out: Any, place: str, record: Record, at: str) -> None:
 
 
 def _equal(one: Any, other: Any) -> bool:
-    a, b = parts_of(one), parts_of(other)
+    a, b = split_parts(one), split_parts(other)
     return a.keys() == b.keys() and all(np.array_equal(a[k], b[k]) for k in a)
 
 
@@ -289,7 +290,7 @@ def _compared_arrays(signal: Any, record: Record) -> dict[str, np.ndarray]:
 
     For a spring its forces, since one of size zero may be written down too.
     """
-    parts = parts_of(signal)
+    parts = split_parts(signal)
     if isinstance(signal, Command):
         total = parts["position"] + differentiated(parts["rate"], record.dt)
         return {"command": total, "delay": parts["delay"]}
@@ -310,7 +311,7 @@ def check_neutral(effect: Effect, record: Record) -> None:
         for name, expected in _compared_arrays(given, record).items():
             expect(
                 np.allclose(out[name], expected, rtol=1e-9, atol=1e-9),
-                f"{name_of(effect)}.apply at its neutral values ({shown(effect.neutral)}) must "
+                f"{find_name(effect)}.apply at its neutral values ({shown(effect.neutral)}) must "
                 "return what it is given: neutral values are those at which the effect does "
                 "nothing.",
             )
@@ -318,14 +319,14 @@ def check_neutral(effect: Effect, record: Record) -> None:
 
 def check_symmetries(effect: Effect, record: Record) -> None:
     """Runs in another order, and a later start, give the same result."""
-    who = name_of(effect)
+    who = find_name(effect)
     order = np.array([2, 0, 1])
     values = own_values(effect.starts(record)[0]) | effect.fixed
-    out = parts_of(_applied(effect, record, values))
-    permuted = parts_of(_applied(effect, record.part(order, 1), values))
+    out = split_parts(_applied(effect, record, values))
+    permuted = split_parts(_applied(effect, record.part(order, 1), values))
     n = record.known.shape[0]
     shift = round(1.0 / record.dt)
-    later = parts_of(_applied(effect, started_later(record, shift), values))
+    later = split_parts(_applied(effect, started_later(record, shift), values))
     for name, expected in out.items():
         if expected.shape == record.known.shape:
             expect(
@@ -379,7 +380,7 @@ def check_simulation(effect: Effect, record: Record, core: CoreKind) -> None:
 
 def check_recovery(effect: Effect, record: Record, core: CoreKind, truth: dict) -> None:
     """Simulate, estimate, compare."""
-    who = name_of(effect)
+    who = find_name(effect)
     names = {p.name for p in effect.free}
     expect(
         truth.keys() == names,

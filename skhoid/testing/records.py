@@ -88,7 +88,7 @@ def signal_at(place: str, record: Record, delay: float = DELAY) -> Any:
     return record.input.copy() if place == "input" else 0.7 * late
 
 
-def parts_of(signal: Any) -> dict[str, np.ndarray]:
+def split_parts(signal: Any) -> dict[str, np.ndarray]:
     """The arrays in a signal, by name."""
     if isinstance(signal, (Gains, Command, Spring)):
         return {k: np.asarray(v, dtype=float) for k, v in signal._asdict().items()}

@@ -89,7 +89,7 @@ class Bank:
         options = self.horizon, self.n_delays, self.leave, self.power, self.memory
         return *options, self.weights, self.moments
 
-    def state_of(self, lane: int) -> RecursionState:
+    def read_state(self, lane: int) -> RecursionState:
         """State of the recursion of one candidate."""
         return self.block(lane // LANES).lane(lane % LANES)
 
@@ -99,7 +99,7 @@ class Bank:
         state.buffer = self.buffers[number]
         return state
 
-    def theta_of(self, lane: int) -> np.ndarray:
+    def read_theta(self, lane: int) -> np.ndarray:
         """Parameters of one candidate."""
         block, place = divmod(lane, LANES)
         return self.buffers[block].reshape(-1, LANES)[self.where, place].copy()
@@ -469,7 +469,7 @@ class DelayBankARX(RecursiveLeastSquares):
                 chosen, len(self.parameter_names_), bank.forgetting.factors, np.cumsum(updated)
             )
             each = np.arange(self.candidates_.size).tolist()
-            variance = np.array([bank.state_of(one).noise_variance for one in each])
+            variance = np.array([bank.read_state(one).noise_variance for one in each])
             self.covariance_path_ = covariance * variance[lane][:, None, None]
         if data.grid.rows is None and self.path == "filtered":
             alone = data.instants.n_runs == 1
@@ -481,11 +481,11 @@ class DelayBankARX(RecursiveLeastSquares):
         self.nk_ = int(self.candidates_[lane])
         self.orders_ = self._each_orders[lane]
         self._bank, self._lane = bank, lane
-        self.coef_ = bank.theta_of(lane)
+        self.coef_ = bank.read_theta(lane)
 
     @property
     def _states(self) -> list[RecursionState]:  # type: ignore[override]
-        return [self._bank.state_of(self._lane)]
+        return [self._bank.read_state(self._lane)]
 
     @property
     def delay_(self) -> float:

@@ -132,7 +132,7 @@ def batch_values(
     return values, np.clip(errors, *ERRORS)
 
 
-def settings_of(
+def make_settings(
     start: Start,
     dt: float,
     walk: np.ndarray,
@@ -173,7 +173,7 @@ def settings_of(
     return settings
 
 
-def state_of(start: Start, dt: float, p0: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+def read_state(start: Start, dt: float, p0: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """State of a lane before its first row; ``p0`` are standard deviations of logarithms."""
     order = start.noise.order
     at, n = _kernels.kalman.layout(order), 7 + order
@@ -206,8 +206,8 @@ def simulated(
         "most_scale": 1.0,
         "most_variance": 1.0,
     }
-    settings = settings_of(start, dt, np.zeros(5), bounds, options)
-    state = state_of(start, dt, start.errors, bounds)
+    settings = make_settings(start, dt, np.zeros(5), bounds, options)
+    state = read_state(start, dt, start.errors, bounds)
     kernel, nothing = _kernels.kalman, np.empty((0, 0, 0))
     errors, filtered = np.full((1, y.size, 2), np.nan), np.zeros((1, y.size, 56))
     kernel.advance(
@@ -333,7 +333,7 @@ class Lanes:
         return found
 
 
-def lanes_of(data: DataToFit, instants: Instants) -> Lanes:
+def make_lanes(data: DataToFit, instants: Instants) -> Lanes:
     """Lanes of the runs of data to fit; a run-in gives its error alone."""
     shape = instants.n_runs, len(instants)
     e, y = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -460,9 +460,9 @@ class KalmanRows(Recursion):
         walk = np.zeros(5) if fixed else float(plan.model.process_noise) * RATIOS
         options = plan.options(fixed=fixed)
         options["usual_square"] = start.usual_square
-        self.settings = settings_of(start, plan.dt, walk, BOUNDS, options)[None]
+        self.settings = make_settings(start, plan.dt, walk, BOUNDS, options)[None]
         deviations = np.zeros(5) if fixed else start.errors
-        self.state = state_of(start, plan.dt, deviations, BOUNDS)[None]
+        self.state = read_state(start, plan.dt, deviations, BOUNDS)[None]
         order = start.noise.order
         self.method = plan.method if method is None else method
         self.at, self.n = _kernels.kalman.layout(order), 7 + order

@@ -20,7 +20,7 @@ from ..arx.orders import regressor_blocks
 from ..arx.rls import Instants, grid_numbers
 from ..exceptions import RankDeficiencyError
 from ..preprocessing.grid import ModelGrid
-from ..regression import DataToFit, columns_of
+from ..regression import DataToFit, find_columns
 from ..runs import input_columns
 from ..text import ModelSummary, estimates_table
 
@@ -338,7 +338,7 @@ class LPVARX(BaseARX):
         """Scheduling signal on the grid, of shape (n_rows, n_channels)."""
         if not self._channels:
             return (grid_numbers(grid) * grid.dt)[:, None]
-        return columns_of(columns, self._channels).astype(np.float64)
+        return find_columns(columns, self._channels).astype(np.float64)
 
     def _spread_out(self, n_functions: int) -> None:
         """Note to which entry of θ and to which function each estimate belongs."""

@@ -154,21 +154,21 @@ class OperatorFit:
         """Standard errors of parameters that are constant, with that of T_L."""
         sd = np.sqrt(np.diag(self.covariance))
         values = self.values()
-        found = {"K_e": sd[0], "K_edot": sd[1], "tau_e": self.sd_of(2)}
-        found |= {name: values[name] * self.sd_of(i) for i, name in enumerate(DYNAMICS[:2])}
+        found = {"K_e": sd[0], "K_edot": sd[1], "tau_e": self.find_sd(2)}
+        found |= {name: values[name] * self.find_sd(i) for i, name in enumerate(DYNAMICS[:2])}
         with np.errstate(divide="ignore", invalid="ignore"):
             K_e, K_edot = self.gains[:2]
             slope = np.array([-K_edot / K_e, 1.0]) / K_e
             found["T_L"] = np.sqrt(slope @ self.covariance[:2, :2] @ slope)
         return {name: float(value) for name, value in found.items()}
 
-    def column_of(self, dynamic: int) -> int:
+    def find_column(self, dynamic: int) -> int:
         """Place of one of the free dynamics in the covariance."""
         return self.gains.size + int(np.flatnonzero(self.free == dynamic)[0])
 
-    def sd_of(self, dynamic: int) -> float:
+    def find_sd(self, dynamic: int) -> float:
         """Standard error of one of the free dynamics; NaN at a bound."""
-        at = self.column_of(dynamic)
+        at = self.find_column(dynamic)
         return float(np.sqrt(self.covariance[at, at]))
 
     def sd_along(self, slopes: np.ndarray) -> np.ndarray:

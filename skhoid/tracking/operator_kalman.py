@@ -21,7 +21,7 @@ from .kalman import (
     KalmanRows,
     Lanes,
     combined,
-    lanes_of,
+    make_lanes,
     run_lanes,
 )
 from .operator_path import OperatorPath, operator_frame
@@ -192,7 +192,7 @@ class OperatorKalman(Streaming, OperatorPath):
         """
         data = self._read_operator_data(X, y)
         instants = Instants.of(data.grid)
-        lanes = lanes_of(data, instants)
+        lanes = make_lanes(data, instants)
         plan = KalmanPlan(self, self.dt_)
         start = plan.start(lanes.windows(window_rows(self.init_window, self.dt_)))
         filters = [KalmanRows(plan, start) for _ in range(lanes.n_lanes)]

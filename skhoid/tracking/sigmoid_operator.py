@@ -209,9 +209,9 @@ class SigmoidOperator(OperatorPath):
                 ends[1],
                 sd[1],
                 G,
-                G * fit.sd_of(at),
+                G * fit.find_sd(at),
                 M,
-                fit.sd_of(at + 1),
+                fit.find_sd(at + 1),
             ]
         names = [
             f"{sd}{name}" for name in ("initial", "final", "rate", "time") for sd in ("", "sd_")
@@ -227,7 +227,7 @@ class SigmoidOperator(OperatorPath):
         of_lead = found["K_edot"][1] - lead[:, None] * found["K_e"][1]
         deviations["T_L"] = fit.sd_along(of_lead / values["K_e"][:, None])
         values["tau_e"] = np.full(t.size, fit.dynamics[2])
-        deviations["tau_e"] = np.full(t.size, fit.sd_of(2))
+        deviations["tau_e"] = np.full(t.size, fit.find_sd(2))
         self._set_path(numbers, values, deviations)
         # Predictions take gains when the delay is over, but here they act before it.
         ago = numbers - fit.dynamics[2] / self.dt_
@@ -254,9 +254,9 @@ def widened(search: OperatorSearch, pieces: Pieces, fit: OperatorFit) -> Operato
         loss = fit.n_rows * np.log(squares / fit.squares)
         likely = points[loss <= REACH**2, rate : rate + 2]
         for dynamic, found in zip((rate, rate + 1), likely.T, strict=True):
-            sd = fit.sd_of(dynamic)
+            sd = fit.find_sd(dynamic)
             if found.size and 0.0 < sd < np.inf:
-                factors[fit.column_of(dynamic)] = max(1.0, np.ptp(found) / (2 * REACH * sd))
+                factors[fit.find_column(dynamic)] = max(1.0, np.ptp(found) / (2 * REACH * sd))
     return replace(fit, covariance=fit.covariance * np.outer(factors, factors))
 
 
@@ -266,7 +266,7 @@ def followed(
     """A parameter of ``VARYING`` over time, and its derivatives to the parameters of a fit."""
     slopes = np.zeros((t.size, len(fit.covariance)))
     q, gain = fit.dynamics, which < 2
-    first = which if gain else fit.column_of(which - 2)
+    first = which if gain else fit.find_column(which - 2)
     initial = fit.gains[which] if gain else np.exp(q[which - 2])
     by_first = 1.0 if gain else initial
     if share_of[which] < 0:
@@ -281,9 +281,9 @@ def followed(
         slopes[:, first], slopes[:, later] = 1.0, share
     else:
         final = np.exp(q[which + 1])
-        change, later = final - initial, fit.column_of(which + 1)
+        change, later = final - initial, fit.find_column(which + 1)
         slopes[:, first], slopes[:, later] = by_first * (1.0 - share), final * share
     steep = change * share * (1.0 - share) * G
-    slopes[:, fit.column_of(at)] = steep * away
-    slopes[:, fit.column_of(at + 1)] = -steep
+    slopes[:, fit.find_column(at)] = steep * away
+    slopes[:, fit.find_column(at + 1)] = -steep
     return initial + change * share, slopes

@@ -61,10 +61,10 @@ def fit_responses(
     total = (weight**2).sum(axis=0)
     mean = (weight**2 * H).sum(axis=0) / np.maximum(total, 1e-300)
     together = ResponseFit(model, mean[None], np.sqrt(total)[None], low, high)
-    general, _ = together.best_of(together.starts(grid, positive=True))
+    general, _ = together.find_best_minima(together.starts(grid, positive=True))
     fit = ResponseFit(model, H, weight, low, high)
     own = fit.starts(grid, positive=True)
-    p, _ = fit.best_of([*own, np.tile(general, (len(H), 1))])
+    p, _ = fit.find_best_minima([*own, np.tile(general, (len(H), 1))])
     return _finished(fit, p)
 
 

@@ -23,7 +23,7 @@ from ..arx.rls import Instants, spread_weights, window_rows
 from ..arx.streaming import Recursion, first_telling_row
 from ..exceptions import ShortRunError
 from ..preprocessing.grid import ModelGrid
-from ..regression import columns_of, segments
+from ..regression import find_columns, segments
 from ..text import ModelSummary, estimates_table
 
 SETTLE = 2.0  # s after a beginning in which simulations forget that they began at rest
@@ -365,7 +365,7 @@ class WhitenedRecursion(OneRecursion):
         """
         grid, _, output, columns, *_ = self._read_data(X, y)
         self._set_orders(grid)
-        taken = columns_of(columns, self._signal_columns(columns.shape[1]))
+        taken = find_columns(columns, self._signal_columns(columns.shape[1]))
         taken = np.asarray(taken, dtype=np.float64)
         signals = Signals.of(grid, taken, output)
         self._check_shared_times(signals.instants, grid)

@@ -6,7 +6,7 @@ import pytest
 from support.hidden_disturbance import tracked
 
 from skhoid import ARXRegressor, DelaySearchCV
-from skhoid.arx.least_delay import least_delay_of
+from skhoid.arx.least_delay import find_least_delay
 from skhoid.diagnosis.identification import ModelChoice, identify
 
 DT = 1 / 60
@@ -53,7 +53,7 @@ def test_a_delay_at_the_limit_is_said(runs):
 
 
 def least(inputs, columns=None, **options):
-    return least_delay_of(inputs, columns or inputs, DT, **options)
+    return find_least_delay(inputs, columns or inputs, DT, **options)
 
 
 def test_who_has_which_least_delay():

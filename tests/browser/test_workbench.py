@@ -138,13 +138,13 @@ def serve(browser, tmp_path):
         served.end()
 
 
-def script_of(served):
+def write_script(served):
     return served.driver.execute_async_script(
         "fetch('api/script.py').then((r) => r.text()).then(arguments[0])"
     )
 
 
-def vaf_of(state):
+def measure_vaf(state):
     return float(re.search(r'"vaf":\{"train":([-\d.e]+)', state)[1])
 
 
@@ -165,13 +165,13 @@ def test_from_a_csv_to_a_saved_report_and_the_same_numbers(serve, recorded, tmp_
     assert served.browser.js("return window.typed") == 0
     state = served.state()
     assert len(served.stair()) == 3
-    script = script_of(served)
+    script = write_script(served)
     (tmp_path / "script.py").write_text(script, encoding="utf-8")
     done = subprocess.run(
         [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     printed = float(re.search(r"VAF, runs fitted: ([-\d.e]+)", done.stdout)[1])
-    assert printed == vaf_of(state)
+    assert printed == measure_vaf(state)
     for _ in range(2):
         served.one('[data-sk-key="undo"]').click()
         time.sleep(0.3)
@@ -228,14 +228,14 @@ def test_killed_in_mid_search_it_comes_back_as_it_was(serve, recorded, tmp_path)
     served.one("#fit").click()
     served.one('[aria-label="Add bias"]').click()
     served.wait(lambda: "Remove bias" in served.labels())
-    before = vaf_of(served.state())
+    before = measure_vaf(served.state())
     served.one('[data-sk-key="search"]').click()
     time.sleep(0.5)
     served.end(signal.SIGKILL)
     served.wait(lambda: "does not answer" in served.text())
     again = serve().open()
     again.wait(lambda: "Remove bias" in again.labels())
-    assert vaf_of(again.state()) == before
+    assert measure_vaf(again.state()) == before
     assert "was not finished" in again.text()
 
 

@@ -31,7 +31,7 @@ from skhoid.effects import (
 )
 from skhoid.lab.cli import main
 from skhoid.testing import check_effect, synthetic_record
-from skhoid.testing.records import parts_of, signal_at
+from skhoid.testing.records import signal_at, split_parts
 
 # The ids that tables, JSON and scripts rely on.
 IDS = [
@@ -238,12 +238,12 @@ def records(request):
 
 def numbers(one, record):
     """Whatever an effect takes from a record: bounds, starts, and what it does to a signal."""
-    values = one.fixed | {p.name: p.starts[0] * p.scale_of(record, one.place) for p in one.free}
+    values = one.fixed | {p.name: p.starts[0] * p.find_scale(record, one.place) for p in one.free}
     changed = one.apply(signal_at(one.place, record), record, **values)
     return (
         one.limits(record),
         one.starts(record),
-        {k: np.sum(v) for k, v in parts_of(changed).items()},
+        {k: np.sum(v) for k, v in split_parts(changed).items()},
     )
 
 

@@ -11,7 +11,7 @@ from skhoid.effects.operator_signals import Command, Spring
 from skhoid.effects.parameter import HZ, ONE, RAD, E, S, T, U
 from skhoid.effects.registry import effect
 from skhoid.testing import synthetic_record
-from skhoid.testing.records import parts_of, signal_at
+from skhoid.testing.records import signal_at, split_parts
 
 X = Dimension.of_channel("x")
 
@@ -88,34 +88,34 @@ def test_bounds_are_in_standard_deviations_of_what_the_dimension_names():
         Parameter("a", S, scale=T): record.duration,
     }
     for parameter, size in sizes.items():
-        assert parameter.scale_of(record) == pytest.approx(size, rel=1e-15)
-        assert parameter.dimension_on(record, "path") == parameter.dimension
+        assert parameter.find_scale(record) == pytest.approx(size, rel=1e-15)
+        assert parameter.find_dimension(record, "path") == parameter.dimension
 
 
 def test_on_an_arx_model_the_command_is_an_input_and_seconds_are_its_own():
     record = replace(synthetic_record(), core=CoreKind.ARX, time_unit=3.0)
     u, e = record.sd("u"), record.sd("e")
     gain = Parameter("a", U / (E * S))
-    assert gain.dimension_on(record, "path") == ONE / S
-    assert gain.scale_of(record, "path") == pytest.approx(1 / 3, rel=1e-15)
-    assert gain.dimension_on(record, "sum") == U / (E * S)
-    assert gain.scale_of(record, "sum") == pytest.approx(u / e / 3, rel=1e-15)
-    assert Parameter("a", HZ).scale_of(record, "sum") == pytest.approx(1 / 3, rel=1e-15)
-    assert Parameter("a", S, scale=T).scale_of(record, "sum") == record.duration
+    assert gain.find_dimension(record, "path") == ONE / S
+    assert gain.find_scale(record, "path") == pytest.approx(1 / 3, rel=1e-15)
+    assert gain.find_dimension(record, "sum") == U / (E * S)
+    assert gain.find_scale(record, "sum") == pytest.approx(u / e / 3, rel=1e-15)
+    assert Parameter("a", HZ).find_scale(record, "sum") == pytest.approx(1 / 3, rel=1e-15)
+    assert Parameter("a", S, scale=T).find_scale(record, "sum") == record.duration
     for form, power in {"cubic": 3, "square": 2}.items():
         (stiffness,) = HardeningStiffness(form=form).parameters
-        assert stiffness.dimension_on(record, "spring") == E / U**power
-        assert stiffness.scale_of(record, "spring") == pytest.approx(e / u**power, rel=1e-14)
-    assert Parameter("a").scale_of(record, "spring") == 1.0
+        assert stiffness.find_dimension(record, "spring") == E / U**power
+        assert stiffness.find_scale(record, "spring") == pytest.approx(e / u**power, rel=1e-14)
+    assert Parameter("a").find_scale(record, "spring") == 1.0
 
 
 @pytest.mark.parametrize("core", [CoreKind.OPERATOR, CoreKind.ARX])
 def test_bounds_in_the_units_of_the_data_are_not_stretched(core):
     record = replace(synthetic_record(), core=core, time_unit=60.0)
     as_written = Parameter("time", S, 2.0, 90.0, (30.0,), scale=Dimension())
-    assert as_written.scale_of(record, "command") == 1.0
+    assert as_written.find_scale(record, "command") == 1.0
     of_a_person = Parameter("time", S, 0.1, 1.5, (0.5,))
-    assert of_a_person.scale_of(record, "command") == 60.0
+    assert of_a_person.find_scale(record, "command") == 60.0
 
 
 FACTORS = {"u": 2.0, "e": 4.0, "x": 4.0, "f_t": 4.0, "motion_acc": 8.0, "dist": 16.0, "speed": 32.0}
@@ -177,5 +177,5 @@ def test_dimensions_of_the_catalogue_are_right(name):
             continue
         expected = signal_in_other_units(one.apply(signal, record, **values), one.place)
         found = same.apply(signal_in_other_units(signal, one.place), other, **changed)
-        for a, b in zip(parts_of(found).values(), parts_of(expected).values(), strict=True):
+        for a, b in zip(split_parts(found).values(), split_parts(expected).values(), strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)

@@ -17,18 +17,18 @@ def data():
     return X, y
 
 
-def record_of(X, y):
+def make_record(X, y):
     return OperatorRegressor(settling=0.5).prepare(X, y).record
 
 
 @pytest.fixture
 def both(data, monkeypatch):
     """The record of few runs, and the same read on demand."""
-    few = record_of(*data)
+    few = make_record(*data)
     monkeypatch.setattr("skhoid.effects.record.LARGE", 500)
     monkeypatch.setattr("skhoid.model.prepared.LARGE", 500)
     monkeypatch.setattr("skhoid.effects.record.CACHED", 600)
-    return few, record_of(*data)
+    return few, make_record(*data)
 
 
 @pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning")
@@ -84,6 +84,6 @@ def test_runs_that_share_no_time_have_their_own(data, monkeypatch):
     index = X.index.set_levels(X.index.levels[1], level="time")
     late = time + np.where(run == 2, 10.0, 0.0)
     index = type(index).from_arrays([run, late], names=["run", "time"])
-    record = record_of(X.set_axis(index), y.set_axis(index))
+    record = make_record(X.set_axis(index), y.set_axis(index))
     assert record.t.shape == record.y.shape
     np.testing.assert_allclose(record.t[:, 1], record.t[:, 0] + 10.0)

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skhoid.effects.record import stop_of
-from skhoid.search.judges import traces_of
+from skhoid.effects.record import find_stop
+from skhoid.search.judges import find_traces
 from skhoid.testing import synthetic_record
 
 
-def record_of(y):
+def make_record(y):
     known = np.ones((y.size, 1), dtype=bool)
     return replace(synthetic_record(), y=y[:, None], known=known, remembered={})
 
@@ -23,7 +23,7 @@ def smooth(seed, n=4000):
 def test_stops_to_either_side(seed):
     y = smooth(seed)
     y = np.clip(y / y.std(), -1.2, 1.2)
-    stop = stop_of(record_of(y))
+    stop = find_stop(make_record(y))
     assert stop.share == pytest.approx(np.mean(np.abs(y) == 1.2), abs=0.002)
     assert stop.where == "±1.2"
 
@@ -35,21 +35,21 @@ def test_samples_beyond_on_the_other_side_are_not_at_the_stop(seed):
     y = 300 * y / y.std() - 600
     y = np.minimum(y, np.quantile(y, 0.97))
     y = y - y.max() + 144.0
-    stop = stop_of(record_of(y))
+    stop = find_stop(make_record(y))
     assert stop.share == pytest.approx(0.03, abs=0.002)
     assert stop.where == "144"
-    assert traces_of(record_of(y))["saturation"] == "3 % of the samples lie at 144"
+    assert find_traces(make_record(y))["saturation"] == "3 % of the samples lie at 144"
 
 
 def test_a_stop_that_is_hardly_reached_is_none():
     y = smooth(0)
     y = np.minimum(y, np.quantile(y, 0.989))
-    assert stop_of(record_of(y - y.max() + 1e-3 * y.std())) is None
+    assert find_stop(make_record(y - y.max() + 1e-3 * y.std())) is None
 
 
 def test_the_top_of_a_wave_is_no_stop():
     """A sine spends 1.2 % of its time within a thousandth of either end, and more nearby."""
     t = np.arange(6000) * 0.01
-    assert stop_of(record_of(np.sin(t))) is None
-    assert stop_of(record_of(np.round(np.sin(t), 3))) is None
-    assert stop_of(record_of(3 + np.sin(t))) is None
+    assert find_stop(make_record(np.sin(t))) is None
+    assert find_stop(make_record(np.round(np.sin(t), 3))) is None
+    assert find_stop(make_record(3 + np.sin(t))) is None

@@ -93,7 +93,7 @@ def test_a_shape_where_nothing_is_hidden_is_counted(trial):
     assert dict(trial.scorer.table(records))["a shape offered"].endswith("(1/2)")
 
 
-def table_of(x, value, half):
+def make_table(x, value, half):
     return pd.DataFrame({"value": value, "low": value - half, "high": value + half}, index=x)
 
 
@@ -103,7 +103,7 @@ def test_what_the_linear_operator_takes_does_not_count_in_a_map(trial):
     true = trial.curves.TrueCurve(x, x + x**2, np.quantile(data, trial.curves.QUANTILES))
 
     def grade(value, form="free_map", place="input"):
-        return trial.curves.compare(table_of(x, value, 0.1), true, form, place)
+        return trial.curves.compare(make_table(x, value, 0.1), true, form, place)
 
     for gain in (0.5, 1, 2):  # a curve is what the map adds to its argument
         same = gain * (x + x**2) - x
@@ -127,7 +127,7 @@ def test_a_map_of_twice_the_command_is_the_same(trial):
     true = trial.curves.TrueCurve(x, x + x**2 / 5, np.quantile(data, trial.curves.QUANTILES))
     for scale in (0.7, 1, 1.5):
         at = scale * x
-        curve = table_of(at, true.value - at, 0.05)
+        curve = make_table(at, true.value - at, 0.05)
         found = {p: trial.curves.compare(curve, true, "free_map", p) for p in ("command", "input")}
         assert found["command"]["inside"]
         assert found["command"]["rms"] == pytest.approx(0, abs=0.01)
@@ -139,10 +139,10 @@ def test_a_gain_counts_by_its_ratio_and_a_delay_by_its_difference(trial):
     true = trial.curves.TrueCurve(t, 1 + 0.3 * np.sin(t / 5), np.quantile(t, [0.025, 0.5, 0.975]))
     true = replace(true, data=np.quantile(t, trial.curves.QUANTILES))
     compare = trial.curves.compare
-    assert compare(table_of(t, 3 * true.value, 0.1), true, "free_gain", "gain")["inside"]
-    assert not compare(table_of(t, 3 * true.value, 0.1), true, "free_delay", "delay")["inside"]
-    assert compare(table_of(t, true.value - 1, 0.1), true, "free_delay", "delay")["inside"]
-    assert not compare(table_of(t, true.value - 1, 0.1), true, "free_offset", "sum")["inside"]
+    assert compare(make_table(t, 3 * true.value, 0.1), true, "free_gain", "gain")["inside"]
+    assert not compare(make_table(t, 3 * true.value, 0.1), true, "free_delay", "delay")["inside"]
+    assert compare(make_table(t, true.value - 1, 0.1), true, "free_delay", "delay")["inside"]
+    assert not compare(make_table(t, true.value - 1, 0.1), true, "free_offset", "sum")["inside"]
 
 
 def test_at_a_jump_no_smooth_curve_is_asked(trial):
@@ -151,14 +151,14 @@ def test_at_a_jump_no_smooth_curve_is_asked(trial):
     ramp = 1 + np.clip((x - 0.28) / 0.04, 0, 1)
     gradual = 1 + np.clip((x + 0.1) / 0.8, 0, 1)
     compare = trial.curves.compare
-    assert compare(table_of(x, ramp, 0.05), true, "free_gain", "gain")["inside"]
-    assert not compare(table_of(x, gradual, 0.05), true, "free_gain", "gain")["inside"]
+    assert compare(make_table(x, ramp, 0.05), true, "free_gain", "gain")["inside"]
+    assert not compare(make_table(x, gradual, 0.05), true, "free_gain", "gain")["inside"]
 
 
 def test_a_curve_over_something_else_is_no_match(trial):
     x = np.linspace(-2, 2, 401)
     true = trial.curves.TrueCurve(x, x**3, np.linspace(-1, 1, 191))
-    far = table_of(x + 100, x**3, 0.1)
+    far = make_table(x + 100, x**3, 0.1)
     assert not trial.curves.compare(far, true, "free_map", "input")["inside"]
 
 

@@ -40,7 +40,7 @@ def test_slopes_are_derivatives(model):
 def test_minima_are_those_of_scipy(model):
     fit = fit_of(model)
     grid = [np.array([np.log(8.0), np.log(0.4), tau]) for tau in (0.1, 0.2, 0.3)]
-    p, squares = fit.best_of(fit.starts(grid, 2))
+    p, squares = fit.find_best_minima(fit.starts(grid, 2))
     assert p[1, 3] == fit.high[3]
     for row in range(2):
         one = fit.of(np.array([row]))

@@ -17,7 +17,7 @@ from skhoid.model.loop import (
     Loop,
     LoopSimulator,
     choose_pulse_response,
-    loop_of,
+    find_loop,
 )
 from skhoid.model.simulator import Simulator
 
@@ -28,7 +28,7 @@ ELEMENTS = {
 }
 
 
-def theta_of(person):
+def read_theta(person):
     return np.array([person.K_e, person.K_edot, person.omega_nm, person.zeta_nm, person.tau_e])
 
 
@@ -96,7 +96,7 @@ def test_run_is_the_loop_of_another_person_without_remnant(world, names):
     person = changed(world.person, *names)
     e, u = world.run(person)
     simulator = world.simulator()
-    found = simulator.run(theta_of(person))
+    found = simulator.run(read_theta(person))
     np.testing.assert_allclose(found, u, atol=1e-4 * np.std(u))
     inside = simulator.record_inside
     np.testing.assert_allclose(inside.input, e, atol=1e-4 * np.std(e))
@@ -110,14 +110,14 @@ def test_a_loop_that_rings_for_long_is_solved():
     _, u = world.run(person)
     simulator = world.simulator()
     for _ in range(2):
-        found = simulator.run(theta_of(person))
+        found = simulator.run(read_theta(person))
         np.testing.assert_allclose(found, u, atol=1e-4 * np.std(u))
-        assert np.isnan(simulator.run(theta_of(person) * [40, 40, 1, 1, 1])).all()
+        assert np.isnan(simulator.run(read_theta(person) * [40, 40, 1, 1, 1])).all()
 
 
 @pytest.mark.parametrize("position", [0, 2, 4])
 def test_change_of_a_parameter_is_that_of_the_loop(world, position):
-    simulator, theta = world.simulator(begin=50), theta_of(world.person)
+    simulator, theta = world.simulator(begin=50), read_theta(world.person)
     base = simulator.run(theta)
     step = 1e-3 * simulator.size(position, theta[position])
     moved = theta.copy()
@@ -136,7 +136,7 @@ def test_change_of_a_parameter_is_that_of_the_loop(world, position):
 
 def test_unstable_loop_is_nan_without_warning(world):
     simulator = world.simulator(begin=100)
-    theta = theta_of(world.person)
+    theta = read_theta(world.person)
     before = simulator.run(theta)
     theta[0] *= 40.0
     with warnings.catch_warnings():
@@ -144,7 +144,7 @@ def test_unstable_loop_is_nan_without_warning(world):
         output = simulator.run(theta)
         assert np.isnan(output).all()
         assert Criterion(world.record).sse(output) == np.inf
-    again = simulator.run(theta_of(world.person))  # and leaves no trace
+    again = simulator.run(read_theta(world.person))  # and leaves no trace
     np.testing.assert_allclose(again, before, atol=1e-4 * np.std(before))
 
 
@@ -156,10 +156,10 @@ def test_loop_of_an_output_with_gaps_is_unknown_but_not_of_short_runs():
     record = World("1/s", runs=2, seconds=10.0).record
     y, known = record.y.copy(), record.known.copy()
     y[400:, 1], known[400:, 1] = 0.0, False  # a shorter run
-    assert loop_of(without(record, y=y, known=known)) is not None
+    assert find_loop(without(record, y=y, known=known)) is not None
     y, known = record.y.copy(), record.known.copy()
     y[250:300], known[250:300] = 0.0, False  # a gap in between
-    assert loop_of(without(record, y=y, known=known)) is None
+    assert find_loop(without(record, y=y, known=known)) is None
 
 
 @pytest.mark.parametrize(
@@ -180,7 +180,7 @@ def test_pulse_response_finds_what_the_output_does_between_samples(kind, step):
 
 def loop_and_open_fit(seed):
     world = World("1/s", remnant=0.5, runs=4, seconds=30.0, seed=seed)
-    criterion, start = Criterion(world.record), theta_of(world.person)
+    criterion, start = Criterion(world.record), read_theta(world.person)
     found = []
     for simulator in (
         world.simulator(begin=150),

@@ -101,7 +101,7 @@ def test_a_table_makes_the_model_to_fit(model, runs):
 
 
 def test_the_table_of_an_effect_is_in_the_units_of_the_data(model, runs):
-    record = model.record_of(runs[0])
+    record = model.make_record(runs[0])
     one = DeadZone().table(record, {"e": "deg"})["width"]
     assert (one.min, one.max) == DeadZone().limits(record)["width"]
     assert one.start == DeadZone().starts(record)[0]["width"]

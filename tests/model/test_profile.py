@@ -7,7 +7,13 @@ from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import GainDrift
 from skhoid.model.fitting import Criterion
 from skhoid.model.likelihood import collect_prior, likelihood_fit
-from skhoid.model.uncertainty import CHI2_95, NEAR, _Profile, covariance_of, find_profile_intervals
+from skhoid.model.uncertainty import (
+    CHI2_95,
+    NEAR,
+    _Profile,
+    estimate_covariance,
+    find_profile_intervals,
+)
 
 pytestmark = pytest.mark.slow  # fits many models
 
@@ -22,7 +28,7 @@ def fit_of(X, y, effect):
     prepared = estimator.prepare(X, y)
     model, noise = likelihood_fit(estimator.first_fit(prepared), Criterion(prepared.record))
     criterion = Criterion(prepared.record, noise)
-    covariance = covariance_of(
+    covariance = estimate_covariance(
         model.simulator, criterion, model.fit, collect_prior(model.simulator)
     )
     return model, criterion, covariance

@@ -7,7 +7,7 @@ from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import CubicGain, FreeMap
 from skhoid.model.extend import extended
 from skhoid.model.fitting import Criterion
-from skhoid.model.smoothing import in_detail, posterior_of
+from skhoid.model.smoothing import find_posterior, refine_detail
 
 
 def with_map(effects, spread=None, seed=0):
@@ -25,7 +25,7 @@ def dof_of(model):
     criterion = Criterion(model.simulator.record)
     criterion.set_noise(criterion.remnant_model(model.output))
     own = [i for i, name in enumerate(model.simulator.names) if name.startswith("map__")]
-    return float(posterior_of(model, criterion).dof[own].sum())
+    return float(find_posterior(model, criterion).dof[own].sum())
 
 
 @pytest.fixture(scope="module")
@@ -43,12 +43,12 @@ def test_the_data_decide_how_smooth_a_curve_is(bent):
 
 @pytest.mark.slow
 def test_more_knots_show_what_bends_between_them(bent):
-    few, many = bent, in_detail(bent, "map")
+    few, many = bent, refine_detail(bent, "map")
     old, new = (dict(model.effects.steps)["map"] for model in (few, many))
     assert set(old.knots) < set(new.knots)
     assert len(new.knots) == 2 * len(old.knots) - 1
     assert many.sse < 1.001 * few.sse  # a smoother curve may be likelier
-    assert in_detail(many, "map") is many
+    assert refine_detail(many, "map") is many
     own = [[m.values()[f"map__{p.name}"] for p in e.free] for m, e in ((few, old), (many, new))]
     at = np.linspace(old.knots[0], old.knots[-1], 50)
     curves = [e.design(at) @ c for e, c in zip((old, new), own, strict=True)]

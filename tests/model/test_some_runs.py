@@ -15,7 +15,7 @@ from skhoid.model.fitting import (
     whitened_derivatives,
 )
 from skhoid.model.simulator import Simulator
-from skhoid.model.uncertainty import covariance_of
+from skhoid.model.uncertainty import estimate_covariance
 
 THETA = np.array([0.09, 0.036, 11.0, 0.35, 0.28])
 
@@ -55,7 +55,7 @@ def test_a_few_runs_at_a_time_make_the_same_output_and_derivatives(
     criterion.set_noise(criterion.remnant_model(whole.run(theta)))
     expected = whole.run(theta), whitened_derivatives(whole, criterion, theta)
     fit = minimise(whole, criterion, theta, max_iter=2)
-    covariance = covariance_of(whole, criterion, fit)
+    covariance = estimate_covariance(whole, criterion, fit)
     request.getfixturevalue("few_at_a_time")
     apart = Simulator(OperatorCore(None), Effects(steps), record)
     assert [runs.stop - runs.start for runs, _ in apart.parts()] == [3, 3, 1]
@@ -66,7 +66,7 @@ def test_a_few_runs_at_a_time_make_the_same_output_and_derivatives(
     np.testing.assert_array_equal(whitened_derivatives(apart, criterion, theta), expected[1])
     again = minimise(apart, criterion, theta, max_iter=2)
     np.testing.assert_allclose(again.sse, fit.sse, rtol=1e-9)
-    np.testing.assert_allclose(covariance_of(apart, criterion, fit), covariance, rtol=1e-6)
+    np.testing.assert_allclose(estimate_covariance(apart, criterion, fit), covariance, rtol=1e-6)
     for simulator in (whole, apart):
         simulator.run(theta)
     np.testing.assert_array_equal(apart.run_with_change(2, 9.0), whole.run_with_change(2, 9.0))

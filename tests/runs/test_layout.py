@@ -51,7 +51,7 @@ def take_runs(table, order):
     return pd.concat([table.loc[[run]] for run in order])
 
 
-def rows_of(X, order):
+def find_rows(X, order):
     runs = X.index.get_level_values("run").to_numpy()
     return np.concatenate([np.flatnonzero(runs == run) for run in order])
 
@@ -71,7 +71,7 @@ def test_permuting_runs_permutes_the_predictions(estimator):
         model_of(one).covariance_, model_of(other).covariance_, rtol=1e-7, atol=1e-14
     )
     np.testing.assert_array_equal(
-        one.predict(take_runs(X, order)), one.predict(X)[rows_of(X, order)]
+        one.predict(take_runs(X, order)), one.predict(X)[find_rows(X, order)]
     )
 
 
@@ -82,7 +82,7 @@ def test_predicting_a_subset_of_runs(estimator):
     fitted = clone(estimator).fit(X, y)
     order = [2, 4]
     np.testing.assert_array_equal(
-        fitted.predict(take_runs(X, order)), fitted.predict(X)[rows_of(X, order)]
+        fitted.predict(take_runs(X, order)), fitted.predict(X)[find_rows(X, order)]
     )
     scores = [fitted.score(X.loc[[run]], y.loc[[run]]) for run in order]
     assert min(scores) - 1e-9 <= fitted.score(take_runs(X, order), take_runs(y, order))

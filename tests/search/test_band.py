@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from skhoid import OperatorRegressor, SimulatedARX, make_tracking_runs
 from skhoid.effects import FreeGain, FreeMap
 from skhoid.model.fitting import Criterion
-from skhoid.model.smoothing import in_detail
+from skhoid.model.smoothing import refine_detail
 from skhoid.search.shape import curve_with_band, half_width
 
 N_SEEDS = 6
@@ -22,13 +22,13 @@ LIMITED = FreeMap(knots=tuple(ERRORS), values=tuple(1.2 * np.tanh(ERRORS / 0.8) 
 def shown(estimator, X, y):
     """Curve with its band of the free form that an estimator has, and degrees of freedom."""
     name = estimator.effects.name
-    model = in_detail(estimator.first_fit(estimator.prepare(X, y)), name)
+    model = refine_detail(estimator.first_fit(estimator.prepare(X, y)), name)
     criterion = Criterion(model.simulator.record)
     criterion.set_noise(criterion.remnant_model(model.output))
     return curve_with_band(model.refined(criterion), name)
 
 
-def curve_of(hidden, seed):
+def make_curve(hidden, seed):
     """Curve with its band and the truth, both as whole factors or maps of slope one."""
     X, y = make_tracking_runs(
         "C1", n_runs=2, remnant_intensity=0.1, effects=hidden, sampling_rate=50, random_state=seed
@@ -56,7 +56,7 @@ def curve_of(hidden, seed):
     ids=["gain", "map"],
 )
 def test_bands_hold_the_whole_curve_and_are_not_idle(hidden):
-    found = [curve_of(hidden, seed) for seed in range(N_SEEDS)]
+    found = [make_curve(hidden, seed) for seed in range(N_SEEDS)]
     off = np.array([np.abs(apart) / half for apart, half, _ in found])
     assert np.mean(off <= 1) > 0.97
     # Of six bands that hold with 95 %, five or more do with 97 %.

@@ -22,7 +22,7 @@ from skhoid.effects import (
     TimeVaryingDelay,
 )
 from skhoid.effects.free_form import SmoothCurve
-from skhoid.search.likeness import departure_of, nearest_effects, nearest_table, recordings_for
+from skhoid.search.likeness import find_departure, nearest_effects, nearest_table, recordings_for
 from skhoid.testing import synthetic_record
 
 DIVIDED = ("gain", "input", "output", "command", "spring")
@@ -35,7 +35,7 @@ def shape(form, effect, record, *, n_knots=61, half=0.05):
     ends = form.knots[0], form.knots[-1]
     knots = np.linspace(*ends, n_knots)
     form = form.with_choices(knots=tuple(knots.tolist()), values=(0.0,) * n_knots)
-    delta = departure_of(form, effect, effect.fixed, record)(knots)
+    delta = find_departure(form, effect, effect.fixed, record)(knots)
     if isinstance(form.curve, SmoothCurve):
         for degree in (0, 1):  # what the model refits, as a fit would find it
             if degree not in form.kept:

@@ -18,9 +18,9 @@ from skhoid.effects import (
     FreePath,
     Parameter,
 )
-from skhoid.search.formulas import formula_of
+from skhoid.search.formulas import find_formula
 from skhoid.search.shape import Shape
-from skhoid.search.sketch import class_of, written
+from skhoid.search.sketch import name_class, written
 from skhoid.testing import check_effect, synthetic_record
 
 pytestmark = pytest.mark.slow  # fits the effects that it writes
@@ -52,7 +52,7 @@ def shape(form, curve, *, half=0.1, table=False):
         estimator=None,
         nearest=pd.DataFrame(),
         recordings=[],
-        formula=None if table else formula_of(form, frame, 6.0, record),
+        formula=None if table else find_formula(form, frame, 6.0, record),
     )
 
 
@@ -62,7 +62,7 @@ def imported(path):
     module = importlib.util.module_from_spec(spec)
     sys.modules[path.stem] = module
     spec.loader.exec_module(module)
-    return getattr(module, class_of(path.stem))
+    return getattr(module, name_class(path.stem))
 
 
 def cubic(x):
@@ -81,7 +81,7 @@ def weights(x):
     return -np.minimum(np.abs(x), 0.3 * np.abs(x).max())
 
 
-def name_of(case):
+def find_name(case):
     """Of a test: no addresses, which differ between processes."""
     return getattr(case, "__name__", str(case))
 
@@ -99,24 +99,24 @@ PLACES = [
 
 
 @pytest.mark.parametrize("table", [False, True], ids=["formula", "table"])
-@pytest.mark.parametrize(("form", "curve"), PLACES, ids=name_of)
+@pytest.mark.parametrize(("form", "curve"), PLACES, ids=find_name)
 def test_a_file_is_an_effect_that_passes_the_checks(form, curve, table, tmp_path):
     path = written("my_effect", tmp_path, shape(form, curve, table=table))
     assert path == tmp_path / "my_effect.py"
     check_effect(imported(path)())
 
 
-@pytest.mark.parametrize(("form", "curve"), PLACES, ids=name_of)
+@pytest.mark.parametrize(("form", "curve"), PLACES, ids=find_name)
 def test_a_table_is_the_shape_itself(form, curve, tmp_path):
     """With size 1 it does what the free form does."""
-    from skhoid.testing.records import parts_of, signal_at
+    from skhoid.testing.records import signal_at, split_parts
 
     found = shape(form, curve, table=True)
     effect = imported(written("my_effect", tmp_path, found))()
     record = synthetic_record()
     signal = signal_at(effect.place, record)
-    mine = parts_of(effect.apply(signal, record, size=1.0))
-    whole = parts_of(found.effect.apply(signal, record))
+    mine = split_parts(effect.apply(signal, record, size=1.0))
+    whole = split_parts(found.effect.apply(signal, record))
     for name, values in whole.items():
         np.testing.assert_allclose(mine[name], values, rtol=1e-4, atol=1e-4)
 

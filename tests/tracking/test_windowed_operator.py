@@ -25,7 +25,7 @@ def signal(n=1500, seed=0):
     return np.sin(np.outer(t, omega) + rng.uniform(0, 6, 7)) @ (1 / (1 + omega / 3))
 
 
-def record_of(e, y, known=None):
+def make_record(e, y, known=None):
     n = e.size
     return OperatorRecord(
         e=e,
@@ -100,7 +100,7 @@ def test_the_delay_is_a_cubic_convolution_with_a_continuous_slope():
 def test_fit_is_the_minimum_that_scipy_finds_for_the_same_criterion():
     e = signal(900)
     y = twin.output(e, 0, 900, DT, 0.09, 0.04, 10.0, 0.4, 0.253) + coloured(900, 0.01, 1)
-    record = record_of(e, y)
+    record = make_record(e, y)
     search = OperatorSearch.of(record)
     pieces = record.pieces(100, 800, 3)
     start = np.array([np.log(8.0), np.log(0.5), 0.3, np.log(8.0), np.log(0.5)])

@@ -13,12 +13,12 @@ from .diagnose import tables_of_comparison, write_report
 from .files import (
     check_plot_file,
     check_tables,
-    column_of,
-    names_of,
+    find_column,
     new_file,
     read_files,
     save_figures,
     save_tables,
+    show_names,
     without_screen,
 )
 from .output import (
@@ -103,7 +103,7 @@ def compare(options: argparse.Namespace) -> int:
         run_in=options.run_in,
         domain=options.domain,
     )
-    source = names_of(options.files)
+    source = show_names(options.files)
     pictures = []
     if is_page:
         write_report(options, Path(options.out), model, X, y, source, effects=None)
@@ -175,12 +175,12 @@ def _read(
     roles = options.columns.roles | roles
     if not options.input:
         names = [_find_column(X, name, roles) for name in names]
-    columns = [column_of(X, name) for name in names]
+    columns = [find_column(X, name) for name in names]
     renamed = dict(zip(columns, own or columns, strict=True))
     attributes = dict(X.attrs)
     X = X.rename(columns=renamed)
     X.attrs = attributes
-    of_columns = {renamed.get(c := column_of(X, n), c): role for n, role in roles.items()}
+    of_columns = {renamed.get(c := find_column(X, n), c): role for n, role in roles.items()}
     taken = list(renamed.values())
     if len(taken) < X.shape[1]:
         of_columns = (getattr(reach_model(model, X[taken])[0], "roles", None) or {}) | of_columns
@@ -204,7 +204,7 @@ def _find_column(X: Any, name: str, roles: dict[str, str]) -> str:
     """A column of X for one of the model's: of its name, or else of its role."""
     from ...runs import role_of
 
-    if column_of(X, name) in X:
+    if find_column(X, name) in X:
         return name
     by_role = {role_of(column, roles): str(column) for column in X.columns}
     if role_of(name) in by_role:

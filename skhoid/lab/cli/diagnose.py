@@ -17,14 +17,14 @@ import skhoid
 from .files import (
     check_folders,
     check_tables,
-    column_of,
     describe_runs,
     figure_folder,
-    names_of,
+    find_column,
     new_file,
     read_files,
     save_figures,
     save_tables,
+    show_names,
     without_screen,
 )
 from .output import (
@@ -290,7 +290,7 @@ def _report_model(
 
 def read_recordings(options: argparse.Namespace) -> tuple[Any, Any, Any, str]:
     """X, y, the model of them, and where they are from; the user's files, or bundled ones."""
-    from ..opening import estimator_of, trimmed
+    from ..opening import make_estimator, trimmed
 
     if options.files:
         X, y, roles, source = _read_own(options)
@@ -303,8 +303,8 @@ def read_recordings(options: argparse.Namespace) -> tuple[Any, Any, Any, str]:
             "times, positions about their mean (Matic 2022, MIT licence)"
         )
     X, y = trimmed(X, y, options)
-    inputs = [column_of(X, options.input)]
-    return X, y, estimator_of(options, X, y, inputs=inputs, roles=roles or None), source
+    inputs = [find_column(X, options.input)]
+    return X, y, make_estimator(options, X, y, inputs=inputs, roles=roles or None), source
 
 
 def _read_own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], str]:
@@ -316,9 +316,9 @@ def _read_own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], st
         options.named_input = [asked]
     roles = {**known, **read_roles(options, known)}
     X, y, guess = read_files(options, roles, signals=asked is None)
-    options.input = guess.inputs[0] if asked is None else column_of(X, asked)
-    of_columns = guess.roles | {column_of(X, name): role for name, role in roles.items()}
-    return X, y, of_columns, names_of(options.files)
+    options.input = guess.inputs[0] if asked is None else find_column(X, asked)
+    of_columns = guess.roles | {find_column(X, name): role for name, role in roles.items()}
+    return X, y, of_columns, show_names(options.files)
 
 
 def search_for(options: argparse.Namespace, estimator: Any) -> Any:
@@ -357,7 +357,7 @@ class Searched:
             "dt_s": layout.dt,
             "inputs": list(map(str, self.baseline.inputs_)),
             "output": output_name(self.y),
-            "units": _units_of(self.X, self.y),
+            "units": _read_units(self.X, self.y),
             "baseline": self.baseline.parameters_.reset_index().to_dict("records"),
             "comparison": None if self.comparison is None else self.comparison.as_dict(),
             **self.search.result_.as_dict(),
@@ -388,7 +388,7 @@ def show_search(
     if not options.json:
         print_source(options, source)
         layout = read_layout(X, dt=baseline.dt, run=baseline.run)
-        print_wrapped(describe_runs(layout, baseline.inputs_, y, _units_of(X, y)))
+        print_wrapped(describe_runs(layout, baseline.inputs_, y, _read_units(X, y)))
         print_wrapped("Searching for what a linear model is missing (some 10 to 60 s) ...")
     comparison, why_not = None, ""
     try:
@@ -432,7 +432,7 @@ def _tell_briefly(comparison: Any) -> Any:
     return replace(told, title=title, blocks=[*blocks, Items(found)])
 
 
-def _units_of(X: Any, y: Any) -> dict[str, str]:
+def _read_units(X: Any, y: Any) -> dict[str, str]:
     """Units of the channels, as far as they are known."""
     from ...regression import units_of
 
@@ -473,7 +473,7 @@ def write_results(
         files["report"] = str(report)
     if folder is not None:
         files["pictures"] = _draw(found, folder, options)
-    files["tables"] = save_tables(_tables_of(found), options)
+    files["tables"] = save_tables(_gather_tables(found), options)
     if sketch is not None:
         files["effect"] = str(sketch)
     if options.json:
@@ -493,7 +493,7 @@ def write_report(
     **more: Any,
 ) -> Any:
     """Make the report and write it; returns it."""
-    made_with = {"command": names_of([shlex.join(["skhoid", *options.command_line])])}
+    made_with = {"command": show_names([shlex.join(["skhoid", *options.command_line])])}
     if getattr(options, "seed", None) is not None:
         made_with["seed"] = str(options.seed)
     without_screen()
@@ -503,7 +503,7 @@ def write_report(
     return page
 
 
-def _tables_of(found: Searched) -> dict[str, Any]:
+def _gather_tables(found: Searched) -> dict[str, Any]:
     """All tables of a search, by name."""
     search, shape = found.search, found.search.shape_
     of_shape = {} if shape is None else {"shape": shape.curve}

@@ -13,7 +13,7 @@ from typing import Any
 import skhoid
 
 from .diagnose import search_for
-from .files import check_folders, check_tables, names_of, new_file, save_tables, without_screen
+from .files import check_folders, check_tables, new_file, save_tables, show_names, without_screen
 from .output import print_document, print_json, print_wrapped, say_files, shows_progress
 from .parser import (
     add_command,
@@ -75,7 +75,7 @@ def add_experiment(commands: Any) -> None:
 
 def experiment(options: argparse.Namespace) -> int:
     """Read, check, search, identify, compare, and write the page."""
-    from ..opening import estimator_of
+    from ..opening import make_estimator
     from ..report import report_experiment
 
     path = new_file(options.out, options.overwrite, new_folder=True)
@@ -90,7 +90,7 @@ def experiment(options: argparse.Namespace) -> int:
     _check_people(X, options)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of people whose delay is found as if they were one
-        estimator = estimator_of(options, X, y)
+        estimator = make_estimator(options, X, y)
     shared = {"n_jobs": options.jobs, "progress": shows_progress(options)}
     kept = {name: options.resume and Path(options.resume) / name for name in ("group", "people")}
     group = None
@@ -109,7 +109,7 @@ def experiment(options: argparse.Namespace) -> int:
         reference=options.reference,
         title=options.title,
         source=source,
-        made_with={"command": names_of([shlex.join(["skhoid", *options.command_line])])},
+        made_with={"command": show_names([shlex.join(["skhoid", *options.command_line])])},
     )
     page.save(path)
     tables = {
@@ -189,7 +189,7 @@ def _read(options: argparse.Namespace) -> tuple[Any, Any, str]:
             units=read_units(options) or None,
         )
     guessed = " ".join(said.getvalue().split())
-    return X, y, guessed or f"Files: {names_of(options.files)}"
+    return X, y, guessed or f"Files: {show_names(options.files)}"
 
 
 def _simulate(options: argparse.Namespace) -> tuple[Any, Any, str]:

@@ -47,14 +47,14 @@ def read_files(
     return X, y, guess
 
 
-def names_of(files: Iterable[str]) -> str:
+def show_names(files: Iterable[str]) -> str:
     """Files as text that every output takes, also where their names are not UTF-8."""
     from ...io import shown
 
     return ", ".join(map(shown, files))
 
 
-def column_of(X: Any, asked: str) -> str:
+def find_column(X: Any, asked: str) -> str:
     """Column of X that was asked for by its header, with its unit, or as a field of a struct."""
     from ...io import split_header
 

@@ -11,13 +11,13 @@ import skhoid
 
 from .files import (
     check_tables,
-    column_of,
     describe_runs,
     figure_folder,
-    names_of,
+    find_column,
     read_files,
     save_figures,
     save_tables,
+    show_names,
     without_screen,
 )
 from .output import (
@@ -151,7 +151,7 @@ def identify(options: argparse.Namespace) -> int:
         "tables": save_tables(found.tables, options),
     }
     if options.json:
-        print_json(options, {"source": source, **_numbers_of(found), **files})
+        print_json(options, {"source": source, **_list_numbers(found), **files})
         return 0
     print_source(options, source)
     print_wrapped(describe_runs(found.layout, found.best.model.inputs_, y, found.units))
@@ -201,17 +201,17 @@ def _read(
         if others and options.instruments is None and "f_t" not in error.columns:
             raise ValueError(f"{error} {_of_instruments('f_t')}") from error
         raise
-    inputs = [column_of(X, name) for name in asked] or guess.inputs
-    roles = guess.roles | {column_of(X, name): role for name, role in roles.items()}
+    inputs = [find_column(X, name) for name in asked] or guess.inputs
+    roles = guess.roles | {find_column(X, name): role for name, role in roles.items()}
     columns = {role_of(column, roles): column for column in X.columns}
     instruments = [
-        columns["f_t"] if name == "f_t" and "f_t" in columns else column_of(X, name)
+        columns["f_t"] if name == "f_t" and "f_t" in columns else find_column(X, name)
         for name in others
     ]
     missing = [name for name in instruments if name not in X.columns]
     if missing:
         raise ValueError(f"{_of_instruments(missing[0])} The files have no such channel.")
-    return X, y, inputs, instruments, roles, names_of(options.files)
+    return X, y, inputs, instruments, roles, show_names(options.files)
 
 
 def _of_instruments(name: str) -> str:
@@ -245,7 +245,7 @@ def _draw(found: Any, folder: Path, options: argparse.Namespace) -> list[str]:
     return save_figures(figures, folder, "identify", options.format, **more)
 
 
-def _numbers_of(found: Any) -> dict[str, Any]:
+def _list_numbers(found: Any) -> dict[str, Any]:
     layout, least = found.layout, found.least_delay
     return {
         "inputs": found.best.model.inputs_,

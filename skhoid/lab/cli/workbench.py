@@ -51,7 +51,7 @@ def workbench(options: argparse.Namespace) -> int:
 
     check_installed()
     paths = [path.absolute() for path in expand_paths(options.files)] if options.files else []
-    choices = choices_of(options)
+    choices = read_choices(options)
     session, kept = opened_session(options.session, paths, choices)
     serve(
         session,
@@ -66,7 +66,7 @@ def workbench(options: argparse.Namespace) -> int:
     return 0
 
 
-def choices_of(options: argparse.Namespace) -> Any:
+def read_choices(options: argparse.Namespace) -> Any:
     """What the options say of columns and model."""
     from ..workbench.columns import Choices
 

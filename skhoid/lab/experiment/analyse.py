@@ -94,7 +94,7 @@ def analyse_cell(cell: Cell, plan: AnalysisPlan) -> tuple[dict[str, pd.DataFrame
         "paths": paths,
         "batch": batch,
         "scores": performance_scores(
-            cell.X, cell.y, windows_of(cell, plan.region), roles={plan.input: "e"}
+            cell.X, cell.y, find_windows(cell, plan.region), roles={plan.input: "e"}
         ),
         "validation": _validation(cell, plan, predictions),
         "changes": changes,
@@ -173,7 +173,7 @@ def _batch(cell: Cell, plan: AnalysisPlan, delay: float) -> pd.DataFrame:
     return table[[*first, *[c for c in table if c not in first]]].reset_index(drop=True)
 
 
-def windows_of(cell: Cell, region: float) -> dict[str, tuple[float, float]]:
+def find_windows(cell: Cell, region: float) -> dict[str, tuple[float, float]]:
     """T_m, and its parts: a region at each end, and the transition between them."""
     ini, fin = cell.start + region, cell.stop - region
     windows = {"T_m": (cell.start, cell.stop), "ini": (cell.start, ini)}
@@ -190,7 +190,7 @@ def _validation(
     y, n = cell.y.to_numpy(), len(cell.labels)
     run = np.repeat(np.arange(n), np.diff(cell.starts))
     slack = 1e-6 * plan.dt
-    windows = windows_of(cell, plan.region)
+    windows = find_windows(cell, plan.region)
     found = []
     for fitted, form, prediction in predictions:
         errors = (y - np.asarray(prediction, dtype=float).ravel()) ** 2

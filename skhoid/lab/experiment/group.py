@@ -67,7 +67,7 @@ def named_by(search: EffectSearchCV) -> Effects:
     return Effects([(name, chosen.get(name, effect)) for name, effect in kept])
 
 
-def candidates_of(searches: list[EffectSearchCV]) -> list[Effect]:
+def list_candidates(searches: list[EffectSearchCV]) -> list[Effect]:
     """Effects to weigh in everybody: what a search named, and what all of them together suggest.
 
     The rows of the last step of each search are a preview of its evidence.
@@ -375,7 +375,7 @@ class GroupEffectSearch(BaseEstimator):
     def _weigh(self, groups: list[Group]) -> None:
         """The evidence of everybody for and against all candidates."""
         searches = [self.searches_[group.subject, group.condition] for group in groups]
-        effects = candidates_of(searches)
+        effects = list_candidates(searches)
         self._effects = [effect.name for effect in effects]
         jobs = [
             EvidenceJob(clone(self.search), named_by(search), effects, group)

@@ -46,7 +46,7 @@ class Row(NamedTuple):
     unit: str = ""
 
 
-def parameters_of(model: Any, vaf: float) -> list[Row]:
+def collect_parameters(model: Any, vaf: float) -> list[Row]:
     """What searches chose, parameters of the model, and of the operator that it stands for.
 
     Of a recursive model they are those at the end. A model without parameters has its VAF.
@@ -124,12 +124,12 @@ class Line(NamedTuple):
     text: str = ""
 
 
-def effects_of(model: Any) -> Iterator[Line]:
+def list_effects_found(model: Any) -> Iterator[Line]:
     """What a search for effects found, or that it found nothing; nothing of other estimators."""
     search = next((one for one in _within(model) if hasattr(one, "best_effects_")), None)
     if search is None:
         return
-    parameters = parameters_of(search.best_estimator_, np.nan)
+    parameters = collect_parameters(search.best_estimator_, np.nan)
     for effect in search.best_effects_ or [""]:
         start = f"{effect}__"
         rows = [row for row in parameters if effect and row.parameter.startswith(start)]
@@ -209,7 +209,7 @@ def _fit_group(job: Job) -> pd.DataFrame:
             )
         )
     if model is not None and job.ceiling:
-        ceiling, why = found.noting(WHOLE, lambda: ceiling_of(model, group.X, group.y))
+        ceiling, why = found.noting(WHOLE, lambda: find_ceiling(model, group.X, group.y))
         found.lines.append(Line(CEILING, WHOLE, estimate=np.nan if why else ceiling))
         if why:
             found.lines.append(Line(WARNED, WHOLE, text=f"no noise ceiling: {why}"))
@@ -228,7 +228,7 @@ def _fit(
         model = clone(job.estimator)
         model.fit(X, y, **_groups_for(model, X))
         vaf, of_runs = vafs(model, X, y)
-        return model, parameters_of(model, vaf), vaf, of_runs
+        return model, collect_parameters(model, vaf), vaf, of_runs
 
     result, failure = found.noting(run, fitted)
     if failure:
@@ -239,7 +239,7 @@ def _fit(
         Line(FIT, run, row.parameter, row.estimate, row.se, row.unit, vaf, len(y)) for row in rows
     ]
     if run == WHOLE:
-        found.lines += effects_of(model)
+        found.lines += list_effects_found(model)
     return model, of_runs
 
 
@@ -272,7 +272,7 @@ def vafs(model: Any, X: pd.DataFrame, y: pd.Series) -> tuple[float, np.ndarray]:
     return pooled, of_runs
 
 
-def ceiling_of(model: Any, X: pd.DataFrame, y: pd.Series) -> float:
+def find_ceiling(model: Any, X: pd.DataFrame, y: pd.Series) -> float:
     """``compare(model, X, y).noise_ceiling``, without the tests of a comparison."""
     signals = read_signals(model, X, y, one_step=False)
     vaf = float(

@@ -92,7 +92,7 @@ def fit_cells(cells: Cells) -> Fitted:
     return Fitted(cells, fit_reml(cells.value, design, people, cells.weight))
 
 
-def pairs_of(conditions: Sequence[Any], reference: Any) -> list[tuple[int, int]]:
+def list_pairs(conditions: Sequence[Any], reference: Any) -> list[tuple[int, int]]:
     """Positions of all pairs of conditions, or of all with the reference."""
     n = len(conditions)
     if reference is None:
@@ -307,7 +307,7 @@ def mixed_model(
             "at least two people, and is of use from about six; compare the runs of one person by "
             "a t test."
         )
-    pairs = pairs_of(rows.conditions, reference)
+    pairs = list_pairs(rows.conditions, reference)
     cells, _, tau, tau_cells = weigh(rows)
     try:
         model = fit_cells(cells)

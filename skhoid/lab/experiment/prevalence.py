@@ -169,7 +169,7 @@ def summed(
     for cells in people:
         rows = []
         for effect in effects:
-            factors = [_factor_of(cell, effect) for cell in cells if cell.knows(effect)]
+            factors = [_find_factor(cell, effect) for cell in cells if cell.knows(effect)]
             if factors:
                 total = float(np.sum(factors))
                 rows.append(("", effect, 2 * total + OF_NOTHING, np.inf))
@@ -178,7 +178,7 @@ def summed(
     return joined
 
 
-def _factor_of(cell: PersonEvidence, effect: str) -> float:
+def _find_factor(cell: PersonEvidence, effect: str) -> float:
     """Log Bayes factor for an effect in one condition, whatever else there is."""
     states = cell.states()
     inside = [weight for state, weight in states if effect in state]

@@ -10,7 +10,7 @@ import pandas as pd
 from scipy import stats
 
 from ...text import Document, Note, Notes, Paragraph, TextTable, Told, counted, number, p_text
-from .mixed import ALPHA, holm, pairs_of
+from .mixed import ALPHA, holm, list_pairs
 from .rows import select
 
 
@@ -160,7 +160,7 @@ def repeated_measures(
             "too."
         )
     pairs = [
-        (rows.conditions[i], rows.conditions[j]) for i, j in pairs_of(rows.conditions, reference)
+        (rows.conditions[i], rows.conditions[j]) for i, j in list_pairs(rows.conditions, reference)
     ]
     notes = list(rows.notes)
     if left_out:

@@ -241,7 +241,7 @@ def _manages(participant: Participant) -> bool:
     return True
 
 
-def physics_of(participant: Participant, name: str) -> dict[str, Any]:
+def list_physics(participant: Participant, name: str) -> dict[str, Any]:
     """A row of the table of true parameters."""
     subject, recording = participant.subject, participant.recording
     operator = subject.condition(name, recording.transition_time).operator
@@ -406,7 +406,7 @@ def _session(
     records = [participant.run(name, run) for name in names for run in range(1, runs + 1)]
     signals = [np.stack([r.e[0], r.x[0], r.f_t[0], r.u[0]], axis=1) for r in records]
     truth = [
-        {"subject": f"S{number}", "condition": name} | physics_of(participant, name)
+        {"subject": f"S{number}", "condition": name} | list_physics(participant, name)
         for name in names
     ]
     return np.concatenate(signals), truth

@@ -68,7 +68,7 @@ def page(payload: str, title: str) -> str:
         style=style(),
         payload=payload,
         script=script() + SHOW,
-        script_hash=hash_of(script() + SHOW),
+        script_hash=hash_script(script() + SHOW),
     )
 
 
@@ -81,7 +81,7 @@ def framed(payload: str, title: str) -> str:
     )
 
 
-def hash_of(text: str) -> str:
+def hash_script(text: str) -> str:
     """By which a page's policy knows the only script that may run."""
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 

@@ -20,8 +20,8 @@ from ...exceptions import did_you_mean
 from ...model import simulated_model
 from ...runs import of_person
 from .models import OUT, TRAIN, USES, History, Models, Position, Runs, own_values
-from .script import script_of
-from .view import Figures, Found, curve_of, effects_of, others_of
+from .script import write_script
+from .view import Figures, Found, list_effects_found, list_others, make_curve
 
 MOST_NAMED = 3  # runs
 ACTIONS = ("change", "any", "drag", "split", "search", "script", "report", "session")
@@ -147,7 +147,7 @@ class Exploration:
         with self.lock:
             vaf = self.figures.vaf(self.figures.prediction(self.here), self.here)
             figures = {"fitted": vaf["train"], "held out": vaf["hold"]}
-            return script_of(self.estimator, self.runs, self.here, self.source, figures)
+            return write_script(self.estimator, self.runs, self.here, self.source, figures)
 
     def search_for(self) -> tuple[EffectSearchCV, Any, Any]:
         """A search, unfitted, from the present model, and the runs to fit it to."""
@@ -233,8 +233,8 @@ class Exploration:
         return {
             "revision": self.revision,
             "uses": list(here.uses),
-            "effects": effects_of(model, here.moved, fitted, self.domain),
-            "model": others_of(model),
+            "effects": list_effects_found(model, here.moved, fitted, self.domain),
+            "model": list_others(model),
             "stair": self.figures.stair(here),
             **self.figures.ceiling(here, self.found),
             "vaf": self.figures.vaf(prediction, here),
@@ -345,7 +345,7 @@ class Exploration:
             "run_vaf": self.runs.vaf_by_run(prediction),
             "stair": self.figures.stair(to),
             "impossible": self.figures.runs_away(prediction, to),
-            "curve": curve_of(model, str(args["name"]).split("__")[0]),
+            "curve": make_curve(model, str(args["name"]).split("__")[0]),
             "settled": False,
         }
 

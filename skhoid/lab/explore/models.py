@@ -263,14 +263,14 @@ class Models:
     def __init__(self, estimator: Any, runs: Runs, given: Iterable[Any] = ()):
         self.estimator, self.runs = estimator, runs
         everything = tuple(range(runs.n))
-        self.given = {key_of(Effects.of(one.effects), everything): one for one in given}
+        self.given = {make_key(Effects.of(one.effects), everything): one for one in given}
         self._models = Kept(KEPT)
         self._predictions = Kept(max(4, KEPT_ROWS // max(runs.layout.n_rows, 1)))
         self._moved, self._predicted = Kept(FEW), Kept(FEW)
 
     def fitted(self, effects: Effects, train: tuple[int, ...]) -> Any:
         """The estimator with these effects, fitted to these runs."""
-        key = key_of(effects, train)
+        key = make_key(effects, train)
         if key in self.given:
             return self.given[key]
         return self._models.of(key, lambda: self._fit(effects, train))
@@ -280,7 +280,7 @@ class Models:
         own = own_values(moved, effects)
         if not own:
             return self.fitted(effects, train)
-        key = key_of(effects, train), tuple(own.items())
+        key = make_key(effects, train), tuple(own.items())
         return self._moved.of(key, lambda: self.fitted(effects, train).with_parameters(own))
 
     def prediction(
@@ -288,7 +288,7 @@ class Models:
     ) -> np.ndarray:
         """Free run on all runs."""
         own = own_values(moved, effects)
-        key = key_of(effects, train), tuple(own.items())
+        key = make_key(effects, train), tuple(own.items())
         kept = self._predicted if own else self._predictions
         model = self.moved(effects, train, own)
         return kept.of(key, lambda: prediction_from(model, self.runs.X, self.runs.y)[0])
@@ -301,7 +301,7 @@ class Models:
         return model.fit(X, y)
 
 
-def key_of(effects: Effects, train: tuple[int, ...]) -> tuple:
+def make_key(effects: Effects, train: tuple[int, ...]) -> tuple:
     """By which a model is known again."""
     chosen = tuple((name, type(e), repr(e.get_params())) for name, e in effects)
     return chosen, train

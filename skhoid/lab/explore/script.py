@@ -15,7 +15,7 @@ READERS = ("read_runs", "resample_runs", "select_runs")
 GIVEN = ["# X and y: the runs of this exploration, as they were given to it."]
 
 
-def script_of(
+def write_script(
     estimator: Any,
     runs: Runs,
     position: Position,

@@ -40,7 +40,7 @@ AWAY = "With these values the simulation runs away from what was measured."
 # A model: its effects with parameters and curves, its numbers.
 
 
-def effects_of(
+def list_effects_found(
     model: Any, moved: Mapping[str, float], fitted: Any, domain: str
 ) -> list[dict[str, Any]]:
     """The effects of a model as cards; ``fitted`` is the same before anything was moved."""
@@ -51,13 +51,13 @@ def effects_of(
             "words": effect.physics_in(domain),
             "form": _form(effect),
             "parameters": _parameters(name, effect, model, moved, fitted),
-            "curve": curve_of(model, name),
+            "curve": make_curve(model, name),
         }
         for name, effect in dict(model.effects_.steps).items()
     ]
 
 
-def others_of(model: Any) -> list[dict[str, Any]]:
+def list_others(model: Any) -> list[dict[str, Any]]:
     """The parameters that are not of an effect, as numbers."""
     return [
         {
@@ -71,7 +71,7 @@ def others_of(model: Any) -> list[dict[str, Any]]:
     ]
 
 
-def curve_of(model: Any, name: str) -> dict[str, Any] | None:
+def make_curve(model: Any, name: str) -> dict[str, Any] | None:
     """What an effect does, as lines; None where it cannot be drawn."""
     try:
         with np.errstate(all="ignore"):

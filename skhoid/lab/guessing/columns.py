@@ -17,15 +17,15 @@ from .problems import MEANING, OPTION, ColumnGuess, Problem, quoted, said_alone
 from .words import (
     STRONG,
     alike,
-    axis_of,
     coherence,
     equal,
-    factor_of,
+    find_axis,
+    find_factor,
+    find_label,
     folded,
     is_derived,
     is_no_signal,
     is_row_number,
-    label_of,
     may_be_time,
     moves,
     roles_by_name,
@@ -41,7 +41,7 @@ _THE = {"e": "the error e", "u": "the output u", "x": "x", "f_t": "the target f_
 _THE |= {"dist": "the disturbance", "motion": "the motion"}
 
 
-def guess_of(
+def make_guess(
     table: FileTable,
     paths: Any,
     *,
@@ -137,7 +137,7 @@ class _Guess:
         of_option = {option: role for role, option in OPTION.items()}
         self.taken = {k: of_option.get(v, "") for k, v in taken.items() if k in self.columns}
         self.signals = {role: self.columns[k].numbers for k, role in self.taken.items()}
-        axes = (axis_of(self.columns[k].header) for k, role in self.taken.items() if role)
+        axes = (find_axis(self.columns[k].header) for k, role in self.taken.items() if role)
         self.axis = next(filter(None, axes), "")  # that the columns found so far name
 
     def make(self, *, known_roles: set[str], output_known: bool, signals: bool) -> None:
@@ -267,7 +267,7 @@ class _Guess:
         guess = self.guess
         found: dict[str, list[_Column]] = {}
         for column in self.free.values():
-            level = label_of(column.header)
+            level = find_label(column.header)
             if not level or (column.numbers.size < 2 and self.table.kind == "variable"):
                 continue
             if self._labels(column) or (level == "run" and not roles_by_name(column.header)):
@@ -300,7 +300,7 @@ class _Guess:
             return True
         there = column.numbers[np.isfinite(column.numbers)]  # rows of runs that lie interleaved
         few = len(np.unique(there)) <= max(1, values.size // _OF_A_LABEL)
-        return bool(few and there.size and label_of(column.header) in _OUTER)
+        return bool(few and there.size and find_label(column.header) in _OUTER)
 
     def _signals(self) -> list[_Column]:
         return [c for c in self.free.values() if c.numbers.size > 1 and not c.is_text]
@@ -337,7 +337,7 @@ class _Guess:
 
     def _of_one_axis(self, columns: list[_Column]) -> list[_Column]:
         """Of columns that may be one signal, those that move, and of the axis that is known."""
-        of_axis = [c for c in columns if axis_of(c.header) and axis_of(c.header) == self.axis]
+        of_axis = [c for c in columns if find_axis(c.header) and find_axis(c.header) == self.axis]
         columns = of_axis or columns
         return [c for c in columns if moves(c.numbers)] or columns
 
@@ -345,7 +345,7 @@ class _Guess:
         self.found[role] = self._take(column.position)
         self.signals[role] = column.numbers
         self.tied.pop(role, None)
-        self.axis = self.axis or axis_of(column.header)
+        self.axis = self.axis or find_axis(column.header)
         for other, columns in list(self.tied.items()):
             left = self._of_one_axis([c for c in columns if c is not column])
             self.tied[other] = left
@@ -359,7 +359,7 @@ class _Guess:
         if not columns:
             return
         peeked = self.table.peek(LONG_PEEK)
-        error = self._error_of(peeked)
+        error = self._find_error(peeked)
         if error is None:
             return
         shares = [coherence(numbers_of(peeked[c.position]), error) for c in columns]
@@ -374,7 +374,7 @@ class _Guess:
         )
         self._give("u", column)
 
-    def _error_of(self, peeked: list[Any]) -> np.ndarray | None:
+    def _find_error(self, peeked: list[Any]) -> np.ndarray | None:
         """The error in rows that were looked at, or what stands for it."""
         at = {role: column.position for role, column in self.found.items()} | {
             role: position for position, role in self.taken.items()
@@ -414,7 +414,7 @@ class _Guess:
             if equal(signals["e"], -difference) and not equal(signals["e"], difference):
                 guess.error_from = "-e"
             elif moves(signals["e"]) and moves(difference) and not equal(signals["e"], difference):
-                factor = factor_of(signals["e"], difference)
+                factor = find_factor(signals["e"], difference)
                 if factor is None:
                     guess.remarks.append("e is not f_t - x in this file, and is taken as it is")
                     return
@@ -502,4 +502,4 @@ def guess_columns(paths: Any, **given: Any) -> ColumnGuess:
     ``signals=False`` no other channels are taken than these, and the output. Output, time, run,
     units and dt are as in :func:`skhoid.read_runs`; None is guessed.
     """
-    return guess_of(first_table(paths), paths, **given)
+    return make_guess(first_table(paths), paths, **given)

@@ -21,8 +21,8 @@ from ...io.assembling import (
     check_names,
     checked_clock,
     checked_units,
+    cut_runs,
     gather_units,
-    runs_of,
     wanted_channels,
 )
 from ...io.files import FileTable, numbers_of, shown, split_header
@@ -30,7 +30,7 @@ from ...io.reading import open_table
 from ...runs import TIME
 from ...runs.roles import role_of
 from ...text import counted
-from .columns import PEEK, guess_of
+from .columns import PEEK, make_guess
 from .names import (
     FIELDS,
     LEVELS,
@@ -47,10 +47,10 @@ from .structures import (
     Dims,
     checked_dims,
     first_slices,
-    groups_of,
     is_motion,
     read_motion,
     runs_of_arrays,
+    split_groups,
 )
 from .words import unit_by_name
 
@@ -128,7 +128,7 @@ class Columns:
             for channel in self.channels
         ]
 
-    def clock_of(self, table: FileTable) -> tuple[str | float, str | None]:
+    def find_clock(self, table: FileTable) -> tuple[str | float, str | None]:
         """The clock of a file, and its unit if the header does not say it."""
         if not isinstance(self.clock, str):
             return self.clock, None
@@ -138,7 +138,7 @@ class Columns:
         except ValueError:
             if not self.guess.guessed:
                 raise
-            own = guess_of(table, table.path, signals=False)
+            own = make_guess(table, table.path, signals=False)
             if own.time is None:
                 raise
             name, unit = own.time, own.units.get("time")
@@ -148,7 +148,7 @@ class Columns:
         return name, table.unit_of(table.find(name)) or unit_by_name(header, time=True) or unit
 
 
-def columns_of(table: FileTable, paths: Any, asked: Asked) -> Columns:
+def find_columns(table: FileTable, paths: Any, asked: Asked) -> Columns:
     """The columns of the first file; what is not clear is one error."""
     guess = _guess(table, paths, asked)
     if guess.problems:
@@ -196,7 +196,7 @@ def _guess(table: FileTable, paths: Any, asked: Asked) -> ColumnGuess:
     )
     if asked.complete:
         checked_clock(asked.time, asked.dt)
-    guess = guess_of(
+    guess = make_guess(
         table,
         paths,
         roles={column: role_of(name) for column, name in named.items()},
@@ -244,7 +244,7 @@ class Part:
     runs: FileRuns
 
 
-def parts_of(
+def split_parts(
     groups: Sequence[tuple[dict[str, str], FileTable]],
     from_file: dict[str, str],
     columns: Columns,
@@ -255,7 +255,7 @@ def parts_of(
     order = None
     for of_struct, whole in groups:
         channels = columns.of_file(whole)
-        clock, unit = columns.clock_of(whole)
+        clock, unit = columns.find_clock(whole)
         gather_units(whole, channels, columns.units, columns.known)
         asked = [channel.asked for channel in channels]
         tables: list[tuple[dict[str, str], FileTable]] = [({}, whole)]
@@ -283,7 +283,7 @@ def _of_table(
     run = columns.run if "run" not in given else None
     run = table.run_name if run is None and "run" not in given else run
     cut = bool(outer) or "run" not in given  # runs may begin where time begins anew
-    runs = runs_of(
+    runs = cut_runs(
         table,
         asked,
         clock=clock,
@@ -517,8 +517,8 @@ def _read(sources: Sources, asked: Asked, dims: Dims | None) -> tuple[pd.DataFra
             table, _ = _opened(sources, number, asked)
             table.note = table.note or f"The first file is {first}."
             wanted = [channel.asked for channel in columns.channels]
-            groups = groups_of(table, wanted, labels) or [({}, table)]
-        found, of_arrays = parts_of(groups, labels, columns, dims)
+            groups = split_groups(table, wanted, labels) or [({}, table)]
+        found, of_arrays = split_parts(groups, labels, columns, dims)
         order = of_arrays or order
         parts += found
     X, y = joined(parts, columns, keep_order=sources.listed or len(sources.files) == 1)
@@ -535,7 +535,7 @@ def _read(sources: Sources, asked: Asked, dims: Dims | None) -> tuple[pd.DataFra
 
 def _step(table: FileTable, columns: Columns) -> float:
     """The usual step of the clock of a file, in its own unit."""
-    name, _ = columns.clock_of(table)
+    name, _ = columns.find_clock(table)
     if not isinstance(name, str):
         return np.nan
     peeked = table.peek(PEEK)
@@ -587,10 +587,10 @@ def _looked_at(
     known = set(sources.labels[0]) if sources.labels else keyed
     if len(sources.files) == 1 and not sources.labels:
         known = set()
-    groups = groups_of(first, asked.channels, known & set(LEVELS)) or [({}, first)]
+    groups = split_groups(first, asked.channels, known & set(LEVELS)) or [({}, first)]
     table = groups[0][1]
     is_array = first.path.suffix.lower() in _ARRAYS
-    columns = columns_of(
+    columns = find_columns(
         first_slices(table, dims) if is_array else table, str(sources.files[0]), asked
     )
     if sources.labels is not None:
@@ -598,7 +598,7 @@ def _looked_at(
         return first.path, groups, columns, _Labels(sources.labels)
     inside = set(groups[0][0])
     if is_array:
-        found, order = parts_of(groups[:1], dict.fromkeys(known, ""), columns, dims)
+        found, order = split_parts(groups[:1], dict.fromkeys(known, ""), columns, dims)
         inside |= set() if order is None else set(order.names)
         if len(found) > 1:  # else the one run has no label of its own
             inside |= set(found[0].labels) - known

@@ -13,7 +13,7 @@ from typing import Any
 
 from ...io.files import expand_paths, shown
 from ...io.reading import READERS
-from .words import label_of
+from .words import find_label
 
 LEVELS = ("subject", "condition", "run")
 FIELDS = ("subject", "session", "condition", "block", "run")  # a session is put before the run
@@ -33,7 +33,7 @@ _WORD = 3  # letters, from which on a key is a word of its own and no part of th
 
 def key_level(word: str) -> str:
     """The level that a word before a label names, as in ``sub-01``; "" for none."""
-    return _SHORT.get(word.casefold(), "") or label_of(word)
+    return _SHORT.get(word.casefold(), "") or find_label(word)
 
 
 def labelled(text: str) -> tuple[str, str, str]:

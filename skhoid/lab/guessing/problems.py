@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ...exceptions import ColumnError, IrregularSamplingError, RunIndexError
-from ...io.assembling import per_second_of, plain_labels, restarts_of
+from ...io.assembling import count_per_second, find_restarts, plain_labels
 from ...io.files import FileTable, as_numbers, numbers_of, shown
 from ...runs import GAP, RUN, TIME, contiguous_runs, read_layout
 from ...runs.roles import role_of
@@ -39,7 +39,7 @@ class Problem:
     options: tuple[tuple[str, str], ...] = ()
 
     def __str__(self) -> str:
-        return self.said_by(in_python)
+        return self.said_by(write_in_python)
 
     def said_by(self, shown: Any) -> str:
         """The text with its options as ``shown(name, value)`` writes them."""
@@ -48,7 +48,7 @@ class Problem:
         return f"{self.text} Say {' or '.join(shown(*option) for option in self.options)}."
 
 
-def in_python(name: str, value: str) -> str:
+def write_in_python(name: str, value: str) -> str:
     """An option as an argument of :func:`skhoid.read_runs`."""
     if name in ("input", "x", "target"):
         role = {"input": "e", "x": "x", "target": "f_t"}[name]
@@ -75,7 +75,7 @@ class UnclearColumnsError(ValueError):
     ):
         self.where, self.problems, self.columns = where, problems, columns
         self.remarks = list(remarks)
-        super().__init__(self.said_by(in_python))
+        super().__init__(self.said_by(write_in_python))
 
     def said_by(self, shown: Any) -> str:
         """The message, with options as ``shown(name, value)`` writes them."""
@@ -249,12 +249,12 @@ def problems_of_files(tables: list[FileTable], guess: ColumnGuess) -> list[Probl
         before = f"{table.path.name}: " if len(tables) > 1 else ""
         found += [
             Problem(f"{before}{problem.text}", problem.options)
-            for problem in _problems_of(table, guess)
+            for problem in _find_problems(table, guess)
         ]
     return list(dict.fromkeys(found))
 
 
-def _problems_of(table: FileTable, guess: ColumnGuess) -> list[Problem]:
+def _find_problems(table: FileTable, guess: ColumnGuess) -> list[Problem]:
     found: list[Problem] = []
     asked = dict(guess.channels)
     if guess.output is not None:
@@ -366,7 +366,7 @@ def _problems_of_time(
         return [Problem(f"{text} ({missing.size} of {time.size} rows).")]
     apart = codes.size == time.size and not labels  # runs whose rows do not lie together
     if codes.size != time.size:
-        again = restarts_of(time)
+        again = find_restarts(time)
         codes = np.zeros(time.size, dtype=int) if again is None else again[0]
         labels = [] if again is None else list(again[1])
     step, within = np.diff(time), codes[1:] == codes[:-1]
@@ -389,7 +389,7 @@ def _problems_of_time(
     if found or apart:
         return found
     try:
-        per_second = per_second_of(table, guess.time or "", guess.units.get("time"))
+        per_second = count_per_second(table, guess.time or "", guess.units.get("time"))
     except ValueError as error:
         return [Problem(str(error))]
     index = pd.MultiIndex.from_arrays([codes, time / per_second], names=[RUN, TIME])

@@ -21,7 +21,7 @@ from ...io.assembling import (
 from ...io.files import FileTable, Paths, expand_paths
 from ...io.reading import DOTTED, first_table, open_table, read_named
 from ...runs.roles import role_of
-from .columns import guess_of
+from .columns import make_guess
 from .problems import (
     ColumnGuess,
     UnclearColumnsError,
@@ -170,7 +170,7 @@ def _guessed(
     roles = {asked: role_of(name) for asked, name in named.items()}
     table = first_table(paths)
     given: dict[str, Any] = {"roles": roles, "output": output, "time": time, "run": run}
-    guess = guess_of(table, paths, **given, units=units, dt=dt, signals=inputs is None)
+    guess = make_guess(table, paths, **given, units=units, dt=dt, signals=inputs is None)
     if inputs is not None:
         guess.channels = {asked: name for asked, name in named.items() if asked in guess.channels}
     X, y = read_guessed(guess, table)

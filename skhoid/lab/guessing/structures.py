@@ -13,10 +13,10 @@ import numpy as np
 import pandas as pd
 
 from ...io.files import FileTable, as_numbers, first_run, one_by_one, read_as, squeezed
-from ...io.matlab import content_of, is_hdf5
+from ...io.matlab import is_hdf5, read_content
 from ...runs import TIME
 from .names import LEVELS, labelled
-from .words import label_of, roles_by_name
+from .words import find_label, roles_by_name
 
 _NAMES = (TIME, *LEVELS)
 _MANY = {TIME: "samples", "run": "runs", "condition": "conditions", "subject": "people"}
@@ -58,7 +58,7 @@ def checked_dims(dims: Any) -> Dims | None:
     return Dims(names, labels)
 
 
-def order_of(table: FileTable, shape: tuple[int, ...], known: Collection[str]) -> Dims:
+def guess_order(table: FileTable, shape: tuple[int, ...], known: Collection[str]) -> Dims:
     """What the dimensions are if nothing is said: samples, runs, then conditions and people."""
     rest = [level for level in ("run", "condition", "subject") if level not in known]
     count = len(shape) - 1
@@ -108,7 +108,7 @@ def runs_of_arrays(
             "the same dimensions."
         )
     if dims is None:
-        dims = order_of(table, shape, known)
+        dims = guess_order(table, shape, known)
     _check_fit(table, dims, shape, known)
     numbers = {
         name: as_numbers(arrays[name], table.where(name)).reshape(arrays[name].shape)
@@ -219,7 +219,7 @@ _LEAST = 10  # samples of a signal
 Place = tuple[str, ...]
 
 
-def groups_of(
+def split_groups(
     table: FileTable, wanted: Sequence[str] | None, known: Collection[str]
 ) -> list[tuple[dict[str, str], FileTable]] | None:
     """One table for each struct that holds channels, with its labels; None where there is one.
@@ -254,7 +254,7 @@ def groups_of(
             level: labelled(text.strip("()"))[2] for level, text in zip(levels, part, strict=True)
         }
         labels |= _own_labels(tree[place])
-        found.append((labels, _table_of(table, leaves, _shown(place))))
+        found.append((labels, _make_table(table, leaves, _shown(place))))
     return found
 
 
@@ -266,7 +266,7 @@ def _tree(table: FileTable) -> dict[Place, dict[str, Any]]:
             *place, leaf = name.split(".")
             tree.setdefault(tuple(place), {})[leaf] = table.load([position], None)[0][0]
         return tree
-    for name, value in content_of(table.path).items():
+    for name, value in read_content(table.path).items():
         if not name.startswith("__"):
             _walk((), name, value, tree)
     return tree
@@ -320,13 +320,13 @@ def _own_labels(leaves: Mapping[str, Any]) -> dict[str, str]:
     """Labels that a struct holds as text, such as its field ``subject``."""
     found = {}
     for name, value in leaves.items():
-        level = label_of(name)
+        level = find_label(name)
         if level in LEVELS and value.dtype.kind == "U" and value.size == 1:
             found[level] = str(value.item()).strip()
     return found
 
 
-def _table_of(table: FileTable, leaves: Mapping[str, Any], where: str) -> FileTable:
+def _make_table(table: FileTable, leaves: Mapping[str, Any], where: str) -> FileTable:
     names = [name for name, value in leaves.items() if value.dtype.kind != "U"]
     return FileTable(
         table.path,

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...io.delimited import TIME_UNITS, UNITS
 from ...io.files import split_header
-from ...runs.roles import names_time, singular, words_of
+from ...runs.roles import names_time, put_in_words, singular
 
 STRONG = 6  # scores from here up stand alone; lower ones only where nothing else is there
 
@@ -101,20 +101,20 @@ def folded(header: str) -> str:
     return "".join(c for c in name if not unicodedata.combining(c))
 
 
-def axis_of(header: str) -> str:
+def find_axis(header: str) -> str:
     """The axis that a header names, as in ``targetPosX`` and ``STICK_PITCH``; "" for none."""
-    words = words_of(folded(header))
+    words = put_in_words(folded(header))
     return AXES.get(words[-1], "") if len(words) > 1 else ""
 
 
 def _own_words(header: str) -> list[str]:
-    whole = words_of(folded(header))
+    whole = put_in_words(folded(header))
     path, _, last = folded(header).rpartition(".")
-    field = words_of(last)
+    field = put_in_words(last)
     words = field if field and field not in (["value"], ["data"], ["signal"]) else whole
     # The axis of a signal: plant.position.x, joy.axes.0.
     if path and (not field or (field[0] in ("x", "y", "z") and len(field) == 1)):
-        above = words_of(path)
+        above = put_in_words(path)
         words = above if max(_of_words(set(above)).values(), default=0) >= STRONG else words
     while len(words) > 1 and (words[-1] in UNITS and len(words[-1]) > 1):
         words = words[:-1]
@@ -140,7 +140,7 @@ def unit_by_name(header: str, *, time: bool = False) -> str | None:
 def may_be_time(header: str) -> bool:
     """Whether a column may be a clock by its name."""
     field = folded(header).rpartition(".")[2] or folded(header)
-    words = set(words_of(field))
+    words = set(put_in_words(field))
     return (names_time(field) or bool(words & TIMES)) and not words & _words(
         "reaction response delay run trial block session since"
     )
@@ -148,26 +148,26 @@ def may_be_time(header: str) -> bool:
 
 def is_row_number(header: str) -> bool:
     """Whether a column counts rows by its name, or has none."""
-    words = words_of(folded(header).rpartition(".")[2]) or words_of(folded(header))
+    words = put_in_words(folded(header).rpartition(".")[2]) or put_in_words(folded(header))
     return not words or all(word in ROW_NUMBERS for word in words)
 
 
 def is_no_signal(header: str) -> bool:
     """Whether a column is by its name none of the loop: a button, a comment, the eye."""
-    return bool(set(words_of(folded(header))) & OTHERS)
+    return bool(set(put_in_words(folded(header))) & OTHERS)
 
 
 def is_derived(header: str) -> bool:
     """Whether a column is by its name computed from another signal: its rate, its mean."""
-    return bool(set(words_of(folded(header))) & OF_OTHERS)
+    return bool(set(put_in_words(folded(header))) & OF_OTHERS)
 
 
-def label_of(header: str) -> str:
+def find_label(header: str) -> str:
     """The level of the row index that a column may be by its name; "" for none."""
     field = folded(header).rpartition(".")[2] or folded(header)
-    words = [word for word in words_of(field) if word not in _NUMBERING] or words_of(field)
+    words = [word for word in put_in_words(field) if word not in _NUMBERING] or put_in_words(field)
     if len(words) == 2:  # feedback_condition
-        level = label_of(words[1])
+        level = find_label(words[1])
         return level if level in ("run", "condition") else ""
     if len(words) != 1:
         return ""
@@ -251,7 +251,7 @@ def equal(one: np.ndarray, other: np.ndarray) -> bool:
     return bool(apart <= _EXACT * min(_spread(one[there]), _spread(other[there])))
 
 
-def factor_of(one: np.ndarray, other: np.ndarray) -> float | None:
+def find_factor(one: np.ndarray, other: np.ndarray) -> float | None:
     """The factor between two signals that are otherwise the same."""
     there = np.isfinite(one) & np.isfinite(other)
     if one.shape != other.shape or there.sum() < 3 or not moves(other[there]):

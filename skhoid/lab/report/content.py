@@ -98,7 +98,7 @@ class Results:
     after: Comparison | None = None
 
 
-def content_of(
+def read_content(
     X: Any,
     y: Any,
     results: Results,

@@ -15,7 +15,7 @@ from ...search import EffectSearchCV, without_output
 from ..experiment.group import GroupEffectSearch
 from ..experiment.people import PeopleResult
 from ..explore.payloads import payload_of
-from .content import Results, content_of
+from .content import Results, read_content
 from .experiment import report_experiment
 from .page import Page
 
@@ -162,7 +162,7 @@ def report(
         after=after,
     )
     payload = payload or payload_of(search, comparison, X, y)
-    content = content_of(X, y, results, payload, source=source, made_with=made_with)
+    content = read_content(X, y, results, payload, source=source, made_with=made_with)
     if title is None:
         title = f"{type(taken_apart(baseline)[1]).__name__} against measured {output_name(y)}"
     return Report(title, content, search, comparison, after)

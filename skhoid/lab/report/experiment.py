@@ -151,7 +151,7 @@ def _verdict(given: Experiment) -> dict[str, Any]:
     people = given.people.groups.drop_duplicates(KEY)
     vaf = people["vaf"].dropna()
     if group is None:
-        text = f"{_counts(given)}, identified by {_class_of(given.people.estimator)}"
+        text = f"{_counts(given)}, identified by {_name_class(given.people.estimator)}"
         if len(vaf):
             text += f": VAF {vaf.min():.0f} to {vaf.max():.0f} %, median {vaf.median():.0f} %"
         sentences = ["Which effects the models miss has not been asked."]
@@ -178,7 +178,7 @@ def _upper(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _class_of(estimator: str) -> str:
+def _name_class(estimator: str) -> str:
     return estimator.partition("(")[0]
 
 

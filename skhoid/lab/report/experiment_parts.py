@@ -138,7 +138,7 @@ def _plain_means(table: pd.DataFrame) -> TextTable:
     return TextTable("Means over people, each counted once", header, rows, left=["condition"])
 
 
-def _interval_of(estimate: float, se: float) -> str:
+def _tell_interval(estimate: float, se: float) -> str:
     """95 % interval of a fit by its standard error."""
     low, high = estimate - Z * se, estimate + Z * se
     return f"{number(low, se)} to {number(high, se)}" if np.isfinite(low) else DASH
@@ -314,7 +314,7 @@ def _listed(rows: pd.DataFrame) -> str:
             continue
         name = str(row["parameter"]).partition("__")[2] or row["parameter"]
         text = f"{name} {number(row['estimate'], row['se'])} {row['unit']}".rstrip()
-        between = _interval_of(row["estimate"], row["se"])
+        between = _tell_interval(row["estimate"], row["se"])
         texts.append(text if between == DASH else f"{text} ({between})")
     return ", ".join(texts) or DASH
 
@@ -366,11 +366,11 @@ def _of_search(given: Experiment, who: Any, condition: Any) -> Stretch | None:
         return None
     unit = table.attrs.get("units", {}).get("measured", "")
     last = table.columns[-1]
-    how = "held out" + ("" if last == "baseline" else f", with {_effects_of(search)}")
+    how = "held out" + ("" if last == "baseline" else f", with {_tell_effects(search)}")
     return _cut(table.index, table["measured"], table[last], unit, how)
 
 
-def _effects_of(search: Any) -> str:
+def _tell_effects(search: Any) -> str:
     return titles_of([str(name) for name in search.error_path_["effect"].iloc[1:]])
 
 

@@ -98,7 +98,7 @@ class Page:
             title=self.title,
             style=style,
             script=script,
-            script_hash=component.hash_of(script),  # whatever a name in the data holds
+            script_hash=component.hash_script(script),  # whatever a name in the data holds
             **self._content,
         )
 

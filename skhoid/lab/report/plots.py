@@ -97,7 +97,7 @@ class Gallery:
             runs = new(TILE)
             ComparisonDisplay.from_comparison(found, "runs", ax=runs.axes[0])
             runs.axes[0].set_title("")
-            _without_validation(runs.axes[0])
+            _shorten_labels(runs.axes[0])
             _slanted_if_long(runs.axes[0])
             _legend_below(runs)
             plots = [
@@ -264,7 +264,7 @@ def _legend_below(figure: Figure) -> None:
     )
 
 
-def _without_validation(panel: Axes) -> None:
+def _shorten_labels(panel: Axes) -> None:
     """Shorten labels that only say which runs these are, as the page says it."""
     artists: list[Any] = [*panel.get_children(), *panel.containers]
     for drawn in artists:

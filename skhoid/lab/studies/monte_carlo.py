@@ -19,7 +19,7 @@ from ...simulation import OF_TASK, check_channel_names, entropy_of, task_of
 from .blocks import ERROR, REPLICATION, DataSet, Job, compute, joined
 from .identity import described, digest, spawn_key
 from .store import Store, read_manifest, uniform
-from .workers import completed, results_of
+from .workers import completed, yield_results
 
 BLOCK = 32  # replications
 
@@ -123,7 +123,7 @@ class MonteCarloStudy:
         channels = shared.pop("channels", ("e",))
         check_channel_names(channels)
         self.channels = tuple(channels)
-        rows = rows_of(conditions)
+        rows = find_rows(conditions)
         self._cells = [read_cell(row, shared, function) for row in rows]
         self.cells = uniform(pd.DataFrame([{k: label(v) for k, v in row.items()} for row in rows]))
         self._labels = self.cells.to_dict("records")
@@ -247,7 +247,7 @@ class MonteCarloStudy:
             for first in range(0, n, size)
         ]
 
-    def _entropy_of(self, cell: int) -> int:
+    def _draw_entropy(self, cell: int) -> int:
         if self.common_noise:
             return self.entropy
         row, shared = self._cells[cell]["row"], self._cells[cell]["shared"]
@@ -258,12 +258,12 @@ class MonteCarloStudy:
     def _tuned(self, cells: set[int], n_jobs: int | None) -> dict[int, CompensatoryTask | str]:
         """The tasks of cells, or why there is none; gains are tuned once per cell."""
         jobs = {
-            i: (self._cells[i]["task"], self._entropy_of(i), self._cells[i]["simulation"])
+            i: (self._cells[i]["task"], self._draw_entropy(i), self._cells[i]["simulation"])
             for i in sorted(cells)
         }
         if all(task.remnant is None or task.remnant.gain is not None for task, *_ in jobs.values()):
             return {i: task for i, (task, *_) in jobs.items()}
-        return dict(results_of(jobs, _tune, n_jobs=n_jobs, threads=True))
+        return dict(yield_results(jobs, _tune, n_jobs=n_jobs, threads=True))
 
     def _job(self, task: CompensatoryTask | str, cell: int, replications: range) -> Job:
         return Job(
@@ -273,7 +273,7 @@ class MonteCarloStudy:
             task=task,
             simulation=self._cells[cell]["simulation"],
             settings=self._cells[cell]["settings"],
-            entropy=self._entropy_of(cell),
+            entropy=self._draw_entropy(cell),
             replications=replications,
             n_runs=self.n_runs,
             n_validation=self.n_validation_runs,
@@ -337,7 +337,7 @@ OF_STUDY = {
 }
 
 
-def rows_of(conditions: Any) -> list[dict[str, Any]]:
+def find_rows(conditions: Any) -> list[dict[str, Any]]:
     """The cells as given, one dict each."""
     if isinstance(conditions, pd.DataFrame):
         rows = [

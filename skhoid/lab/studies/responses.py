@@ -20,7 +20,7 @@ CELL = ["condition", "remnant_intensity"]
 METHODS = ("fc", "batch", "recursive")
 
 
-def responses_of(data: DataSet) -> pd.DataFrame:
+def measure_responses(data: DataSet) -> pd.DataFrame:
     """Responses at the lines of the target, by three methods, for a :class:`MonteCarloStudy`."""
     task, target = data.task, data.task.target
     dt = 1 / task.sampling_rate
@@ -146,7 +146,7 @@ RESPONSES = PaperStudy(
     "frequency responses by three methods",
     "Frequency responses by Fourier coefficients, batch and recursive ARX models (App. I)",
     {"conditions": STATES, "intensities": INTENSITIES, "remnant_order": 2, "gains": "table"},
-    responses_of,
+    measure_responses,
     _summary,
     _claims,
     _figures,

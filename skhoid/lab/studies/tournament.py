@@ -25,7 +25,7 @@ from ...text import Document, Item, Items, Paragraph, Told
 from .monte_carlo import MonteCarloStudy
 from .tournament_conditions import SIZES, Change, TournamentCell, tournament_cells
 from .tournament_methods import TOURNAMENT_METHODS, TournamentMethod, available_methods
-from .tournament_result import DATA_SET, QUESTIONS, TournamentResult, losses, question_of
+from .tournament_result import DATA_SET, QUESTIONS, TournamentResult, find_question, losses
 from .tournament_scores import FOLLOWED, LOWEST_VAF, method_figures, tuning_scores
 from .workers import progress_bar
 
@@ -457,7 +457,7 @@ def recommend_method(
     >>> advice.method, advice.close
     ('rls', ['rls'])
     """
-    question_of(question)
+    find_question(question)
     if not isinstance(task, CompensatoryTask):
         task = CompensatoryTask.of_condition(task, run_in=SIMULATION["run_in"])
     chosen, _ = available_methods(methods, causal=causal)

@@ -37,7 +37,7 @@ QUESTIONS = {
 }
 
 
-def question_of(name: str) -> Question:
+def find_question(name: str) -> Question:
     """A question by its name."""
     if name not in QUESTIONS:
         raise ValueError(
@@ -53,7 +53,7 @@ def losses(table: pd.DataFrame, question: str, parameter: str = FOLLOWED) -> pd.
     A method that gives no estimate has the largest loss there is: 100 %, a VAF of -100 %, or an
     alarm at the end of the run. An alarm before 5 % of the change counts as one at the end too.
     """
-    question_of(question)
+    find_question(question)
     if parameter not in PARAMETERS:
         raise ValueError(
             f"parameter must be one of {list(PARAMETERS)}; got {parameter!r}."
@@ -99,7 +99,7 @@ def _alarms(rows: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
         own = quiet[quiet["method"] == method]
         for P_n, part in of_method.groupby("group", sort=False):
             same = own[own["group"] == P_n.replace("changing", "constant")]
-            at = threshold_of((own if same.empty else same)["peak"].to_numpy())
+            at = find_threshold((own if same.empty else same)["peak"].to_numpy())
             times = alarm_times(part, at)
             with np.errstate(invalid="ignore"):
                 good = times >= part["change_begins"].to_numpy(float)
@@ -142,7 +142,7 @@ def roc_area(changed: np.ndarray, constant: np.ndarray) -> float:
     return float(larger + 0.5 * (changed[:, None] == constant).mean())
 
 
-def threshold_of(constant: np.ndarray) -> int | None:
+def find_threshold(constant: np.ndarray) -> int | None:
     """Position of the first threshold that at most one in ten constant runs exceeds."""
     constant = np.nan_to_num(np.asarray(constant, float))
     if not constant.size:
@@ -165,7 +165,7 @@ def detect(table: pd.DataFrame) -> pd.DataFrame:
         changed, constant = part[part["kind"] == "changing"], part[part["kind"] == "constant"]
         if changed.empty or constant.empty:
             continue
-        at = threshold_of(constant["peak"].to_numpy())
+        at = find_threshold(constant["peak"].to_numpy())
         times = alarm_times(changed, at)
         early = times < changed["change_begins"].to_numpy(float)
         missed = np.isnan(times)
@@ -342,7 +342,7 @@ class TournamentResult(Told):
 
     def _losses(self, question: str, causal: bool | None, parameter: str) -> pd.DataFrame:
         """Losses of the methods that are ranked: not those of oracles."""
-        question_of(question)
+        find_question(question)
         kept = ~self.methods["oracle"].astype(bool)
         if causal is not None:
             kept &= self.methods["causal"] == causal

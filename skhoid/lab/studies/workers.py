@@ -25,7 +25,7 @@ LOST = {"BrokenExecutor", "CommClosedError", "KilledWorker", "TerminatedWorkerEr
 }
 
 
-def results_of(
+def yield_results(
     jobs: Mapping[int, Any],
     compute: Callable[[Any], Any],
     *,
@@ -159,7 +159,7 @@ def completed(
     found = dict(finished)
     waiting = {number: job for number, job in jobs.items() if number not in found}
     if waiting:
-        done = results_of(waiting, compute, n_jobs=n_jobs, threads=threads)
+        done = yield_results(waiting, compute, n_jobs=n_jobs, threads=threads)
         with (
             ended_by_signals(),
             # Around those of jobs, which in threads would lift each other's.

@@ -19,10 +19,10 @@ from ...io import shown
 from ..explore import Exploration
 from ..explore.payloads import payload_of_exploration
 from ..guessing import UnclearColumnsError
-from ..opening import estimator_of
+from ..opening import make_estimator
 from .columns import KINDS, Choices, Columns, Recorded, look, noted, read, search_settings
 from .jobs import SearchJob
-from .session import NotSaved, SessionFolder, digest_of
+from .session import NotSaved, SessionFolder, make_digest
 
 HISTORY = frozenset(("add", "remove", "release", "refit", "free", "undo", "redo", "use"))
 READING = frozenset(("trace", "preview", "drag", "state", "script"))
@@ -41,7 +41,7 @@ NOT_KEPT = (
 QUIET = 15.0  # s, after which a comment keeps the connection alive
 
 
-def words_of(error: BaseException) -> str:
+def put_in_words(error: BaseException) -> str:
     """An error as a sentence for the user."""
     if isinstance(error, MemoryError):
         return "The memory does not suffice for this."
@@ -202,9 +202,9 @@ class Workbench:
                 self.unsaved, self._keeps_more = "", False
             except OSError as error:
                 self.unsaved = (
-                    f"The session was not saved: {words_of(error)} What was saved before is still "
-                    "there. Make room, or let the folder be written into; it is saved again with "
-                    "the next step."
+                    f"The session was not saved: {put_in_words(error)} What was saved before is "
+                    "still there. Make room, or let the folder be written into; it is saved "
+                    "again with the next step."
                 )
         if before != self.unsaved:
             self.news.tell("opening")
@@ -368,7 +368,7 @@ class Workbench:
                     f"{shown(path)} is not there any more, and this session is about it: put it "
                     "back and start the workbench again, or choose files anew."
                 )
-            if digest.get("sha256") and digest_of(path) != digest:
+            if digest.get("sha256") and make_digest(path) != digest:
                 found.append(
                     f"{shown(path)} has changed since this session was kept, so its numbers would "
                     "not be the same. Put the old file back and start the workbench again, or fit "
@@ -384,7 +384,7 @@ class Workbench:
         assert self.columns is not None
         recorded = read(paths, self.columns, self.choices)
         for name in self.chosen:
-            self.files[name]["digest"] = digest_of(self.files[name]["path"])
+            self.files[name]["digest"] = make_digest(self.files[name]["path"])
         self._now(this, recorded=recorded, problems=[])
 
     def _fit(self, this: int, memory: Any) -> None:
@@ -393,7 +393,7 @@ class Workbench:
         self._now(this, phase="fitting", doing="Fitting the model without effects ...")
         about = {"inputs": recorded.inputs, "roles": recorded.roles or None}
         exploration = Exploration(
-            estimator_of(self.choices, recorded.X, recorded.y, **about),
+            make_estimator(self.choices, recorded.X, recorded.y, **about),
             recorded.X,
             recorded.y,
             options=search_settings(self.choices),
@@ -414,7 +414,7 @@ class Workbench:
     def _failed(self, this: int, error: Exception) -> None:
         with contextlib.suppress(_Overtaken):
             phase = "empty" if self.columns is None else "columns"
-            message = words_of(error)
+            message = put_in_words(error)
             if isinstance(error, IrregularSamplingError):
                 message = f"{ONTO_A_GRID} {message}"
             self._now(this, phase=phase, doing="", message=message)
@@ -472,7 +472,7 @@ class Workbench:
         try:
             exploration.judge()
         except Exception as error:
-            self.note(f"The noise ceiling could not be found: {words_of(error)}")
+            self.note(f"The noise ceiling could not be found: {put_in_words(error)}")
         if exploration is self.exploration:
             self.news.tell("state", revision=exploration.revision)
 
@@ -548,8 +548,8 @@ class Workbench:
             path = saved_report(self.folder, self._open_exploration(), self.searched, source)
         except OSError as error:
             raise NotSaved(
-                f"The report was not saved: {words_of(error)} Nothing else is lost: make room, or "
-                "let the folder be written into, and save it again."
+                f"The report was not saved: {put_in_words(error)} Nothing else is lost: make room, "
+                "or let the folder be written into, and save it again."
             ) from error
         text = f"The report is saved: {path}"
         if self.searched is None and self._open_exploration().found.steps:

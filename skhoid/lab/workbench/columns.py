@@ -160,7 +160,7 @@ def look(paths: list[Path], choices: Choices) -> Columns:
     opened = open_table(paths[0])
     asked = {**choices.named, "dt": choices.clock}
     guess = guess_columns(paths, **asked)
-    kinds, units = _kinds_of(guess), _units_of(guess, opened)
+    kinds, units = _list_kinds(guess), _read_units(guess, opened)
     if _differs(choices.kinds, kinds) or _differs(choices.units, units):
         kinds |= choices.kinds or {}
         units |= choices.units or {}
@@ -172,7 +172,7 @@ def look(paths: list[Path], choices: Choices) -> Columns:
         guess.levels = {name: kind for name, kind in kinds.items() if kind in LEVELS}
         guess.error_from = _form_error(before, kinds)
         guess.problems = [*twice, *guess.problems]
-        kinds = kinds if twice else _kinds_of(guess)
+        kinds = kinds if twice else _list_kinds(guess)
     table = list(_table(opened, kinds, units))
     problems = [noted(problem, table) for problem in guess.problems]
     said = {key: value for key, value in asked.items() if value or key == "signals"}
@@ -214,7 +214,7 @@ def _find_doubled(kinds: Mapping[str, str]) -> Iterator[Problem]:
             yield Problem(f"{listed} are both called {KINDS[kind]}.", options)
 
 
-def _kinds_of(guess: ColumnGuess) -> dict[str, str]:
+def _list_kinds(guess: ColumnGuess) -> dict[str, str]:
     kinds = dict.fromkeys(guess.columns, NOT_USED)
     for name, channel in guess.channels.items():
         role = role_of(channel, guess.roles)
@@ -233,7 +233,7 @@ def _whole(asked: str, columns: list[str]) -> str:
     return next((name for name in columns if split_header(name)[0] == asked), asked)
 
 
-def _units_of(guess: ColumnGuess, opened: FileTable) -> dict[str, str]:
+def _read_units(guess: ColumnGuess, opened: FileTable) -> dict[str, str]:
     keys = {_whole(name, guess.columns): channel for name, channel in guess.channels.items()}
     if guess.output is not None:
         keys[_whole(guess.output[0], guess.columns)] = guess.output[1]

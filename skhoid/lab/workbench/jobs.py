@@ -46,7 +46,7 @@ class SearchJob:
         self._process = context.Process(
             target=_searching, args=(theirs,), daemon=True, name="skhoid-search"
         )
-        with _without_interrupts():
+        with _block_interrupts():
             self._process.start()
         theirs.close()
         self._thread = threading.Thread(
@@ -87,7 +87,7 @@ class SearchJob:
 
 
 @contextlib.contextmanager
-def _without_interrupts() -> Iterator[None]:
+def _block_interrupts() -> Iterator[None]:
     """Ctrl+C in the terminal is for the server, which ends the search: it inherits the mask."""
     if not hasattr(signal, "pthread_sigmask"):
         yield

@@ -24,7 +24,7 @@ from ...io import require, written_whole
 from ...text import rendered
 from ..explore import component
 from ..explore.payloads import pack
-from .bench import Workbench, words_of
+from .bench import Workbench, put_in_words
 from .columns import Choices
 from .session import NotSaved, SessionFolder, safe_name
 
@@ -233,7 +233,7 @@ class _Answers:
         except ValueError as error:
             return _failed(str(error), 400)
         except OSError as error:
-            text = f"The file was not taken: {words_of(error)} Nothing of it is left behind."
+            text = f"The file was not taken: {put_in_words(error)} Nothing of it is left behind."
             return _failed(text, 507)
         return JSONResponse(self.bench.uploaded(path))
 
@@ -274,9 +274,9 @@ async def _tried(work: Callable[[], Any], answer: Callable[[Any], Any]) -> Any:
     except NotSaved as error:
         return _failed(str(error), 507)
     except (ValueError, KeyError, MemoryError, OSError) as error:
-        return _failed(words_of(error), 400)
+        return _failed(put_in_words(error), 400)
     except Exception as error:
-        text = f"Unexpected error: {type(error).__name__}: {words_of(error)} Please report it."
+        text = f"Unexpected error: {type(error).__name__}: {put_in_words(error)} Please report it."
         return _failed(text, 500)
     return answer(found)
 

@@ -130,7 +130,7 @@ class SessionFolder:
         return path if path.is_file() and not path.is_symlink() else None
 
 
-def digest_of(path: Path) -> dict[str, Any]:
+def make_digest(path: Path) -> dict[str, Any]:
     """Size and SHA-256 of a file, by which it is known again."""
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()

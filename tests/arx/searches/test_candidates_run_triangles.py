@@ -12,7 +12,7 @@ from skhoid import (
     DelaySearchCV,
     run_labels,
 )
-from skhoid.arx.folds import folds_of
+from skhoid.arx.folds import make_folds
 from skhoid.runs import read_layout
 
 pytestmark = pytest.mark.slow
@@ -62,7 +62,7 @@ def holed():
 
 
 def split(X, y, cv, groups=None):
-    return folds_of(read_layout(X), cv, {"groups": groups}, ~np.isnan(y.to_numpy()))
+    return make_folds(read_layout(X), cv, {"groups": groups}, ~np.isnan(y.to_numpy()))
 
 
 SPLITS = {

@@ -9,7 +9,7 @@ from scipy.io import savemat
 
 from skhoid import read_runs
 from skhoid.lab.guessing import UnclearColumnsError, guess_columns
-from skhoid.lab.guessing.words import label_of
+from skhoid.lab.guessing.words import find_label
 
 N = 800
 RNG = np.random.default_rng(5)
@@ -213,7 +213,7 @@ def test_text_in_parquet(tmp_path):
     ],
 )
 def test_labels_of_two_words(header, level):
-    assert label_of(header) == level
+    assert find_label(header) == level
 
 
 def test_the_rate_of_a_signal_is_not_offered_as_the_output(tmp_path):

@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from skhoid import MonteCarloStudy
 from skhoid.exceptions import WorkersLostError
-from skhoid.lab.studies.workers import progress_bar, results_of
+from skhoid.lab.studies.workers import progress_bar, yield_results
 
 SHORT = {"duration": 5.12, "run_in": 2.0}
 CELLS = {"condition": ["C1", "C4"], "remnant_intensity": [0.0, 0.1]}
@@ -98,7 +98,7 @@ def test_a_block_that_kills_its_worker(table, tmp_path):
 @pytest.mark.slow
 def test_workers_that_all_die():
     with pytest.raises(WorkersLostError, match="Of 40 blocks, 37 more are left"):
-        list(results_of(dict.fromkeys(range(40)), lambda job: os._exit(1), n_jobs=2))
+        list(yield_results(dict.fromkeys(range(40)), lambda job: os._exit(1), n_jobs=2))
 
 
 @pytest.mark.slow
@@ -106,10 +106,10 @@ def test_stopping_while_results_wait():
     """No warning of joblib's that they were not used, which would hide the reason."""
     jobs = dict.fromkeys(range(20))
     with pytest.raises(KeyboardInterrupt):  # noqa: PT012
-        for _ in results_of(jobs, lambda job: job, n_jobs=2):
+        for _ in yield_results(jobs, lambda job: job, n_jobs=2):
             time.sleep(0.5)  # more are there by then
             raise KeyboardInterrupt
-    assert len(list(results_of(jobs, lambda job: job, n_jobs=2))) == 20
+    assert len(list(yield_results(jobs, lambda job: job, n_jobs=2))) == 20
 
 
 SCRIPT = """
@@ -147,7 +147,7 @@ def test_a_study_that_is_killed_goes_on(table, tmp_path):
 def test_rounds_for_backends_without_generators(monkeypatch):
     """ray and spark, by their joblib backends."""
     monkeypatch.setattr(LokyBackend, "supports_return_generator", False)
-    found = dict(results_of({i: i for i in range(70)}, lambda job: job**2, n_jobs=2))
+    found = dict(yield_results({i: i for i in range(70)}, lambda job: job**2, n_jobs=2))
     assert found == {i: i**2 for i in range(70)}
 
 
