@@ -138,7 +138,13 @@ def leave_out_members(app, what, name, obj, skip, options):
     return True if plumbing or module.startswith("sklearn") else None
 
 
+def plain_terms(app, what, name, obj, options, lines):
+    """Take links to scikit-learn's own glossary out of what is inherited from it."""
+    lines[:] = [line.replace(":term:`fit`", "``fit``") for line in lines]
+
+
 def setup(app):
     app.connect("autodoc-skip-member", leave_out_members)
+    app.connect("autodoc-process-docstring", plain_terms, priority=900)  # after numpydoc
     app.connect("builder-inited", gallery_pages.show_panels, priority=900)  # after the gallery
     app.connect("doctree-read", gallery_pages.show_sharp, priority=400)  # before copies are made
