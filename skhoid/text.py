@@ -66,7 +66,8 @@ class TextTable:
     def html(self) -> str:
         left = ["left" if title in self.left else "" for title in self.header]
         head = "".join(
-            f'<th scope="col" class="{side}">{escape(title)}</th>'
+            # A heading without words is none, for those who have the table read to them.
+            f'<th scope="col" class="{side}">{escape(title)}</th>' if title else "<td></td>"
             for title, side in zip(self.header, left, strict=True)
         )
         body = "".join(
