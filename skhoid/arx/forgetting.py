@@ -37,12 +37,7 @@ def forgetting_factor(memory_horizon: Any) -> Any:
     >>> forgetting_factor([16, 256, float("inf")])
     array([0.9375    , 0.99609375, 1.        ])
     """
-    try:
-        horizon = np.asarray(memory_horizon, dtype=float)
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"The memory must be a number, or one per parameter; got {memory_horizon!r}."
-        ) from None
+    horizon = _read_memory(memory_horizon)
     if not (horizon > 1).all():
         raise ValueError(
             f"A memory horizon must be longer than one sample; got {horizon.tolist()!r} samples."
@@ -55,13 +50,16 @@ def factor_of_time(memory_time: Any, dt: float) -> Any:
     """The same for a memory time in seconds; None forgets nothing."""
     if memory_time is None:
         return 1.0
+    return forgetting_factor(_read_memory(memory_time) / dt)
+
+
+def _read_memory(memory: Any) -> np.ndarray:
     try:
-        seconds = np.asarray(memory_time, dtype=float)
+        return np.asarray(memory, dtype=float)
     except (TypeError, ValueError):
         raise ValueError(
-            f"memory_time must be a number of seconds, or one per parameter; got {memory_time!r}."
+            f"The memory must be a number, or one per parameter; got {memory!r}."
         ) from None
-    return forgetting_factor(seconds / dt)
 
 
 @dataclass(frozen=True)
