@@ -580,7 +580,7 @@ class Advice:
         ):
             yield Finding(
                 "none",
-                "Nothing is missing that these runs could show",
+                "Nothing found that these runs could show",
                 f"No test exceeds chance when all are counted. {self._both()}; left to explain: "
                 f"{gap_text(c.point_scale * c.explainable_gap)}.",
                 "What the model does not explain does not repeat: as far as these runs can tell, "

@@ -127,6 +127,7 @@ class DeadZone(StaticMap):
     shades = True
     choices = {"at": ("error", "command", "output"), "form": ("gap", "smooth", "jump", "behind")}
     plain = ("gap", "behind")
+    neutral = {"width": 0.0}
     citation = (
         "McRuer and Krendel, Mathematical models of human pilot behavior, AGARDograph 188 (1974): "
         "indifference thresholds."
@@ -163,10 +164,10 @@ class DeadZone(StaticMap):
             return signal - mean_within(signal, width, remnant)
         if self.form == "jump":
             # A sample at the threshold counts as far as it is inside: smooth in width.
-            edge = 0.05 * width
+            edge = max(0.05 * width, 1e-300)
             return signal * np.clip((np.abs(signal) - width) / edge + 0.5, 0.0, 1.0)
         if self.form == "smooth":
-            return signal - width * np.tanh(signal / width)
+            return signal - width * np.tanh(signal / max(width, 1e-300))
         return signal - np.clip(signal, -width, width)
 
 
@@ -407,6 +408,7 @@ class Saturation(StaticMap):
         "form": ("hard", "soft", "unequal", "behind"),
     }
     plain = ("hard",)
+    neutral = {"limit": np.inf}
     citation = "Gelb and Vander Velde, Multiple-input describing functions (1968)."
     told_apart = {
         "cubic_gain": "record runs at half the amplitude: stops are not reached then",
@@ -446,6 +448,8 @@ class Saturation(StaticMap):
         remnant: float = 0.0,
         skew: float = 0.0,
     ) -> np.ndarray:
+        if np.isinf(limit):
+            return signal
         if self.form == "soft":
             return limit * np.tanh(signal / limit)
         if self.form == "behind":
@@ -464,6 +468,7 @@ class RateLimit(Effect):
     tex = r"\left|\frac{\mathrm{d}u'}{\mathrm{d}t}\right| \le \mathrm{limit}"
     source = "Duda (1997)"
     kinks = True
+    neutral = {"limit": np.inf}
     parameters = (Parameter("limit", U / S, 0.1, 30.0, (1.0, 2.0, 4.0), "maximum rate"),)
     citation = (
         "Rate-limited actuators: Duda, Flight control system analysis with rate limiters (1997)."
@@ -518,6 +523,7 @@ class Stiction(Effect):
     )
     smooth = False
     shades = True
+    neutral = {"breakaway": 0.0}
     choices = {"form": ("slide", "jump")}
     citation = "Armstrong-Helouvry et al., A survey of models for machines with friction (1994)."
     told_apart = {
@@ -572,6 +578,8 @@ class Stiction(Effect):
     def apply(
         self, signal: np.ndarray, record: Record, breakaway: float, kinetic: float
     ) -> np.ndarray:
+        if breakaway == 0.0:
+            return signal
         slides = self.form != "jump"
         return _kernels.greybox.stuck(_kernels.gate(signal), breakaway, kinetic * breakaway, slides)
 

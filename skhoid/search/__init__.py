@@ -14,6 +14,7 @@ from .shape import Shape
 from .sketch import checked_name as checked_name
 from .statuses import Reason, Status, Verdict
 from .telling import HOW_TO_GO_ON as HOW_TO_GO_ON
+from .telling import limits_table as limits_table
 from .telling import parameters_table as parameters_table
 from .telling import tell_baseline as tell_baseline
 from .telling import tell_candidates as tell_candidates

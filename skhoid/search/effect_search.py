@@ -36,6 +36,7 @@ from ..runs import fingerprint_of
 from ..text import Note, Summary
 from .data import Held, SearchData, held_columns, prepare_data, refit_on_rows, split_data
 from .leftover import JudgedRecord, SearchNumbers, measure_path
+from .limits import end_explained, find_limits
 from .path import GivenDelay, Path, find_pair, forward, with_given_delay
 from .results import (
     SearchResult,
@@ -120,6 +121,12 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         reason_code and reason (why it was not added: a :class:`skhoid.search.Reason`, and words),
         words, confused_with, vaf_before, vaf_after. NaN is what was not evaluated.
         :meth:`ranking_table` is the short form.
+    limits_ : DataFrame
+        How large effects may be that were tried and are not named, one row each: effect (its id),
+        title, parameter, unit, sense ("at most", or "at least" where it does nothing at infinity),
+        limit (95 %, one-sided), limit_points (of VAF, what that size would gain), shown_from (the
+        smallest size that such runs show in 90 % of cases), shown_points, and reason (where a
+        number is NaN).
     best_effects_ : list of str
         Ids in the order added. ``"unknown"`` at the end means structure that none of the effects
         tried explains.
@@ -334,6 +341,9 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         if unit:
             predictions.attrs["units"] = {"measured": unit}
         ranking = ranking_table(numbers, prepared, self.display)
+        path = error_path(numbers, prepared)
+        last = path.iloc[-1]
+        ending = end_explained(found.ending, last["vaf"], last["ceiling"], numbers.share)
         notes = [*_note_searched(data), *note_changes(numbers.changes)]
         if self.max_effects:
             notes += note_untried(self.list_effects(), ranking)
@@ -344,11 +354,12 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
             notes += [Note("two estimates", text) for text in differ]
         notes += notes_of_lost(data.control.table)
         return SearchResult(
-            verdict=found.ending.verdict,
-            best_effects=found.ending.best_effects,
-            stand_ins=found.ending.stand_ins,
+            verdict=ending.verdict,
+            best_effects=ending.best_effects,
+            stand_ins=ending.stand_ins,
             ranking=ranking,
-            error_path=error_path(numbers, prepared),
+            limits=find_limits(numbers.path, prepared.units),
+            error_path=path,
             predictions=predictions,
             unexplained=unexplained_table(numbers.left),
             left_out=data.control.table,

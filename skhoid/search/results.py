@@ -44,8 +44,9 @@ class SearchResult:
         How it ended.
     best_effects, stand_ins : list of str
         Ids of effects that are named, and of those that explain too little to be named.
-    ranking, error_path, predictions, unexplained, left_out : DataFrame
-        Candidates, models, simulated outputs, structure left, and stretches left out.
+    ranking, limits, error_path, predictions, unexplained, left_out : DataFrame
+        Candidates, how large those may be that are not named, models, simulated outputs, structure
+        left, and stretches left out.
     parameters : DataFrame
         Of the best model.
     shape : Shape or None
@@ -76,6 +77,7 @@ class SearchResult:
     best_effects: list[str]
     stand_ins: list[str]
     ranking: pd.DataFrame
+    limits: pd.DataFrame
     error_path: pd.DataFrame
     predictions: pd.DataFrame
     unexplained: pd.DataFrame
@@ -108,6 +110,7 @@ class SearchResult:
         """
         return {
             "ranking": list_records(self.ranking),
+            "limits": list_records(self.limits),
             "error_path": list_records(self.error_path.reset_index()),
             "best_effects": self.best_effects,
             "stand_ins": self.stand_ins,

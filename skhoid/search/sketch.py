@@ -74,7 +74,7 @@ def why_no_shape(ids: Sequence[str]) -> str:
     """Why a search has no shape, and what to do."""
     if not ids:
         return (
-            "There is no shape to sketch: nothing is missing that these data could show. More "
+            "There is no shape to sketch: nothing was found that these data could show. More "
             "runs show smaller effects."
         )
     if ids[-1] != "unknown":

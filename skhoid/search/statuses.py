@@ -12,17 +12,22 @@ UNKNOWN = "unknown"  # the last of ``best_effects_`` where something has no name
 class Verdict(Enum):
     """How a search ends; ``str()`` of it is a sentence, and the last three leave something unnamed.
 
+    ``NOTHING`` is not that nothing is there: ``limits_`` says how large what was tried may be.
+    ``TOO_LITTLE`` is for a best model whose held-out VAF is below half of the noise ceiling, or,
+    where that is not known, below 5 % (both about the mean).
+
     Compare with the members: ``search.verdict_ is Verdict.NOTHING``.
 
     Examples
     --------
     >>> from skhoid.search import Verdict
     >>> str(Verdict.NOTHING), Verdict.NOTHING.leaves_unknown
-    ('nothing is missing', False)
+    ('nothing found', False)
     """
 
-    NOTHING = "nothing is missing"
+    NOTHING = "nothing found"
     FOUND = "effects found"
+    TOO_LITTLE = "the model explains too little to say"
     NOT_IN_CATALOGUE = "something is missing, not in the catalogue"
     NOT_TRIED = "something is missing, not among the effects tried"
     CUT_SHORT = "something is missing, and max_effects is reached"
@@ -30,12 +35,12 @@ class Verdict(Enum):
     @property
     def leaves_unknown(self) -> bool:
         """Whether something is missing that has no name."""
-        return self not in (Verdict.NOTHING, Verdict.FOUND)
+        return self not in (Verdict.NOTHING, Verdict.FOUND, Verdict.TOO_LITTLE)
 
     @property
     def kind(self) -> str:
         """``"nothing"``, ``"found"`` or ``"unknown"``."""
-        if self.leaves_unknown:
+        if self.leaves_unknown or self is Verdict.TOO_LITTLE:
             return "unknown"
         return "found" if self is Verdict.FOUND else "nothing"
 

@@ -30,6 +30,7 @@ from ..text import (
     estimates_table,
     gap_text,
     p_text,
+    quantity,
 )
 from .judging import P_OF_CHANGE
 from .likeness import experiment_between
@@ -39,7 +40,13 @@ from .statuses import UNKNOWN, Status, Verdict
 HOW_TO_GO_ON = {
     Verdict.NOT_TRIED: 'Try the rest of the catalogue too: effects="all", which is the default.',
     Verdict.CUT_SHORT: "Let the search add more effects: set a larger max_effects.",
+    Verdict.TOO_LITTLE: (
+        "Before any effect, look for what the output follows: other inputs, a delay, lost "
+        "synchronisation, runs that do not belong together."
+    ),
 }
+ALLOWED_SHOWN = 6  # rows of limits in a summary
+IF_SHOWN = {"at most": "from", "at least": "up to"}
 NO_FORM = "No free form explains it at any place either"
 
 
@@ -50,6 +57,7 @@ def tell_search(found: SearchResult) -> Document:
         tell_baseline(found),
         *(tell_step(found, step) for step in range(1, len(found.added) + 1)),
         *tell_end(found),
+        *([] if (limits := limits_table(found, ALLOWED_SHOWN)) is None else [limits]),
         Paragraph(
             f"{VAF_RULE} The points required of an effect are about the mean. ± is one "
             "standard error."
@@ -71,7 +79,9 @@ def tell_headline(found: SearchResult) -> str:
     top = f"noise ceiling {last['ceiling']:.1f} %" if np.isfinite(last["ceiling"]) else ""
     unknown = found.verdict.leaves_unknown
     if found.verdict is Verdict.NOTHING:
-        text = "Nothing is missing that these data could show"
+        text = f"Nothing found{tell_shown(found)}"
+    elif found.verdict is Verdict.TOO_LITTLE:
+        text = "The model explains too little to say what it is missing"
     elif not named:
         text = f"Something is missing that {unexplained_by(found)}"
     else:
@@ -171,6 +181,44 @@ def tell_end(found: SearchResult) -> list[Block]:
     if np.isfinite(last["explainable_gap"]) and np.isfinite(last["ceiling"]):
         texts.append(f"Left to explain: {gap_text(last['explainable_gap'])}; the rest is remnant.")
     return [*blocks, *map(Paragraph, texts)]
+
+
+def tell_shown(found: SearchResult) -> str:
+    """What these runs would have shown, as a second half of a sentence."""
+    points = found.limits["shown_points"].dropna()
+    if not len(points):
+        return ""
+    least, most = f"{points.min():.2g}", f"{points.max():.2g}"
+    worth = least if least == most else f"{least} to {most}"
+    of = f"{len(points)} of {counted(len(found.limits), 'effect')}"
+    return f"; these runs would have shown {of} from {worth} points on"
+
+
+def limits_table(found: SearchResult, n: int | None = None) -> TextTable | None:
+    """How large effects may be that are not named, those first that may be worth most, or None."""
+    known = found.limits.dropna(subset=["limit"])
+    if found.verdict is Verdict.TOO_LITTLE or known.empty:
+        return None
+
+    def told(row: pd.Series, key: str, points: str, shown: bool = False) -> str:
+        if not np.isfinite(row[key]):
+            return DASH
+        size = quantity(float(f"{row[key]:.2g}"), None if row["unit"] == "-" else row["unit"])
+        words = IF_SHOWN[row["sense"]] if shown else row["sense"]
+        return f"{words} {size} ({row[points]:.2g} points)"
+
+    rows = [
+        [
+            f"{row['title']}: {row['parameter']}",
+            told(row, "limit", "limit_points"),
+            told(row, "shown_from", "shown_points", shown=True),
+        ]
+        for _, row in known.head(len(known) if n is None else n).iterrows()
+    ]
+    most = f", the {len(rows)} that may be worth most" if len(known) > len(rows) else ""
+    caption = f"Effects that are not named: how large these runs allow them to be{most}"
+    headings = ["effect", "allowed (95 %)", "would show (90 %)"]
+    return TextTable(caption, headings, rows, tuple(headings), "limits")
 
 
 def unexplained_by(found: SearchResult) -> str:

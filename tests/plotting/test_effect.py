@@ -345,7 +345,7 @@ def test_friction_in_the_limb_is_a_force_over_the_rate(baseline):
 def found_nothing():
     """A search that is fitted, and has no shape until a test gives it one."""
     search = EffectSearchCV(OperatorRegressor())
-    search.best_estimator_, search.shape_, search.verdict_ = object(), None, "nothing is missing"
+    search.best_estimator_, search.shape_, search.verdict_ = object(), None, "nothing found"
     return search
 
 
@@ -377,7 +377,7 @@ def test_a_name_that_is_far_is_not_drawn_and_a_factor_does_nothing_where_it_is_o
 
 
 def test_a_search_without_a_shape_is_refused():
-    with pytest.raises(ValueError, match="no shape to draw: nothing is missing"):
+    with pytest.raises(ValueError, match="no shape to draw: nothing found"):
         EffectDisplay.from_shape(found_nothing())
     with pytest.raises(TypeError, match="draws a fitted EffectSearchCV"):
         EffectDisplay.from_shape(OperatorRegressor())

@@ -56,5 +56,5 @@ def test_a_ranking_without_rows_has_its_columns(model):
     assert search.best_effects_ == []
     assert len(search.ranking_) == 0
     assert {"step", "effect", "status", "reason_code", "vaf_gain"} <= set(search.ranking_)
-    assert "Nothing is missing" in search.summary()
-    assert "Nothing is missing" in search._repr_html_()
+    assert "Nothing found" in search.summary()
+    assert "Nothing found" in search._repr_html_()

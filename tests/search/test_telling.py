@@ -37,10 +37,10 @@ def biased():
 
 def test_a_verdict_is_no_sentence_and_a_user_who_compares_it_is_told():
     with pytest.raises(TypeError, match=r"is Verdict\.NOTHING"):
-        assert Verdict.FOUND == "nothing is missing"
+        assert Verdict.FOUND == "nothing found"
     assert str(Verdict.FOUND) == "effects found"
     assert (Verdict.FOUND == "some text") is False
-    assert [verdict.kind for verdict in Verdict] == ["nothing", "found", *["unknown"] * 3]
+    assert [verdict.kind for verdict in Verdict] == ["nothing", "found", *["unknown"] * 4]
 
 
 def test_candidates_have_a_status_and_a_code_for_the_reason(biased):

@@ -554,7 +554,7 @@ def headline(found: GroupEffectSearch) -> str:
         return f"The group has {'; '.join(parts)}."
     if len(found.members_) and found.members_["has"].any():
         return "No effect is the group's; single people have some."
-    return "Nothing is missing, in the group or in anybody."
+    return "Nothing found, in the group or in anybody."
 
 
 def _where(rows: pd.DataFrame, found: GroupEffectSearch) -> str:

@@ -25,6 +25,7 @@ from ...search import (
     EffectSearchCV,
     Shape,
     Status,
+    limits_table,
     tell_baseline,
     tell_headline,
     tell_no_name,
@@ -149,6 +150,7 @@ def read_content(
         "shape": None if search is None else _shape(search.shape_, gallery),
         "unit": units.get(str(output.name), ""),
         "rankings": [] if search is None else list(_rankings(search)),
+        "limits": None if search is None else limits_table(search.result_),
         "no_search": results.no_search,
         "criteria": {"delta_bic": f"{LEAST_DELTA_BIC:g}", "gain": f"{LEAST_GAIN:g}"},
         "parameters": _parameters(baseline, final),
@@ -219,9 +221,10 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
     sentence += "."
     if search.stand_ins_:
         sentence += f" {tell_stand_ins(search.stand_ins_)}."
-    if kind == "unknown" and len(search.unexplained_):
+    unnamed = search.verdict_.leaves_unknown
+    if unnamed and len(search.unexplained_):
         sentence += f" Left: {_unexplained(search)}."
-    if kind == "unknown":
+    if unnamed:
         sentence += f" {tell_no_name(search.result_)[0]}"
     return {"kind": kind, "headline": headline, "sentences": [sentence]}
 

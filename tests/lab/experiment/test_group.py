@@ -117,8 +117,8 @@ def test_where_nothing_is_missing_it_says_so_and_has_empty_tables():
     people = {(f"S{i}", c): runs(i) for i in range(2) for c in "AB"}
     group = GroupEffectSearch(EffectSearchCV(OperatorRegressor(), effects=["bias"]))
     group.fit(*joined(people, ["subject", "condition"]))
-    assert group.summary().splitlines()[0] == "Nothing is missing, in the group or in anybody."
+    assert group.summary().splitlines()[0] == "Nothing found, in the group or in anybody."
     assert group.group_effects_ == []
     for table in (group.prevalence_, group.members_, group.contrasts_):
         assert len(table) == 0
-    assert "Nothing is missing" in report(group).html
+    assert "Nothing found" in report(group).html

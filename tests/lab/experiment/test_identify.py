@@ -216,7 +216,7 @@ def test_a_search_for_effects_tells_what_each_person_has():
     assert not result.each_run
     found = result.found.set_index("subject")
     assert found.loc["P1", "effect"] == ""
-    assert found.loc["P1", "verdict"] == "nothing is missing"
+    assert found.loc["P1", "verdict"] == "nothing found"
     assert found.loc["P2", "effect"] == "bias"
     assert found.loc["P2", "parameter"] == "level"
     told = result.models["P2", "A"].best_estimator_.parameters_.loc["bias__level"]

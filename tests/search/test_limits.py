@@ -1,0 +1,89 @@
+"""How large an effect may be that is not named, and when a model explains too little."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.open_loop import recorded, searched
+
+from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+from skhoid.effects import Bias, DeadZone, ExtraLag, Saturation
+from skhoid.search import Verdict
+
+TRIED = ["dead_zone", "bias", "saturation", "extra_lag", "rectified"]
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return searched(recorded(seed=3), TRIED)
+
+
+def limits_of(search):
+    return search.limits_.set_index("effect")
+
+
+def test_nothing_found_says_what_could_have_been_found(plain):
+    assert plain.verdict_ is Verdict.NOTHING
+    found = limits_of(plain)
+    assert set(found.index) == set(TRIED)
+    sized = found.drop(index="rectified")
+    numbers = ["limit", "limit_points", "shown_from", "shown_points"]
+    assert np.isfinite(sized[numbers].to_numpy()).all()
+    assert (sized["limit_points"] < sized["shown_points"]).all()
+    assert found.loc["dead_zone", ["parameter", "unit"]].tolist() == ["width", "deg"]
+    assert np.isnan(found.loc["rectified", "limit"])
+    assert "no size" in found.loc["rectified", "reason"]
+
+
+def test_a_stop_is_limited_from_below(plain):
+    found = limits_of(plain)
+    assert found.loc["saturation", "sense"] == "at least"
+    assert found.loc["saturation", "limit"] > found.loc["saturation", "shown_from"]
+    assert found.loc["bias", "sense"] == "at most"
+    assert found.loc["bias", "limit"] < found.loc["bias", "shown_from"]
+
+
+def test_the_summary_and_json_tell_limits(plain):
+    said = " ".join(plain.summary().split())
+    assert "these runs would have shown 4 of 5 effects from" in said
+    assert "dead zone: width at most 0." in said
+    rows = json.loads(json.dumps(plain.result_.as_dict()))["limits"]
+    assert {row["effect"] for row in rows} == set(TRIED)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_more_remnant_allows_more(seed):
+    quiet, loud = (
+        limits_of(searched(recorded(2, 30.0, seed=seed, remnant=remnant), ["bias", "dead_zone"]))
+        for remnant in (0.02, 0.4)
+    )
+    assert (quiet["shown_from"] < loud["shown_from"]).all()
+
+
+def test_what_is_named_has_no_limit():
+    found = searched(recorded(2, 30.0, outer=lambda u: u + 0.3), ["bias", "dead_zone"])
+    assert found.best_effects_ == ["bias"]
+    assert found.limits_["effect"].tolist() == ["dead_zone"]
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_an_output_that_has_nothing_to_do_with_the_input_is_too_little(seed):
+    rng = np.random.default_rng(seed)
+    n = 1500
+    e, u = (np.convolve(rng.standard_normal(n), np.ones(12) / 12, "same") for _ in range(2))
+    index = pd.MultiIndex.from_product([["a"], np.arange(n) * 0.05], names=["run", "time"])
+    X, y = pd.DataFrame({"e": e}, index=index), pd.Series(u, index=index, name="u")
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias", "dead_zone"]).fit(X, y)
+    assert search.verdict_ is Verdict.TOO_LITTLE
+    assert search.best_effects_ == []
+    assert "explains too little to say" in search.summary()
+    assert "missing is" not in search.summary()
+
+
+HIDDEN = {
+    "bias": lambda size: Bias(level=size),
+    "dead_zone": lambda size: DeadZone(form="gap", width=size),
+    "extra_lag": lambda size: ExtraLag(time=size),
+    "saturation": lambda size: Saturation(form="hard", limit=size),
+}
