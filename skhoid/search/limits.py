@@ -31,6 +31,7 @@ ROUNDS = 6  # of simulations at the sizes that the last ones lead to
 CLOSE = 1.1  # times a size that was simulated, for which it stands too
 FAR = 5.0  # times those that were simulated, to which they are extrapolated
 N_SIZES = 1000
+EXACT = 1e-9  # of the output, below which a residual is rounding
 HALF = 0.5  # of the ceiling, which a model explains that can tell what it is missing
 BY_CHANCE = 5.0  # % of VAF: of five parameters fitted to 100 rows that have nothing to do with them
 BEGUN = (1.0, 4.0, 0.25, 16.0, 64.0)  # times the first size, until the output shows something
@@ -100,7 +101,8 @@ class Beside:
         self.own_plain = make_basis((rows[:-1] * criterion.known).reshape(len(rows) - 1, -1))
         self.residual = outside(self.own, white[-1:])[0]
         freedom = max(criterion.n - len(self.own), 1)
-        self.sigma = max(float(np.sqrt(self.residual @ self.residual / freedom)), 1e-300)
+        rounding = EXACT * np.sqrt(criterion.power / max(criterion.n, 1)) + 1e-300
+        self.sigma = max(float(np.sqrt(self.residual @ self.residual / freedom)), rounding)
         length = max(round(BLOCK * record.time_unit / (record.dt * criterion.thin)), 1)
         n, n_runs = criterion.y.shape
         self.blocks = (np.arange(n)[:, None] // length * n_runs + np.arange(n_runs)).ravel()

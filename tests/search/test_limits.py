@@ -7,8 +7,7 @@ import pandas as pd
 import pytest
 from support.open_loop import recorded, searched
 
-from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
-from skhoid.effects import Bias, DeadZone, ExtraLag, Saturation
+from skhoid import EffectSearchCV, OperatorRegressor
 from skhoid.search import Verdict
 
 TRIED = ["dead_zone", "bias", "saturation", "extra_lag", "rectified"]
@@ -79,11 +78,3 @@ def test_an_output_that_has_nothing_to_do_with_the_input_is_too_little(seed):
     assert search.best_effects_ == []
     assert "explains too little to say" in search.summary()
     assert "missing is" not in search.summary()
-
-
-HIDDEN = {
-    "bias": lambda size: Bias(level=size),
-    "dead_zone": lambda size: DeadZone(form="gap", width=size),
-    "extra_lag": lambda size: ExtraLag(time=size),
-    "saturation": lambda size: Saturation(form="hard", limit=size),
-}
