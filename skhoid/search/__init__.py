@@ -5,8 +5,8 @@ from .data import without_output as without_output
 from .effect_search import EffectSearchCV
 from .evidence import COLUMNS as EVIDENCE_COLUMNS  # noqa: F401
 from .evidence import evidence_of as evidence_of
-from .judging import LEAST_DELTA_BIC as LEAST_DELTA_BIC
 from .judging import LEAST_GAIN as LEAST_GAIN
+from .judging import THRESHOLD as THRESHOLD
 from .results import SearchResult
 from .results import with_effects as with_effects
 from .shape import BY_HAND as BY_HAND

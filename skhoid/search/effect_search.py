@@ -37,7 +37,7 @@ from ..text import Note, Summary
 from .data import Held, SearchData, held_columns, prepare_data, refit_on_rows, split_data
 from .leftover import JudgedRecord, SearchNumbers, measure_path
 from .limits import end_explained, find_limits
-from .path import GivenDelay, Path, find_pair, forward, with_given_delay
+from .path import Path, forward
 from .results import (
     SearchResult,
     compare_models,
@@ -48,7 +48,7 @@ from .results import (
 )
 from .shape import Shape, find_unnamed, fit_shape
 from .sketch import SketchesEffects
-from .statuses import UNKNOWN, Ending
+from .statuses import Ending
 from .steps import Progress, Search, output_error_fit
 from .telling import (
     experiments_for,
@@ -559,7 +559,7 @@ def search_effects(
     most: int,
     tries_all: bool,
 ) -> Found:
-    """Search with the delay that the model has; where it was given, first with a free one."""
+    """Search, on the output without a tremor that shows; what is found is told of all rows."""
     prepared, held = data.prepared, data.held
     baseline = estimators.model.first_fit(replace(prepared, record=search.record))
     recorded = search.record.y
@@ -568,56 +568,13 @@ def search_effects(
         held = held or [held_columns(fold.test) for fold in search.folds]
         search = calm
         baseline = estimators.model.first_fit(replace(prepared, record=calm.record))
-    ends = Ends(
-        estimators,
-        np.where(prepared.known, y, np.nan),
-        recorded,
-        None if search.record is prepared.record else held,
-        tries_all,
-    )
-    given = GivenDelay.of(search, baseline) if most else None
-    found = None if given is None else search_with_free_delay(given, prepared, ends, most)
-    return found or search_as_given(search, prepared, baseline, ends, most)
-
-
-def search_as_given(
-    search: Search, prepared: Prepared, baseline: Model, ends: Ends, most: int
-) -> Found:
-    """Search with the delay that the model has; for a pair where no effect alone has a name."""
+    measured = np.where(prepared.known, y, np.nan)
+    held = None if search.record is prepared.record else held
+    ends = Ends(estimators, measured, recorded, held)
     numbers, best = ends.numbers(search, prepared, forward(search, baseline, most))
-    ended = find_unnamed(search, numbers, tries_all=ends.tries_all)
-    alone = ended.ending.best_effects == [UNKNOWN] and ended.form is None
-    pair = find_pair(search, numbers.path, most) if alone else None
-    if pair is not None:
-        numbers, best_of_pair = ends.numbers(search, prepared, pair)
-        of_pair = find_unnamed(search, numbers, tries_all=ends.tries_all)
-        if of_pair.ending.named:
-            ended, best = of_pair, best_of_pair
-    shape = fit_shape(ended, ends.estimators.model, prepared, ends.measured)
+    ended = find_unnamed(search, numbers, tries_all=tries_all)
+    shape = fit_shape(ended, estimators.model, prepared, measured)
     return Found(ended.found, ended.ending, best, shape)
-
-
-def search_with_free_delay(
-    given: GivenDelay, prepared: Prepared, ends: Ends, most: int
-) -> Found | None:
-    """Search with a free delay in place of the given one, and take over names and what is left.
-
-    None where the freed delay is all that it finds, and one effect beside the given delay explains
-    clearly more.
-    """
-    model = ends.estimators.model
-    freed, search, baseline = given.freed(prepared, model)
-    more = most + len(baseline.effects) - len(given.baseline.effects)
-    numbers, _ = ends.numbers(search, freed, forward(search, baseline, more))
-    ended = find_unnamed(search, numbers, tries_all=ends.tries_all)
-    free = ended.found
-    path = given.tested(free.path)
-    if given.stands(path):
-        return None
-    shape = fit_shape(ended, model, freed, ends.measured)
-    numbers, best = ends.numbers(given.search, prepared, path)
-    numbers = replace(numbers, left=free.left, noises=free.noises, changes=free.changes)
-    return Found(numbers, with_given_delay(ended.ending, free.path, path), best, shape)
 
 
 @dataclass(frozen=True)
@@ -633,7 +590,6 @@ class Ends:
     measured: np.ndarray
     recorded: np.ndarray | None
     held: list[Held] | None
-    tries_all: bool
 
     def numbers(
         self, search: Search, prepared: Prepared, path: Path

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from ..effects.composition import Effects
 from ..model.simulated_arx import simulated_model
 from .effect_search import EffectSearchCV
-from .judging import Candidate, evidence_for
+from .judging import LIKELIHOOD, LOOP, Candidate
 from .steps import Search, SearchStep
 
 COLUMNS = [
@@ -58,16 +58,18 @@ def _weighed(search: EffectSearchCV, kept: Effects, tried: list[Any], X: Any, y:
         data = asked.read_data(model, X, y)
         whole = Search(data.prepared.core, data.record, tried, data.folds)
         step = whole.step(model.first_fit(data.searched))
-        unknown = [c for c in step.candidates if c.model is not None and np.isnan(c.joint)]
-        if step.find_joint is not None and unknown:
-            step.find_joint(unknown)
+        own = step.own_noise()
         for c in step.candidates:
+            if c.model is not None and own is not None and LIKELIHOOD not in c.evidence:
+                c.evidence[LIKELIHOOD] = own.weigh(c.model)
             if c.model is not None and c.in_loop is None and step.loop is not None:
-                c.in_loop = step.loop.compare_in_loop(c.model)
+                c.in_loop = step.loop.compare(c.model)
+                c.evidence[LOOP] = c.in_loop.evidence
     return step
 
 
 def _row(out: str, c: Candidate) -> tuple[Any, ...]:
-    in_loop = np.nan if c.in_loop is None else c.in_loop.delta_bic
-    numbers = evidence_for(c), c.gain, c.delta_bic, c.joint, in_loop
+    """What all judges say of a candidate, in ΔBIC; nothing where held-out rows speak against it."""
+    least = 2 * (c.least if c.gain > 0 else min(c.least, 0.0)) if c.evidence else np.nan
+    numbers = least, c.gain, c.delta_bic, c.joint, 2 * c.evidence.get(LOOP, np.nan)
     return out, c.effect.name, *numbers, c.inapplicable

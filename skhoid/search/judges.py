@@ -1,6 +1,6 @@
 """What judges a model of a search, in numbers: held-out rows, closed loop, noise models, traces.
 
-What counts in these numbers is in :mod:`skhoid.search.judging`.
+What counts is in :mod:`skhoid.search.judging`.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +16,16 @@ from ..diagnosis.leaks import LeakTest, leak_test
 from ..effects.base import Effect
 from ..effects.catalogue import CLASSES
 from ..effects.composition import Effects
-from ..effects.record import Record, Signature, find_fastest, find_step, find_stop
+from ..effects.record import (
+    PILED,
+    PILED_RATES,
+    RECURRING,
+    Record,
+    Signature,
+    find_fastest,
+    find_step,
+    find_stop,
+)
 from ..model.cores import Core
 from ..model.estimator import vaf_of_output
 from ..model.extend import refitted, shared_derivatives
@@ -25,6 +34,8 @@ from ..model.likelihood import likeliest, usual_starts
 from ..model.loop import Loop, LoopSimulator, draw_remnant, find_loop
 from ..model.model import Model
 from ..model.simulator import Simulator
+from .expected import could_know, expected_evidence
+from .judging import THRESHOLD
 
 TAKEN_BACK = (0.9, 0.8, 0.5)  # shares of the way
 RATES = (12.5, 6.25)  # Hz: faster, errors of sensors and simulation count more than the remnant
@@ -120,12 +131,19 @@ def without_folds(
         yield fold, fitted
 
 
+def weigh(parent: Model, model: Model, n: int) -> float:
+    """Nats of a model over its parent, both at the minimum of one criterion with n rows."""
+    more = model.n_parameters - parent.n_parameters
+    ratio = np.log(max(parent.sse, 1e-300) / max(model.sse, 1e-300))
+    return float(n * ratio - more * np.log(n)) / 2
+
+
 class JointParent:
     """A model against which others are judged, each with the noise model that is likeliest with it.
 
     The noise model of a simulation-error fit holds the bias of the remnant that comes back in the
-    error. A model must win at every rate of ``RATES``, so ΔBIC is the least of them: one that wins
-    at a single rate fits an error of the simulation or of a sensor.
+    error. A model must win at every rate of ``RATES``, so its evidence is the least of them: one
+    that wins at a single rate fits an error of the simulation or of a sensor.
     """
 
     def __init__(self, parent: Model):
@@ -138,12 +156,12 @@ class JointParent:
             starts = starts if last is None else [last[1], parent.theta]
             self.found.append(likeliest(simulator, starts, rate))
 
-    def delta_bic(self, model: Model, least: float = -np.inf) -> float:
-        """Of a model over the parent; NaN without a maximum. Ends at a rate not above ``least``."""
+    def weigh(self, model: Model) -> float:
+        """Nats of a model over the parent; NaN without a maximum."""
         found = np.inf
         for at_parent, rate in zip(self.found, RATES, strict=True):
             found = float(np.minimum(found, self._at_rate(model, at_parent, rate)))
-            if not found > least:
+            if not found > THRESHOLD:
                 break
         return found
 
@@ -163,26 +181,22 @@ class JointParent:
             return np.nan
         n = Criterion(simulator.record, rate=rate).n
         added = model.n_parameters - self.parent.n_parameters
-        return fewer[0] - larger[0] - added * float(np.log(n))
+        return (fewer[0] - larger[0] - added * float(np.log(n))) / 2
 
 
 @dataclass(frozen=True)
 class InLoop:
-    """A model in the closed loop: its VAF on held-out rows, and what it has over a parent there.
+    """A model in the closed loop: nats over its parent, its VAF on held-out rows, and their gain.
 
-    NaN where the loop cannot be solved, as with what jumps or sticks, or is not asked. ``bends``
-    says that what the model has more is not linear, moves levels, or acts in stretches that were
-    found in the data; None where no loop is known. The loop may be wrong about such effects: the
-    mean over remnants hides the bend, the loop leaves the level open, or the stretches take up the
-    remnant. That they are no better there does not refute them; that they are much worse does.
-    ``parent_has`` is nothing yet, other effects, or among them some that bend.
+    NaN where the loop cannot know: it cannot be solved, what the model has more is not linear (the
+    mean over remnants hides a bend), moves levels alone (which an integrator leaves open), acts in
+    stretches that were found in the data (which take up the remnant), or would change nothing there
+    that other parameters do not.
     """
 
     vaf: float = np.nan
-    delta_bic: float = np.nan
+    evidence: float = np.nan
     gain: float = np.nan
-    bends: bool | None = None
-    parent_has: Literal["nothing", "others", "bent"] = "others"
 
 
 def only_levels(added: Sequence[Effect], parent: Model, model: Model) -> bool:
@@ -250,8 +264,6 @@ class LoopParent:
     def __init__(self, judge: LoopJudge, loop: Loop, parent: Model):
         self.judge, self.loop, self.parent = judge, loop, parent
         self._vaf: tuple[Model, float] | None = None
-        self._compared: dict[int, tuple[Model, InLoop, Model | None]] = {}  # models by identity
-        self._judged: dict[int, tuple[Model, InLoop]] = {}  # beside which fit of the parent
 
     @cached_property
     def fit(self) -> Model:
@@ -263,59 +275,45 @@ class LoopParent:
         """Whether the loop can be solved."""
         return bool(np.isfinite(self.fit.output).all())
 
-    def compare_in_loop(self, model: Model) -> InLoop:
+    def compare(self, model: Model) -> InLoop:
         """A model with more effects, and the parent, under the noise model of the better one."""
-        done = self._judged.get(id(model))
-        if done is not None and done[0] is self.fit:
-            return done[1]
-        known, fitted = self.compare_likelihood(model)
-        if fitted is None:
-            return known
-        before, after = self.vaf, self._held_out(fitted)
-        if not np.isfinite(before):
-            known = self._not_asked(self._bends(model, self._added(model)))
-        elif not np.isfinite(after):
-            known = self._unsolved(model)
-        else:
-            known = replace(known, vaf=after, gain=after - before)
-        self._judged[id(model)] = (self.fit, known)
-        return known
-
-    def compare_likelihood(self, model: Model) -> tuple[InLoop, Model | None]:
-        """The same without held-out rows, which take long, and the fit to judge, or None."""
-        if id(model) not in self._compared:
-            self._compared[id(model)] = (model, *self._compare(model))
-        return self._compared[id(model)][1:]
-
-    def _compare(self, model: Model) -> tuple[InLoop, Model | None]:
         added = self._added(model)
-        effects = [effect for _, effect in added]
-        if only_levels(effects, self.parent, model):
-            return self._not_asked(True), None
-        bends = self._bends(model, added)
-        if not (model.simulator.smooth and self.solved):
-            return self._not_asked(bends), None
-        known = self.fit.values()
-        names = model.simulator.names
-        other = np.array([{**model.values(), **known}[name] for name in names])
+        if (
+            only_levels([effect for _, effect in added], self.parent, model)
+            or not (model.simulator.smooth and self.solved)
+            or self._bends(model, added)
+        ):
+            return InLoop()
+        known = {**model.values(), **self.fit.values()}
+        other = np.array([known[name] for name in model.simulator.names])
         fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
         if not np.isfinite(fitted.output).all():
-            return self._unsolved(model), None
+            # A linear path with which the loop does not settle is not the answer of this person.
+            paths = all(effect.place in ("path", "sum") for _, effect in added)
+            lost = -np.inf if paths else np.nan
+            return InLoop(lost, lost, lost)
         self._start_from(fitted)
-        delta_bic = min(self.delta_bic(fitted, rate) for rate in RATES)
-        bends = bends and self._bends(model, model.effects.steps)
-        return InLoop(delta_bic=delta_bic, bends=bends, parent_has=self._parent_has), fitted
+        evidence = min(self._weigh(fitted, rate) for rate in RATES)
+        if evidence < 0 and not self._could_know(model):
+            return InLoop()
+        after = self._held_out(fitted) if evidence > THRESHOLD else np.nan
+        return InLoop(after, evidence, after - self.vaf)
 
-    def _unsolved(self, model: Model) -> InLoop:
-        """Of a model without a solution: a linear path does not settle, or lacks a delay."""
-        added = self._added(model)
-        paths = all(effect.place in ("path", "sum") for _, effect in added)
-        linear = paths and not self._bends(model, model.effects.steps)
-        lost = -np.inf if linear else np.nan
-        return InLoop(lost, lost, lost, self._bends(model, added))
+    def _could_know(self, model: Model) -> bool:
+        """Whether the loop would grant what a model has more, if that is as its free run says."""
+        simulator: Any = LoopSimulator(self.judge.core, model.effects, self.judge.record, self.loop)
+        known = {**model.values(), **self.fit.values()}
+        theta = np.array([known[name] for name in model.simulator.names])
+        criterion = Criterion(self.judge.record, rate=RATES[0])
+        criterion.set_noise(criterion.remnant_model(self.fit.output))
+        variance = self.fit.under(criterion).sse / max(criterion.n, 1)
+        asked = Model(simulator, replace(model.fit, theta=theta))
+        expected = expected_evidence(self.fit, asked, criterion, variance)
+        more = model.n_parameters - self.parent.n_parameters
+        return could_know(expected, more * np.log(criterion.n) / 2, 0.0)
 
-    def delta_bic(self, fitted: Model, rate: float) -> float:
-        """What a model has over the parent at a rate, under the noise model of the better one."""
+    def _weigh(self, fitted: Model, rate: float) -> float:
+        """Nats of a model over the parent at a rate, under the noise model of the better one."""
         criterion = Criterion(self.judge.record, rate=rate)
         best = min(self.fit, fitted, key=lambda m: m.sse)
         if not np.isfinite(best.output).all():  # beyond the rows that count it may run away
@@ -324,20 +322,7 @@ class LoopParent:
         parent, refined = (
             m.refined(criterion, max_iter=ITERATIONS, tol=TOLERANCE) for m in (self.fit, fitted)
         )
-        ratio = criterion.n * np.log(max(parent.sse, 1e-300) / max(refined.sse, 1e-300))
-        more = refined.n_parameters - parent.n_parameters
-        return float(ratio - more * np.log(criterion.n))
-
-    def _not_asked(self, bends: bool) -> InLoop:
-        """What is left to other criteria."""
-        return InLoop(bends=bends, parent_has=self._parent_has)
-
-    @cached_property
-    def _parent_has(self) -> Literal["nothing", "others", "bent"]:
-        steps = self.parent.effects.steps
-        if not steps:
-            return "nothing"
-        return "bent" if self._bends(self.parent, steps) else "others"
+        return weigh(parent, refined, criterion.n)
 
     def _bends(self, model: Model, steps: list[tuple[str, Effect]]) -> bool:
         """Whether some of the effects of a model, without the others, make no linear answer."""
@@ -402,19 +387,31 @@ def test_leak(model: Model) -> LeakTest | None:
         )
 
 
-def find_traces(record: Record) -> dict[str, str]:
-    """Sentences on stops, rate limits and levels seen in the measured output, by effect."""
+def find_traces(record: Record) -> dict[str, tuple[str, float]]:
+    """Stops, rate limits and levels seen in the measured output: a sentence and nats, by effect.
+
+    The nats are those of the samples there (at 12.5 Hz, as neighbours say the same), as counts of
+    Poisson, over the most that an output without the effect shows.
+    """
+    n = float(record.known.sum()) * record.dt / record.time_unit * RATES[0]
+
+    def weigh_share(share: float, usual: float) -> float:
+        return n * (share * np.log(share / usual) - share + usual)
+
     step = find_step(record)
     if step is not None:
-        return {"quantised": f"the output takes few values, {step:.3g} apart"}
+        text = f"the output takes few values, {step:.3g} apart"
+        return {"quantised": (text, weigh_share(1.0, RECURRING))}
     found = {}
     stop = find_stop(record)
     if stop is not None:
-        found["saturation"] = f"{100 * stop.share:.0f} % of the samples lie at {stop.where}"
+        text = f"{100 * stop.share:.0f} % of the samples lie at {stop.where}"
+        found["saturation"] = text, weigh_share(stop.share, PILED)
     fastest = find_fastest(record)
     if fastest is not None:
         share, limit = fastest
-        found["rate_limit"] = f"{100 * share:.0f} % of the rates lie at ±{limit:.3g} per second"
+        text = f"{100 * share:.0f} % of the rates lie at ±{limit:.3g} per second"
+        found["rate_limit"] = text, weigh_share(share, PILED_RATES)
     return found
 
 

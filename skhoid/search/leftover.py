@@ -26,10 +26,11 @@ from ..model.simulator import Simulator
 from ..runs.roles import OTHER
 from .data import Held
 from .judges import RATES, HeldOutRows, LoopJudge, noises_in
-from .judging import LEAST_DELTA_BIC, LEFT_SURELY, NOTED
+from .judging import LEAST_GAIN, THRESHOLD
 from .path import Path, further_changes
 from .steps import Search, SearchStep
 
+LEFT_SURELY = 4.0  # standard errors by which what is left exceeds nothing
 LAGS = 12  # of a channel
 LONGEST_LAG = 1.2  # s
 SHAKEN_LAGS = 5  # of motion that shakes body and stick
@@ -128,7 +129,7 @@ def measure_path(
     noises, others = noises_in(recorded - path.model.output, record, search.noises)
     left += [Leftover(s.where, "output", s.words, 100 * s.share, np.nan) for s in others]
     rest, rest_sd, vaf, unknown = find_gap(best, prepared, measured)
-    noted = NOTED * search.share
+    noted = LEAST_GAIN * search.share
     left = [item for item in left if item.points >= noted]
     if rest > LEFT_SURELY * rest_sd and rest >= noted:  # not where it is NaN
         left.insert(0, Leftover("repeats", "output", REPEATS, rest, np.nan))
@@ -299,7 +300,7 @@ def _judge_columns(
     after = gram[-1, -1] - _explained(gram[:-1, :-1], gram[:-1, -1])
     least = 1e-300  # a model may be exact
     delta_bic = n * np.log(max(before, least) / max(after, least)) - len(columns) * np.log(n)
-    if delta_bic < LEAST_DELTA_BIC:
+    if delta_bic < 2 * THRESHOLD:
         return None
     points = points_gained(white, plain, residual, n_own, criterion, folds, _solved)
     return (points, float(delta_bic)) if points > 0 else None

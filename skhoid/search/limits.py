@@ -19,11 +19,10 @@ from ..effects.registry import title_of
 from ..model.fitting import Criterion, derivatives
 from ..model.model import Model
 from ..model.simulator import Simulator
-from .judging import Candidate
+from .judging import THRESHOLD, Candidate
 from .path import Path
 from .statuses import Ending, Verdict
 
-THRESHOLD = 12.5  # nats, evidence of an effect that is added
 ALLOWED = float(chi2.ppf(0.9, 1)) / 2  # nats below the likeliest size: 95 % on one side
 SHOWN = float(norm.ppf(0.9))  # standard deviations of the evidence, for 90 %
 BLOCK = 10.0  # s, longer than remnant and loop remember

@@ -16,7 +16,7 @@ from ..model.estimator import vaf_of_output
 from ..model.parameters import parameter_table, parameter_text
 from ..model.prepared import Prepared
 from ..text import Note
-from .judging import Candidate, against_candidate
+from .judging import Candidate, find_why_not
 from .leftover import Leftover, SearchNumbers
 from .shape import Shape
 from .statuses import Reason, Status, Verdict
@@ -244,6 +244,9 @@ class Ranked:
     gain_loop: float = np.nan
     delta_bic_loop: float = np.nan
     delta_bic_joint: float = np.nan
+    evidence: float = np.nan
+    judge: str = ""
+    probability: float = np.nan
     parameters: str = ""
     reason_code: Reason = Reason.NONE
     reason: str = ""
@@ -281,13 +284,13 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 + (f" {c.trace}." if c.trace else ""),
             )
             if not c.inapplicable:
-                row.delta_bic = c.delta_bic
+                row.delta_bic, row.evidence, row.judge = c.delta_bic, c.least, c.judge
                 row.vaf_after, row.vaf_gain = before + c.gain, c.gain
             if c.in_loop is not None:
-                row.delta_bic_loop, row.gain_loop = c.in_loop.delta_bic, c.in_loop.gain
+                row.delta_bic_loop, row.gain_loop = 2 * c.in_loop.evidence, c.in_loop.gain
             if c.name not in chosen:
                 row.status = Status.REFUSED if c.inapplicable else Status.NOT_BETTER
-                against = against_candidate(c, winner, taken_out=c.name in of_step)
+                against = find_why_not(c, winner, taken_out=c.name in of_step)
                 row.reason_code, row.reason = against
             rows.append(row)
     first = path.steps[0]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from ..effects.base import Effect
 from ..effects.catalogue import FREE_FORMS
 from ..effects.composition import Effects
 from ..effects.free_form import FEWEST, FreeForm
@@ -37,24 +38,10 @@ from ..text import Document, Paragraph, TextTable, Told, number
 from .data import refit_on_rows
 from .formulas import Fitted, find_formula
 from .judges import HeldOutRows, held_out
-from .judging import (
-    AS_GOOD,
-    AS_GOOD_FORM,
-    BESIDE_ONE,
-    BESIDE_SEVERAL,
-    CLAIM,
-    LEAST_DELTA_BIC,
-    LEAST_GAIN,
-    Candidate,
-    decided,
-    elsewhere,
-    excess_asked,
-    first_stands,
-    unnamed_verdict,
-)
+from .judging import LEAST_GAIN, THRESHOLD, Candidate
 from .leftover import Leftover, SearchNumbers, find_gap, leftovers, points_gained
 from .likeness import nearest_effects, nearest_table, recordings_for
-from .path import lead
+from .path import CLAIM, find_cost
 from .statuses import Ending, Verdict
 from .steps import Search, SearchStep, output_error_fit
 
@@ -80,6 +67,109 @@ N_POINTS = 101  # of a curve
 N_DRAWS = 4000
 LEVEL = 0.95  # of the band
 AT_A_KINK = 3.0  # times the change by half the distance of knots; twice if nothing kept it back
+
+
+AS_GOOD = 0.05
+
+
+class LeftBeside(NamedTuple):
+    """How much structure may be left beside effects that are named.
+
+    It counts as structure that nothing explains if it is at least ``points`` (of VAF about the
+    mean) and more than the share ``counts`` of what could be explained. Names are dropped if it is
+    more than the share ``unnames`` too; the limit rises with what the effects gain, to
+    ``unnames_much`` for 10 points, since hardly anything else imitates as much.
+    """
+
+    points: float
+    counts: float
+    unnames: float
+    unnames_much: float
+
+
+BESIDE_ONE = LeftBeside(points=0.6, counts=0.1, unnames=0.12, unnames_much=0.5)
+BESIDE_SEVERAL = LeftBeside(points=0.4, counts=0.04, unnames=0.04, unnames_much=0.25)
+MUCH_GAINED = 10.0  # points about the mean, for which the last share holds
+AS_GOOD_FORM = 0.1  # points
+BEHIND, LINEAR = "behind the muscles' delay", "linear"
+# A linear answer may be a delay, dynamics or a path, and a path may answer the size of the error.
+GROUPS = {
+    "delay": frozenset({LINEAR}),
+    "path": frozenset({LINEAR, "input"}),
+    "command": frozenset({LINEAR, BEHIND}),
+    "spring": frozenset({BEHIND}),
+    "output": frozenset({BEHIND}),
+    "inside": frozenset({BEHIND}),
+}
+
+
+def decided(found: SearchNumbers, *, tries_all: bool) -> Ending:
+    """Whether what was found can be named, and whether something else is missing."""
+    ids, stand_ins, worst = found.ids, [], found.worst
+    share = worst / max(worst + found.gained, 1e-300)
+    limits = BESIDE_SEVERAL if len(found.added) > 1 else BESIDE_ONE
+    large = largest_left(limits, found.gained, found)
+    left = worst >= limits.points * found.share and share > limits.counts
+    if not (left or found.one_cause):
+        return Ending(Verdict.FOUND if ids else Verdict.NOTHING, ids, [])
+    if found.one_cause:
+        ids, stand_ins = [], ids
+    elif share > large:
+        kept = 1 if len(found.added) > 1 and first_explains(found) else 0
+        ids, stand_ins = ids[:kept], ids[kept:]
+    if found.path.steps[-1].best is not None:
+        return Ending(Verdict.CUT_SHORT, ids, stand_ins)
+    return Ending(unnamed_verdict(tries_all), ids, stand_ins)
+
+
+def unnamed_verdict(tries_all: bool) -> Verdict:
+    """The verdict of a search that leaves something without a name."""
+    return Verdict.NOT_IN_CATALOGUE if tries_all else Verdict.NOT_TRIED
+
+
+def first_explains(found: SearchNumbers) -> bool:
+    """Whether the first effect would stay named on its own: later ones take nothing from it."""
+    gained = found.steps[1].vaf - found.steps[0].vaf
+    left = found.worst + found.gained - gained
+    return left <= largest_left(BESIDE_ONE, gained, found) * (left + gained)
+
+
+def largest_left(limits: LeftBeside, gained: float, found: SearchNumbers) -> float:
+    """Share of what could be explained that may be left when a named effect gains so much."""
+    return max(limits.unnames, limits.unnames_much * min(gained / (MUCH_GAINED * found.share), 1.0))
+
+
+def first_stands(rival: Candidate, found: SearchNumbers) -> bool:
+    """Whether the first effect acts where a form does, and leaves little of what that explains."""
+    first = dict(found.path.model.effects.steps)[found.added[0]]
+    left = rival.gain - (found.steps[1].vaf - found.steps[0].vaf)
+    return (
+        bool(find_group(rival.effect) & find_group(first))
+        and left <= BESIDE_ONE.counts * rival.gain
+    )
+
+
+def excess_asked(one: Candidate, found: SearchNumbers) -> float:
+    """Points by which a form must exceed all effects found to speak against them."""
+    if len(found.added) > 1:
+        return -AS_GOOD_FORM
+    if not elsewhere(one.effect, found):
+        return found.share * BESIDE_ONE.points
+    named, form = found.path.model, one.model
+    plainer = form is not None and form.n_parameters < named.n_parameters
+    return -AS_GOOD_FORM if plainer else found.share * LEAST_GAIN
+
+
+def elsewhere(form: Any, found: SearchNumbers) -> bool:
+    """Whether a form acts elsewhere than all effects that were found."""
+    effects = dict(found.path.model.effects.steps)
+    own = find_group(form)
+    return all(not own & find_group(effects[name]) for name in found.added)
+
+
+def find_group(effect: Effect) -> frozenset[str]:
+    """What an effect changes, so far as data tell places apart."""
+    return GROUPS.get(effect.place, frozenset({effect.place}))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -554,7 +644,7 @@ def hinted(
         delta_bic = n * np.log(max(before, 1e-300) / max(after, 1e-300)) - dof * np.log(n)
         best = max(best, (float(delta_bic), known), key=lambda one: one[0])
     delta_bic, known = best
-    if delta_bic < LEAST_DELTA_BIC:
+    if delta_bic < 2 * THRESHOLD:
         return None
     points = points_gained(white, plain, residual, n_own, criterion, folds, _solve, known)
     return (points, delta_bic) if points > 0 else None
@@ -600,7 +690,7 @@ def find_unnamed(search: Search, found: SearchNumbers, *, tries_all: bool) -> Un
         step = judge_forms(search, parent, forms)
         rival = find_best_minima(search, step)
         if rival is None:
-            doubtful = [c for c in step.candidates if c.pays and c.joint > LEAST_DELTA_BIC]
+            doubtful = [c for c in step.candidates if c.refused is None and c.joint > 2 * THRESHOLD]
             return Unnamed(search, found, ending, None, tuple(doubtful))
     return Unnamed(search, found, ending, rival)
 
@@ -638,8 +728,10 @@ def beside_one_form(
     excess, one_cause = rival.gain - found.gained, False
     refutes = not first_stands(rival, found) if several else elsewhere(rival.effect, found)
     if refutes and excess > excess_asked(rival, found):
-        lead_asked = 0.0 if several else LEAST_DELTA_BIC
-        one_cause = lead(search, baseline, rival.model, found.path.model) > lead_asked
+        lead_asked = 0.0 if several else 2 * THRESHOLD
+        one_cause = (
+            find_cost(search, found.path.model) - find_cost(search, rival.model) > lead_asked
+        )
     effect: Any = rival.effect
     more = Leftover("shape", effect.over, ONE_FORM, excess, rival.delta_bic)
     at_sight = most >= found.gained + max(least * found.share, share * most)

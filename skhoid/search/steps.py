@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -21,12 +21,11 @@ from ..effects.record import Record
 from ..model.cores import Core
 from ..model.estimator import vaf_of_output
 from ..model.extend import explored_from, extended
-from ..model.fitting import Criterion, Fit, minimise, sse_at
+from ..model.fitting import Criterion, Fit
 from ..model.model import Model, in_order, without
 from ..model.simulator import Simulator
 from .judges import (
     HeldOutRows,
-    InLoop,
     JointParent,
     LoopJudge,
     LoopParent,
@@ -34,38 +33,30 @@ from .judges import (
     held_out,
     refitted_prediction,
     test_leak,
+    weigh,
     without_folds,
     without_noise,
 )
 from .judging import (
-    CLAIM,
-    CONFUSED,
+    FREE_RUN,
     LEAST_GAIN,
-    LEAST_GAIN_OF_CLAIM,
-    LIKELY_IF_FIRST,
-    LOOP_DELTA_BIC,
-    MAY_BE_BEST,
-    N_RIVALS,
-    RIVAL,
-    TRACE_LEADS,
+    LIKELIHOOD,
+    LOOP,
+    THRESHOLD,
+    TRACE,
     Candidate,
-    as_good,
-    find_special_cases,
+    find_lead,
+    find_likeliest_alternatives,
     find_why_unnamed,
-    hardly_there,
-    leaks_beyond,
-    likeliest_alternatives,
+    find_why_zero,
     mark_confused,
-    may_lead,
-    order_key,
-    plainest_first,
+    rank,
 )
 from .statuses import Against, Reason
 
 PARTS = 3  # of the work for each process
-HOPELESS = 0.002  # of the output's power
-
-FindJoint = Callable[[list[Candidate]], None]
+HOPELESS = 0.002  # of the output's power: less than ``LEAST_GAIN`` on the rows of the fit
+N_JUDGED = 2  # of the best candidates: the first, and the one it has to be told from
 
 
 class Progress:
@@ -117,7 +108,7 @@ class SearchStep:
 
     The parent is there twice: ``at_likelihood``, the largest under the noise model of the step, and
     ``at_least_error`` of the simulation. ``refit`` is the held-out VAF of a model refitted for each
-    fold, and ``find_joint`` finds the unbiased ΔBIC of candidates.
+    fold, and ``own_noise`` the parent with the noise model that is likeliest with it.
     """
 
     at_likelihood: Model
@@ -127,127 +118,69 @@ class SearchStep:
     candidates: list[Candidate]
     loop: LoopParent | None
     refit: Callable[[Model], float]
-    find_joint: FindJoint | None = None
+    own_noise: Callable[[], JointParent | None]
 
     @property
     def refitted_vaf(self) -> float:
         """Held-out VAF of the parent, refitted for each fold."""
         return self.refit(self.at_least_error)
 
-    def rank(self) -> None:
-        """Put the best first; it has also passed in the closed loop, where that is known."""
-        judged: list[Candidate] = []
-        while True:
-            find_likely_joint(self.candidates, self.find_joint)
-            self.candidates.sort(key=order_key)
-            plainest_first(self.candidates)
-            first = self.candidates[0] if self.candidates else None
-            if first is None or not first.passes or any(first is one for one in judged):
-                break
-            self.judge(first)
-            judged.append(first)
-        self._likeliest_in_loop()
-        mark_confused(self.candidates)
-
-    def _likeliest_in_loop(self) -> None:
-        """Of the linear effects that pass, the one with the largest ΔBIC in the closed loop.
-
-        Outside the loop, the remnant also influences which of them fits best. Those whose ΔBIC in
-        the loop is within 20 of the largest keep their order: the first of them leads.
-        """
-        first = self.best
-        if first is None or not first.linear_in_loop:
-            return
-        rivals = [c for c in self.rivals() if not c.trace][:N_RIVALS]
-        assert self.loop is not None
-        assert first.in_loop is not None
-        enough = first.in_loop.delta_bic + LOOP_DELTA_BIC
-        if not any(self._likely_in_loop(c, enough) for c in rivals):  # whatever rows held out say
-            for c in rivals:
-                if abs(c.ranking_bic - first.ranking_bic) < CONFUSED:
-                    self.judge(c)
-            return
-        for c in rivals:
-            self.judge(c)
-        near = [c for c in rivals if c.passes and c.linear_in_loop]
-
-        def in_loop(c: Candidate) -> float:
-            assert c.in_loop is not None
-            return c.in_loop.delta_bic
-
-        least = max(in_loop(c) for c in [first, *near]) - LOOP_DELTA_BIC
-        best = next(c for c in [first, *near] if in_loop(c) >= least)
-        self.candidates.remove(best)
-        self.candidates.insert(0, best)
-
-    def rivals(self) -> list[Candidate]:
-        """Candidates that pass and have much of the ranking ΔBIC of the first."""
-        find_likely_joint(self.candidates, self.find_joint, RIVAL)
-        self.candidates[1:] = sorted(self.candidates[1:], key=order_key)
-        least = RIVAL * self.candidates[0].ranking_bic
-        return [c for c in self.candidates[1:] if c.passes and c.ranking_bic > least]
-
-    def _likely_in_loop(self, candidate: Candidate, enough: float) -> bool:
-        """Whether a linear effect's ΔBIC in the closed loop is more than enough."""
-        assert self.loop is not None
-        assert candidate.model is not None
-        found, _ = self.loop.compare_likelihood(candidate.model)
-        return not found.bends and bool(found.delta_bic > enough)
-
-    def judge(self, candidate: Candidate) -> None:
-        """Judge a candidate in the closed loop too, and refitted without each fold.
-
-        Its ``passes`` says afterwards whether it still passes.
-        """
-        if candidate.lacks_joint and self.find_joint is not None:
-            self.find_joint([candidate])
-        if candidate.in_loop is None and not candidate.trace:
-            assert candidate.model is not None
-            loop = self.loop
-            candidate.in_loop = InLoop() if loop is None else loop.compare_in_loop(candidate.model)
-        solved = candidate.in_loop is not None and np.isfinite(candidate.in_loop.vaf)
-        if candidate.pays and candidate.model is not None and not solved:
-            candidate.refused = leaks_beyond(test_leak(candidate.model), self._parent_leak)
-        if candidate.passes and not candidate.trace:
-            candidate.refused = hardly_there(candidate)
-        if candidate.passes and candidate.model is not None:
-            gain = self.refit(candidate.model) - self.refitted_vaf
-            if gain <= (-candidate.least_gain if candidate.trace else 0.0):
-                candidate.refused = Against(
-                    Reason.LOSES, f"fitted without the rows, it loses {-gain:.2g} points there"
-                )
-
-    @cached_property
-    def _parent_leak(self) -> LeakTest | None:
-        return test_leak(self.at_likelihood)
-
     @property
     def best(self) -> Candidate | None:
         first = self.candidates[0] if self.candidates else None
         return first if first is not None and first.passes else None
 
-    def put_special_first(self) -> None:
-        """Put a special case before the best, where that has nothing beyond it that counts.
+    def rank(self) -> None:
+        """Put the best first, by the least evidence of all judges; the next is judged as well.
 
-        It must have passed all criteria itself, those of the closed loop and of rows left out too.
+        Evidence only falls as judges are asked, so that those of the first two places decide.
         """
+        while True:
+            self.candidates.sort(key=rank)
+            leading = find_likeliest_alternatives(self.candidates)[:N_JUDGED]
+            left = [c for c in leading if c.passes and not c.refit]
+            if not left:
+                break
+            self.judge(left[0])
+        self.candidates = sorted(find_likeliest_alternatives(self.candidates), key=rank)
+        self._put_special_first()
+        mark_confused(self.candidates)
+
+    def judge(self, candidate: Candidate) -> None:
+        """Ask all judges of a candidate, until one of them is against it."""
+        c = candidate
+        assert c.model is not None
+        if not c.trace:
+            if c.passes and LIKELIHOOD not in c.evidence and (own := self.own_noise()) is not None:
+                c.evidence[LIKELIHOOD] = own.weigh(c.model)
+            if c.passes and c.in_loop is None and self.loop is not None:
+                c.in_loop = self.loop.compare(c.model)
+                c.evidence[LOOP] = c.in_loop.evidence
+            if c.passes:
+                c.refused = find_why_zero(c)
+        if c.passes and not c.refit:
+            if np.isnan(c.evidence.get(LOOP, np.nan)):
+                c.refused = find_leak(test_leak(c.model))
+            c.gain, c.refit = self.refit(c.model) - self.refitted_vaf, True
+
+    def _put_special_first(self) -> None:
+        """Put a special case before the best, where that has nothing beyond it that counts."""
         general = self.best
         if general is None or general.trace:
             return
-        for special in find_special_cases(general, self.candidates):
-            self.judge(special)
-            if special.passes and as_good(special, general):
+        for special in [c for c in self.candidates if general.effect.name in c.effect.within]:
+            self.judge(special) if special.passes else None
+            more = general.gain - special.gain
+            as_good = find_lead(general, special) <= THRESHOLD or more < special.least_gain
+            if special.passes and as_good:
                 self.candidates.remove(special)
                 self.candidates.insert(0, special)
                 return
 
 
-def find_likely_joint(
-    candidates: list[Candidate], find_joint: FindJoint | None, share: float = MAY_BE_BEST
-) -> None:
-    """Find the unbiased ΔBIC of those that may have a ``share`` of the best's ranking ΔBIC."""
-    while find_joint is not None and (left := may_lead(candidates, share)):
-        find_joint(left)
+def find_leak(leak: LeakTest | None) -> Against | None:
+    """What speaks against a model that rebuilds the output from x."""
+    return Against(Reason.REBUILDS, leak.reason) if leak is not None and leak.leaks else None
 
 
 class Search:
@@ -311,9 +244,13 @@ class Search:
                 self.progress.done(len(part))
         return [done[i % n_parts][i // n_parts] for i in range(len(items))]
 
+    def remember(self, parent: Model) -> None:
+        """Keep a parent, with which a path may be walked again."""
+        self._parents[frozenset(parent.effects.names)] = parent
+
     def step(self, parent: Model) -> SearchStep:
         """All candidates for a parent that was fitted by output error."""
-        self._parents[frozenset(parent.effects.names)] = parent
+        self.remember(parent)
         candidates = []
         taken = {effect.name for _, effect in parent.effects}
         for effect in self.effects:
@@ -331,35 +268,6 @@ class Search:
             for c, found in zip(tried, done, strict=True):
                 c.model = self._model(found, parent)
             return self.judge_candidates(parent, candidates)
-
-    def step_from(self, parent: Model, other: SearchStep, more: Sequence[Candidate]) -> SearchStep:
-        """The candidates of another step for a parent, each fitted from where it ended there.
-
-        Where the other parent has parameters that this one has not. ``more`` are fitted already.
-        """
-        self._parents[frozenset(parent.effects.names)] = parent
-        fitted = {c.name for c in more}
-        again = [c for c in other.candidates if c.name not in fitted]
-        candidates = [Candidate(c.name, c.effect, inapplicable=c.inapplicable) for c in again]
-        ends = [(c.model.effects, c.model.values()) for c in again if c.model]
-        tried = [c for c in candidates if not c.inapplicable]
-        with self.progress.step(2 * (len(tried) + len(more))):
-            self.progress.done(len(more))
-            for c, found in zip(tried, self._each(self._followed, ends, parent), strict=True):
-                c.model = self._model(found, parent)
-            return self.judge_candidates(parent, [*candidates, *more])
-
-    def _followed(
-        self, end: tuple[Effects, dict[str, float]], parent: Model
-    ) -> tuple[Effects, Fit]:
-        effects, values = end
-        simulator = Simulator(self.core, effects, self.record)
-        starts = [
-            np.array([known[name] for name in simulator.names])
-            for known in (values, {**values, **parent.values()})
-        ]
-        start = min(starts, key=lambda theta: sse_at(simulator, self.criterion, theta))
-        return effects, minimise(simulator, self.criterion, start)
 
     def _extended(
         self, added: tuple[str, Effect], parent: Model, rough: Model
@@ -383,7 +291,9 @@ class Search:
         vaf_before, prediction_before = self._held_out(parent)
         n = criterion.n
         for c in tried:
-            c.trace = self.traces.get(c.effect.name, "") if c.effect.place == "output" else ""
+            shown = self.traces.get(c.effect.name) if c.effect.place == "output" else None
+            c.trace, nats = shown or ("", np.nan)
+            c.evidence = {TRACE: nats} if c.trace else {}
         fitted = [(c.model.effects, c.model.fit, bool(c.trace)) for c in tried if c.model]
         refined = self._each(self._refined, fitted, parent, criterion)
         for c, (fit, vaf, prediction) in zip(tried, refined, strict=True):
@@ -391,29 +301,19 @@ class Search:
             before = c.model.sse
             c.model = self._model((c.model.effects, fit), parent)
             c.n_parameters = c.model.n_parameters - at_likelihood.n_parameters
-            ratio = n * np.log(max(at_likelihood.sse, 1e-300) / max(c.model.sse, 1e-300))
-            c.delta_bic = ratio - c.n_parameters * np.log(n)
+            if not c.trace:
+                c.evidence = {FREE_RUN: weigh(at_likelihood, c.model, n)}
             if prediction is None:
                 c.gain = 100 * (parent.sse - before) / self.criterion.power
                 c.vaf = vaf_before + c.gain
             else:
                 c.vaf, c.prediction = vaf, prediction
                 c.gain = c.vaf - vaf_before
+            ratio = n * np.log(max(at_likelihood.sse, 1e-300) / max(c.model.sse, 1e-300))
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
-            c.least_gain = self.share * (
-                LEAST_GAIN_OF_CLAIM if c.effect.name == CLAIM else LEAST_GAIN
-            )
+            c.least_gain = LEAST_GAIN * self.share
             c.refused = find_why_unnamed(c)
-        most = max((c.gain for c in candidates if c.passes and not c.trace), default=0.0)
-        for c in tried:  # levels may be those at which something else came to rest
-            c.trace = c.trace if c.gain > most - TRACE_LEADS else ""
-        if self.core.kind.is_operator:
-            for c in tried:
-                c.lacks_joint = c.gain >= c.least_gain and not (c.trace or c.refused)
-        find_joint = self._joint_finder(at_likelihood)
-        find_likely_joint(candidates, find_joint)
-        candidates = likeliest_alternatives(candidates)
         step = SearchStep(
             at_likelihood=at_likelihood,
             at_least_error=parent,
@@ -422,32 +322,12 @@ class Search:
             candidates=candidates,
             loop=None if self.loop is None else self.loop.around(at_likelihood, key=parent.key),
             refit=self.refit,
-            find_joint=find_joint,
+            own_noise=cache(
+                lambda: JointParent(at_likelihood) if self.core.kind.is_operator else None
+            ),
         )
         step.rank()
-        step.put_special_first()
         return step
-
-    def _joint_finder(self, parent: Model) -> FindJoint:
-        """What finds the unbiased ΔBIC of candidates over a parent."""
-        joint_parent = cache(lambda: JointParent(parent))
-
-        def find_joint(candidates: list[Candidate]) -> None:
-            models = [(c.model.effects, c.model.fit) for c in candidates if c.model]
-            for c, found in zip(
-                candidates, self._each(self._joint, models, joint_parent()), strict=True
-            ):
-                c.joint, c.lacks_joint = found, False
-
-        return find_joint
-
-    def _joint(self, found: tuple[Effects, Fit], parent: JointParent) -> float:
-        return parent.delta_bic(self._model(found, parent.parent), LIKELY_IF_FIRST)
-
-    def allowed_loss(self, model: Model, name: str) -> float:
-        """Points of VAF that an effect may lose: some, where the output itself shows it."""
-        id_ = dict(model.effects.steps)[name].name
-        return -LEAST_GAIN * self.share if id_ in self.traces else 0.0
 
     def partial_models(self, model: Model, start: int, core: dict[str, float]) -> list[Model]:
         """Models with the first ``start`` effects, with one more, and so on."""

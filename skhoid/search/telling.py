@@ -32,7 +32,6 @@ from ..text import (
     p_text,
     quantity,
 )
-from .judging import P_OF_CHANGE
 from .likeness import experiment_between
 from .results import SearchResult, with_effects
 from .statuses import UNKNOWN, Status, Verdict
@@ -47,6 +46,7 @@ HOW_TO_GO_ON = {
 }
 ALLOWED_SHOWN = 6  # rows of limits in a summary
 IF_SHOWN = {"at most": "from", "at least": "up to"}
+P_OF_CHANGE = 0.005  # of a parameter that changes too: two are tested, which makes 0.01 for both
 NO_FORM = "No free form explains it at any place either"
 
 

@@ -20,8 +20,8 @@ from ...runs import RunLayout, as_frame, output_name, roles_of, run_name
 from ...search import (
     BY_HAND,
     HOW_TO_GO_ON,
-    LEAST_DELTA_BIC,
     LEAST_GAIN,
+    THRESHOLD,
     EffectSearchCV,
     Shape,
     Status,
@@ -152,7 +152,7 @@ def read_content(
         "rankings": [] if search is None else list(_rankings(search)),
         "limits": None if search is None else limits_table(search.result_),
         "no_search": results.no_search,
-        "criteria": {"delta_bic": f"{LEAST_DELTA_BIC:g}", "gain": f"{LEAST_GAIN:g}"},
+        "criteria": {"delta_bic": f"{2 * THRESHOLD:g}", "gain": f"{LEAST_GAIN:g}"},
         "parameters": _parameters(baseline, final),
         "with_before": final is not None,
         "effects": [] if final is None else gallery.effects(final, X, y),
