@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass, fields, replace
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,7 +48,7 @@ from .results import (
 )
 from .shape import Shape, find_unnamed, fit_shape
 from .sketch import SketchesEffects
-from .statuses import Ending
+from .statuses import Ending, Verdict
 from .steps import Progress, Search, output_error_fit
 from .telling import (
     experiments_for,
@@ -97,6 +97,9 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     controlled_element : ControlledElement, LinearElement, str, system or None, default=None
         What the operator controls: ``"1/(s(s+1))"``, say, or a transfer function of SciPy or
         python-control. None estimates it from u and x where both are measured.
+    confidence : float, default=0.9
+        Least probability of a name that is given; effects that are less probable are possible ones,
+        which stand in for what is missing.
     max_effects : int, default=4
         Maximum number of effects to add.
     n_jobs : int or None, default=None
@@ -209,6 +212,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         "cv": ["cv_object"],
         "display": [StrOptions({"compensatory", "pursuit", "preview"}), None],
         "controlled_element": ELEMENT,
+        "confidence": [Interval(Real, 0, 1, closed="both")],
         "max_effects": [Interval(Integral, 0, None, closed="left")],
         "n_jobs": [Integral, None],
         "domain": [StrOptions({"human", "machine"}), None],
@@ -229,6 +233,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         display: str | None = None,
         controlled_element: Any = None,
         *,
+        confidence: float = 0.9,
         max_effects: int = 4,
         n_jobs: int | None = None,
         domain: str | None = None,
@@ -240,6 +245,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         self.cv = cv
         self.display = display
         self.controlled_element = controlled_element
+        self.confidence = confidence
         self.max_effects = max_effects
         self.n_jobs = n_jobs
         self.domain = domain
@@ -285,9 +291,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
             progress = Progress(self, context)
             search = Search(core, data.record, effects, data.folds, self.n_jobs, progress)
             estimators = Estimators(model)
-            found = search_effects(
-                search, estimators, data, as_output(y), int(self.max_effects), self.tries_all
-            )
+            most, tries_all = int(self.max_effects), self.tries_all
+            found = search_effects(search, estimators, data, as_output(y), most, tries_all)
             path = found.numbers.path
             if len(path.model.effects):  # choices made, numbers to be estimated
                 found.best.set_params(effects=path.model.effects)
@@ -343,7 +348,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         ranking = ranking_table(numbers, prepared, self.display)
         path = error_path(numbers, prepared)
         last = path.iloc[-1]
-        ending = end_explained(found.ending, last["vaf"], last["ceiling"], numbers.share)
+        ending = name_if_sure(found.ending, numbers.path, self.confidence)
+        ending = end_explained(ending, last["vaf"], last["ceiling"], numbers.share)
         notes = [*_note_searched(data), *note_changes(numbers.changes)]
         if self.max_effects:
             notes += note_untried(self.list_effects(), ranking)
@@ -575,6 +581,18 @@ def search_effects(
     ended = find_unnamed(search, numbers, tries_all=tries_all)
     shape = fit_shape(ended, estimators.model, prepared, measured)
     return Found(ended.found, ended.ending, best, shape)
+
+
+def name_if_sure(ending: Ending, path: Path, confidence: float) -> Ending:
+    """The end of a search whose names are given only where they are as probable as asked."""
+    tried = [c for step in path.steps for c in step.candidates if c.passes]
+    chances = {c.effect.name: c.probability for c in tried}
+    sure = [name for name in ending.named if not chances.get(name, 1.0) < confidence]
+    if len(sure) == len(ending.named):
+        return ending
+    unsure = [name for name in ending.named if name not in sure]
+    verdict = Verdict.POSSIBLE if ending.verdict is Verdict.FOUND else ending.verdict
+    return Ending(verdict, sure, [*unsure, *ending.stand_ins])
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ LEAST_GAIN = 0.2  # points of VAF on held-out rows: what sensors and simulation 
 SURE = 3.0  # standard errors, by which an effect's size is off that at which it does nothing
 AT_ZERO = 1e-9  # rounding of a bound
 FREE_RUN, LIKELIHOOD, LOOP, TRACE = "free run", "likelihood", "loop", "trace"
+HELD_OUT, NUMBERS = "held-out rows", "parameters"
 
 
 @dataclass
@@ -55,15 +56,24 @@ class Candidate:
     least_gain: float = LEAST_GAIN
     refused: Against | None = None
     refit: bool = False
+    probability: float = np.nan
 
     @property
     def known(self) -> dict[str, float]:
-        """Nats of the judges that count: the closed loop, which sees less, may only refuse."""
-        return {
+        """Nats of the judges that know it: the closed loop, which sees less, may only refuse.
+
+        Rows that are held out, and the effect's numbers, have none to give, and may take all.
+        """
+        known = {
             judge: nats
             for judge, nats in self.evidence.items()
             if not np.isnan(nats) and (judge != LOOP or nats < 0)
         }
+        if self.refused is not None:
+            known[NUMBERS] = 0.0
+        if self.gain < (-self.least_gain if self.trace else self.least_gain):
+            known[HELD_OUT] = 0.0
+        return known
 
     @property
     def least(self) -> float:
@@ -78,11 +88,7 @@ class Candidate:
     @property
     def passes(self) -> bool:
         """Whether it counts, as far as judges were asked."""
-        return (
-            self.refused is None
-            and self.least > THRESHOLD
-            and self.gain >= (-self.least_gain if self.trace else self.least_gain)
-        )
+        return self.least > THRESHOLD
 
     @property
     def delta_bic(self) -> float:
@@ -95,7 +101,7 @@ class Candidate:
         return 2 * self.evidence.get(LIKELIHOOD, np.nan)
 
     @property
-    def linear_in_loop(self) -> bool:
+    def knows_loop(self) -> bool:
         """Whether the closed loop has judged it."""
         return not np.isnan(self.evidence.get(LOOP, np.nan))
 
@@ -109,9 +115,9 @@ def find_likeliest_alternatives(candidates: list[Candidate]) -> list[Candidate]:
     return list(found.values())
 
 
-def rank(candidate: Candidate) -> tuple[bool, bool, float]:
-    """Key of the order: what counts first, what could count, and by the least evidence."""
-    return not candidate.passes, candidate.refused is not None, -candidate.least
+def rank(candidate: Candidate) -> tuple[float, float]:
+    """Key of the order: by the least evidence; of those with none, by the free run."""
+    return -candidate.least, -candidate.delta_bic
 
 
 def find_why_unnamed(candidate: Candidate) -> Against | None:
@@ -187,7 +193,7 @@ def find_why_not(candidate: Candidate, winner: str, *, taken_out: bool) -> Again
         return Against(Reason.REFUSED, c.inapplicable)
     if c.refused is not None:
         return c.refused
-    if not c.least > THRESHOLD:
+    if not c.passes and c.judge != HELD_OUT:
         code = Reason.TOO_LITTLE if c.judge in ("", FREE_RUN) else Reason.REFUTED
         granted = f"{c.least:.1f} nats ({c.judge})" if c.judge else "nothing"
         text = f"its evidence is {granted}, needs more than {THRESHOLD:g}"

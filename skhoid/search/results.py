@@ -279,6 +279,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 vaf_before=before,
                 delta_bic_joint=c.joint,
                 p_value=c.p_value,
+                probability=c.probability,
                 confused_with=c.confused_with,
                 words=describe_effect(c.effect, display, domain)
                 + (f" {c.trace}." if c.trace else ""),

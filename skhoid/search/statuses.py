@@ -27,6 +27,7 @@ class Verdict(Enum):
 
     NOTHING = "nothing found"
     FOUND = "effects found"
+    POSSIBLE = "something is missing, and no name for it is sure"
     TOO_LITTLE = "the model explains too little to say"
     NOT_IN_CATALOGUE = "something is missing, not in the catalogue"
     NOT_TRIED = "something is missing, not among the effects tried"

@@ -52,6 +52,7 @@ from .judging import (
     mark_confused,
     rank,
 )
+from .probability import Alternative, find_chances, name_probability
 from .statuses import Against, Reason
 
 PARTS = 3  # of the work for each process
@@ -130,6 +131,11 @@ class SearchStep:
         first = self.candidates[0] if self.candidates else None
         return first if first is not None and first.passes else None
 
+    @property
+    def tried(self) -> list[Alternative]:
+        """The effects that apply, for their probabilities."""
+        return [Alternative(c.effect, c.least, c.knows_loop) for c in self.candidates if c.evidence]
+
     def rank(self) -> None:
         """Put the best first, by the least evidence of all judges; the next is judged as well.
 
@@ -145,6 +151,9 @@ class SearchStep:
         self.candidates = sorted(find_likeliest_alternatives(self.candidates), key=rank)
         self._put_special_first()
         mark_confused(self.candidates)
+        chances = find_chances(self.tried)
+        for i, c in enumerate(c for c in self.candidates if c.evidence):
+            c.probability = name_probability(self.tried, chances, i)
 
     def judge(self, candidate: Candidate) -> None:
         """Ask all judges of a candidate, until one of them is against it."""
