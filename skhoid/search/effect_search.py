@@ -53,6 +53,7 @@ from .steps import Progress, Search, output_error_fit
 from .telling import (
     experiments_for,
     note_changes,
+    note_more_runs,
     note_untried,
     short_ranking,
     tell_briefly,
@@ -351,6 +352,9 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         ending = name_if_sure(found.ending, numbers.path, self.confidence)
         ending = end_explained(ending, last["vaf"], last["ceiling"], numbers.share)
         notes = [*_note_searched(data), *note_changes(numbers.changes)]
+        n_runs = len(data.searched_runs)
+        if ending.verdict is Verdict.POSSIBLE:
+            notes += note_more_runs(numbers.path, ending.stand_ins, n_runs, self.confidence)
         if self.max_effects:
             notes += note_untried(self.list_effects(), ranking)
         least = getattr(prepared.core, "least", 0.0)

@@ -33,6 +33,8 @@ from ..text import (
     quantity,
 )
 from .likeness import experiment_between
+from .path import Path
+from .probability import runs_to_decide
 from .results import SearchResult, with_effects
 from .statuses import UNKNOWN, Status, Verdict
 
@@ -82,10 +84,13 @@ def tell_headline(found: SearchResult) -> str:
         text = f"Nothing found{tell_shown(found)}"
     elif found.verdict is Verdict.TOO_LITTLE:
         text = "The model explains too little to say what it is missing"
+    elif found.verdict is Verdict.POSSIBLE:
+        beside = f"Missing: {tell_names(found, named)}, and" if named else "Missing:"
+        text = f"{beside} possibly {tell_names(found, found.stand_ins)}"
     elif not named:
         text = f"Something is missing that {unexplained_by(found)}"
     else:
-        text = f"Missing: {titles_of(named)}"
+        text = f"Missing: {tell_names(found, named)}"
         text += f", and something that {unexplained_by(found)}" if unknown else ""
     if not found.added:
         return f"{text}: held-out VAF {last['vaf']:.1f} %{top and f', {top}'}."
@@ -96,6 +101,15 @@ def tell_headline(found: SearchResult) -> str:
         f"{text}; with {shown} the held-out VAF rises from {first['vaf']:.1f} to "
         f"{last['vaf']:.1f} %{top and f' ({top})'}."
     )
+
+
+def tell_names(found: SearchResult, names: Sequence[str]) -> str:
+    """Titles of effects, each with the probability that the name is right, where it is known."""
+    added = found.ranking[found.ranking["status"] == Status.ADDED]
+    chances = dict(zip(added["effect"], added["probability"], strict=True))
+    known = {name: f" ({100 * p:.0f} %)" for name, p in chances.items() if np.isfinite(p)}
+    *others, last = [title_of(name) + known.get(name, "") for name in names]
+    return f"{', '.join(others)} and {last}" if others else last
 
 
 def tell_baseline(found: SearchResult) -> Paragraph:
@@ -140,9 +154,8 @@ def tell_candidates(found: SearchResult, step: int, n: int) -> list[Block]:
         blocks = [candidates_table(fitted.head(n), head)]
     if step == 1 and len(fitted):
         text = (
-            "gain: points of VAF on held-out rows, by which the search ranks; the VAF of a step is "
-            "of models fitted anew without the rows that they simulate. ΔBIC: BIC without the "
-            "effect minus BIC with it."
+            "gain: points of VAF on held-out rows. evidence: the least nats that any judge grants, by "
+            "which the search ranks; from 12.5 on an effect is added."
         )
         blocks.append(Paragraph(text))
     if len(fitted) and not (candidates["status"] == Status.ADDED).any():
@@ -166,7 +179,7 @@ def tell_end(found: SearchResult) -> list[Block]:
                 f"{best['reason']}."
             )
             blocks.append(Paragraph(text))
-    if found.stand_ins:
+    if found.stand_ins and found.verdict is not Verdict.POSSIBLE:
         blocks.append(Paragraph(f"{tell_stand_ins(found.stand_ins)}."))
     if found.verdict.leaves_unknown and len(found.unexplained):
         left = [
@@ -242,7 +255,7 @@ def tell_stand_ins(ids: Sequence[str]) -> str:
 
 def tell_no_name(found: SearchResult) -> list[str]:
     """What the shape of what has no name is, or that there is none."""
-    if not found.verdict.leaves_unknown:
+    if not found.verdict.leaves_unknown or found.verdict is Verdict.POSSIBLE:
         return []
     return [f"{NO_FORM}."] if found.shape is None else found.shape.sentences()
 
@@ -274,6 +287,25 @@ def note_changes(changes: dict[str, tuple[float, float, float]]) -> list[Note]:
     return notes
 
 
+def note_more_runs(path: Path, names: Sequence[str], n_runs: int, confidence: float) -> list[Note]:
+    """How many more runs like these would make possible names probable enough, if they are."""
+    notes = []
+    for step in path.steps:
+        for i, one in enumerate(step.tried):
+            if one.effect.name not in names or not step.candidates[i].passes:
+                continue
+            more = runs_to_decide(step.tried, i, n_runs, confidence)
+            runs = (
+                "more runs alone would not decide"
+                if more is None
+                else (f"about {counted(more, 'more run')} like these would decide")
+            )
+            chance = f"{100 * step.candidates[i].probability:.0f} %"
+            text = f"{title_of(one.effect.name)} is possible ({chance})"
+            notes.append(Note("possible", f"{text}: {runs}"))
+    return notes
+
+
 def note_untried(candidates: Sequence[Effect], ranking: pd.DataFrame) -> list[Note]:
     """Why a search tried nothing, if it did: of each effect, what it needs."""
     if (ranking["status"] != Status.REFUSED).any():
@@ -296,7 +328,8 @@ def candidates_table(candidates: pd.DataFrame, caption: str) -> TextTable:
     cells: dict[str, list[str]] = {
         "effect": [f"{row['rank']}. {_in_form(row)}" for _, row in candidates.iterrows()],
         "gain": [f"{gain:+.2f}" for gain in candidates["vaf_gain"]],
-        "ΔBIC": [f"{delta_bic:+.0f}" for delta_bic in candidates["delta_bic"]],
+        "evidence": [f"{nats:.0f}" for nats in candidates["evidence"]],
+        "by": candidates["judge"].tolist(),
     }
     if candidates["gain_loop"].notna().any():
         known = candidates["gain_loop"].map(
@@ -305,7 +338,7 @@ def candidates_table(candidates: pd.DataFrame, caption: str) -> TextTable:
         cells["in the loop"] = known.tolist()
     cells["its numbers"] = [text or "" for text in candidates["parameters"]]
     rows = list(zip(*cells.values(), strict=True))
-    return TextTable(caption, list(cells), rows, ("effect", "its numbers"), "candidates")
+    return TextTable(caption, list(cells), rows, ("effect", "by", "its numbers"), "candidates")
 
 
 def short_ranking(ranking: pd.DataFrame, n: int, step: int | None) -> pd.DataFrame:
@@ -322,7 +355,7 @@ def short_ranking(ranking: pd.DataFrame, n: int, step: int | None) -> pd.DataFra
         {
             "effect": [_in_form(row) for _, row in best.iterrows()],
             "gain": best["vaf_gain"].map("{:+.2f}".format).tolist(),
-            "ΔBIC": [f"{x:+.0f}" if np.isfinite(x) else DASH for x in best["delta_bic"]],
+            "evidence": [f"{x:.0f}" if np.isfinite(x) else DASH for x in best["evidence"]],
             "p": ["< 1e-6" if p < 1e-6 else f"{p:.2g}" for p in best["p_value"]],
             "outcome": best["reason"].where(best["status"] != Status.ADDED, "added").tolist(),
             "parameters": best["parameters"].tolist(),
