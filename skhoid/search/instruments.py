@@ -1,0 +1,163 @@
+"""The judge by instruments: what a model leaves, along what reaches the loop from outside.
+
+In a closed loop e and x hold earlier remnant, and a fit to them may follow it. Target and
+disturbance hold none. At the true parameters what a free run leaves of u is the remnant, whatever
+its inputs are, so nothing of it lies along instruments: target and disturbance with many lags
+(two-stage least squares; Van den Hof and Schrama 1993). Squares along them alone judge a model,
+with no loop to be solved, and their number is small: for a multisine two for each line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from scipy.linalg import svd
+from scipy.signal import lfilter
+
+from ..effects.record import LARGE, Record
+from ..model.fitting import ALL, Criterion
+from ..model.likelihood import usual_starts
+from ..model.loop import Loop, find_loop
+from ..model.model import Model
+from .expected import could_know, expected_evidence
+
+# s, after a signal and before it: its means between each two make up any smooth response to it.
+LAGS = (
+    *(-1.5, -1.0, -0.5, -0.25, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8),
+    *(1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.5, 8.0),
+)
+RATE = 12.5  # Hz: nobody follows what is faster than half of it
+SLOW = 0.5  # rad/s, of poles in place of the element's: integrators keep all there was before
+DISTURBED = 0.05  # of the power of x: an element 20 % too strong makes up so large a disturbance
+# Of the largest singular value, above which lags of a signal are one more instrument: as recorded,
+# and as the element tells it, with the output's sampling in it.
+RECORDED, TOLD = 1e-3, 0.03
+BLOCK = 12.0  # s, longer than what remnant and loop remember
+ITERATIONS = (4, 15)  # of all starts, and of the best
+
+
+class Instruments(Criterion):
+    """Squares of whitened residuals along the instruments, of which there are ``n``."""
+
+    def __init__(self, record: Record, instruments: np.ndarray):
+        self._along: np.ndarray | None = None
+        self._instruments = instruments
+        super().__init__(record, rate=RATE / record.time_unit)
+
+    def whiten(self, output: np.ndarray) -> float:
+        """Take the noise model that an output leaves; the variance of its residual per instrument.
+
+        It is what blocks of the record have along the instruments, each by itself, so that whatever
+        varies from block to block counts as noise.
+        """
+        self._along = None
+        self.set_noise(self.remnant_model(output))
+        _, size, along = svd(super().whitened(self._instruments), full_matrices=False)
+        self._along = along[size > RECORDED * size[0]]
+        self.n = len(self._along)
+        per = round(BLOCK * self.record.time_unit / (self.thin * self.record.dt))
+        left = super().whitened(self.residual(output)[None]) * self._along
+        blocks = left.reshape(self.n, *self.y.shape)
+        sums = np.add.reduceat(blocks, np.arange(0, len(self.y), per), axis=1)
+        return float((sums**2).sum()) / self.n
+
+    def whitened(self, signals: np.ndarray, runs: slice = ALL) -> np.ndarray:
+        """Signals as their parts along the instruments."""
+        rows = super().whitened(signals, runs)
+        return rows if self._along is None else rows @ self._along.T
+
+
+class InstrumentJudge:
+    """Asks the instruments of a record about effects that must add ``asked`` nats."""
+
+    def __init__(self, record: Record, instruments: np.ndarray, asked: float):
+        self.record, self.instruments, self.asked = record, instruments, asked
+
+    @classmethod
+    def of(cls, record: Record, asked: float) -> InstrumentJudge | None:
+        """The judge of a record; None where all that is known is moved by the output."""
+        most = max(1, LARGE // len(record.known))  # all at once, as squares are of all together
+        if record.n_runs > most:
+            record = record.part(np.linspace(0, record.n_runs - 1, most).round().astype(int), 1)
+        found = find_instruments(record)
+        return cls(record, found, asked) if len(found) else None
+
+    def evidence(self, parent: Model, model: Model) -> float:
+        """What a model adds to its parent, in nats; NaN where the instruments cannot know."""
+        before, after = (Model(m.simulator.on_record(self.record), m.fit) for m in (parent, model))
+        if not np.isfinite(after.output).all():
+            return np.nan
+        criterion = Instruments(self.record, self.instruments)
+        variance = criterion.whiten(after.output)
+        before = fit_from(before, criterion, [])
+        after = fit_from(after, criterion, [put_values(after, before.values())])
+        before = fit_from(before, criterion, [put_values(before, after.values())])
+        added = model.n_parameters - parent.n_parameters
+        penalty = added / 2 * float(np.log(criterion.n))
+        found = (before.sse - after.sse) / (2 * variance) - penalty
+        if found >= self.asked:
+            return found
+        expected = expected_evidence(before, after.at(model.theta), criterion, variance)
+        return found if could_know(expected, penalty, self.asked) else np.nan
+
+
+def fit_from(model: Model, criterion: Criterion, starts: Iterable[np.ndarray]) -> Model:
+    """A model at the best minimum from its parameters, usual ones and further starts."""
+    simulator, (first, then) = model.simulator, ITERATIONS
+    points = [model.theta, *usual_starts(simulator, model.theta), *starts]
+    tried = [model.at(theta).refined(criterion, first) for theta in points]
+    return min(tried, key=lambda m: m.sse).refined(criterion, then)
+
+
+def put_values(model: Model, values: dict[str, float]) -> np.ndarray:
+    """A model's parameters, with the values of those that are given."""
+    known = {**model.values(), **values}
+    return np.array([known[name] for name in model.simulator.names])
+
+
+def find_instruments(record: Record) -> np.ndarray:
+    """Lags of target and disturbance, as recorded or as the element tells, (count, n, runs)."""
+    target = [record.channels[name] for name in record.with_role("f_t")[:1]]
+    disturbance = [record.channels[name] for name in record.with_role("dist")]
+    found = [spread_lags(signal, record, RECORDED) for signal in target + disturbance]
+    loop = find_loop(record)
+    if loop is not None and not (target and disturbance):
+        found += [spread_lags(s, record, TOLD) for s in tell_outside(record, loop, bool(target))]
+    return np.concatenate(found) if found else np.empty(0)
+
+
+def tell_outside(record: Record, loop: Loop, target: bool) -> list[np.ndarray]:
+    """What the element says came from outside: x - G u where the target is known, else e + G u."""
+    assert record.y is not None
+    order = len(loop.a) - 1
+    settling = np.poly(np.full(order, np.exp(-SLOW * record.dt)))
+
+    def settled(b: np.ndarray, signal: np.ndarray) -> np.ndarray:
+        """A signal through zeros or poles of the element, its slow poles being at SLOW."""
+        rest = lfilter(b, [1.0], signal, axis=0)
+        rest[:order] = 0.0  # what preceded the record is not known
+        return np.asarray(lfilter([1.0], settling, rest, axis=0))
+
+    moved = settled(loop.b, record.y)
+    if not target:
+        return [settled(loop.a, record.input) + moved]
+    for name in record.with_role("x")[:1]:
+        whole = settled(loop.a, record.channels[name])
+        power = [float((s[record.known] ** 2).sum()) for s in (whole - moved, whole)]
+        if power[0] > DISTURBED * power[1]:
+            return [whole - moved]
+    return []
+
+
+def spread_lags(signal: np.ndarray, record: Record, least: float) -> np.ndarray:
+    """Means of a signal between each two of ``LAGS``, as far as they differ.
+
+    On the rows of :class:`Instruments`; ``least`` is a share of the largest singular value.
+    """
+    criterion = Criterion(record, rate=RATE / record.time_unit)
+    total = np.cumsum(signal, axis=0)
+    late = [record.delayed(total, lag * record.time_unit)[:: criterion.thin] for lag in LAGS]
+    means = np.diff(late, axis=0) / np.diff(LAGS)[:, None, None] * criterion.known
+    _, size, apart = svd(means.reshape(len(means), -1), full_matrices=False)
+    return np.asarray(apart[size > least * size[0]].reshape(-1, *criterion.known.shape))

@@ -1,0 +1,43 @@
+"""The judge by instruments: target and disturbance tell what the remnant in the error hides."""
+
+import numpy as np
+import pytest
+from support.person_in_loop import pursued
+
+from skhoid import EffectSearchCV, OperatorRegressor
+from skhoid.effects import Feedforward
+from skhoid.search.instruments import InstrumentJudge
+
+ASKED = 12.5  # nats
+
+
+def judged(X, y, text):
+    """Evidence of feedforward, by the free run and by instruments."""
+    search = EffectSearchCV(OperatorRegressor(), controlled_element=text)
+    data = search.read_data(OperatorRegressor(), X, y)
+    parent = OperatorRegressor().first_fit(data.searched)
+    model = OperatorRegressor(effects=Feedforward(form="inverse")).first_fit(data.searched)
+    judge = InstrumentJudge.of(data.record, ASKED)
+    n = model.fit.n
+    free = n / 2 * np.log(parent.sse / model.sse) - np.log(n)
+    return free, judge.evidence(parent, model)
+
+
+@pytest.mark.parametrize("columns", [["e", "x", "f_t"], ["e", "x"]])
+@pytest.mark.parametrize("text", ["1/s", "1/(s(s+1))"])
+def test_an_answer_to_the_target_is_told_from_remnant_in_the_error(text, columns):
+    """Where the target is not recorded it is the error and what the output moved."""
+    nothing, answered = (
+        pursued(text, 3, feedforward=share, early=-0.1, n_runs=3, duration=40.0)
+        for share in (0.0, 0.6)
+    )
+    for (X, y, _), there in ((nothing, False), (answered, True)):
+        free, found = judged(X[columns], y, text)
+        assert free > ASKED
+        assert (found > ASKED) == there
+
+
+def test_without_target_or_element_nothing_is_known():
+    X, y, _ = pursued("1/s", 1, n_runs=2, duration=20.0)
+    data = EffectSearchCV(OperatorRegressor()).read_data(OperatorRegressor(), X[["e"]], y)
+    assert InstrumentJudge.of(data.record, ASKED) is None
