@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -35,6 +35,8 @@ class SmoothCurve:
         At least four, rising.
     kept : tuple of int
         Which of LEVEL and SLOPE belong to the curves; what a model has already does not.
+    odd : bool
+        Whether curve(-x) = -curve(x), given at knots from zero on; it may bend sharply at zero.
 
     References
     ----------
@@ -44,6 +46,7 @@ class SmoothCurve:
 
     knots: tuple[float, ...]
     kept: tuple[int, ...] = (LEVEL, SLOPE)
+    odd: bool = False
 
     @property
     def _found(self) -> tuple[np.ndarray, np.ndarray]:
@@ -61,6 +64,10 @@ class SmoothCurve:
 
     def __call__(self, values: np.ndarray, at: np.ndarray) -> np.ndarray:
         """A curve, or several as columns, with ``values`` at the knots, at any points."""
+        if self.odd:
+            tail = (...,) + (None,) * (np.ndim(values) - 1)
+            above = replace(self, odd=False)(np.asarray(values), np.abs(at))
+            return np.asarray(np.sign(at)[tail] * (above - np.asarray(values)[0]))
         spline = CubicSpline(np.asarray(self.knots), values, bc_type="natural")
         low, high = self.knots[0], self.knots[-1]
         inside = np.clip(at, low, high)
@@ -192,10 +199,16 @@ class FreeForm(Effect):
         raise NotImplementedError
 
     @property
+    def ends(self) -> tuple[float, float]:
+        """Where the curve begins and ends, for people."""
+        assert self.knots is not None
+        return self.knots[0], self.knots[-1]
+
+    @property
     def curve(self) -> SmoothCurve:
         """The family of curves."""
         assert self.knots is not None
-        return SmoothCurve(tuple(self.knots), self.kept)
+        return SmoothCurve(tuple(self.knots), self.kept, bool(getattr(self, "odd", False)))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]

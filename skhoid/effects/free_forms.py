@@ -12,9 +12,10 @@ from scipy.signal import fftconvolve
 from .. import _kernels
 from ..runs.roles import OTHER
 from .base import Effect
+from .derived import DERIVED, dimension_of, words_of
 from .entry import Argument
 from .error_scan import ErrorScan
-from .free_form import LEVEL, N_KNOTS, SLOPE, FreeForm
+from .free_form import LEVEL, N_KNOTS, SLOPE, FreeForm, quantile_knots
 from .machines import cores_by_signs
 from .maps import PLACE_OF
 from .operator_signals import N_PLACES, Command, Gains
@@ -31,9 +32,18 @@ __all__ = [  # in the order of the catalogue
     "FreeDynamics",
 ]
 
-OVER = {"error": "e", "command": "command", "output": "u", "spring": "u", "rate": "du/dt"}
+OVER = {
+    "error": "e",
+    "error rate": "de/dt",
+    "command": "command",
+    "output": "u",
+    "spring": "u",
+    "rate": "du/dt",
+}
+PLACES = {"error rate": "path", "spring": "spring", "rate": "spring"}  # where others act follows
 NEAR_REST = (-0.2, -0.05, 0.0, 0.05, 0.2)  # knots of a force of the rate, in rms of the rate
 ONE_SIDED = 0.05  # of the range, by which a size may fall below zero
+SIGNLESS = ("error", "error rate")  # where people mostly answer either sign alike
 OPPOSING = ("spring", "rate")  # places of forces against the command
 # What a machine answers is its input, and it has no command of its own.
 SIGNALS = {
@@ -42,6 +52,7 @@ SIGNALS = {
 }
 WORDS = {
     "error": "it acts on the {error}, as a function of its size and sign",
+    "error rate": "it acts on the response to the rate of the {error}, as a function of that rate",
     "command": "it acts on the {command} before the limb, as a function of its size and sign",
     "output": "it acts on the output, as a function of its size and sign",
     "spring": "it is a force against the {command}, as a function of the output",
@@ -71,6 +82,12 @@ class FreeMap(FreeForm):
             'What is mapped, or with "spring" and "rate" what a force is a function of; None means '
             "the error, and a search for shapes tries all."
         ),
+        "odd": Argument(
+            "Whether the curve is the same for either sign, curve(-s) = -curve(s); a search tries "
+            "both of the error and of its rate.",
+            "bool",
+            False,
+        ),
         "folded": Argument(
             "Whether the curve has a linear part too, over outputs of either sign, as an output "
             "needs whose sign a sensor may not show; None tries it where a model without the map "
@@ -93,11 +110,16 @@ class FreeMap(FreeForm):
     def kept(self) -> tuple[int, ...]:  # type: ignore[override]
         if self.folded:
             return (SLOPE,)
-        return () if self.where in OPPOSING else (LEVEL,)
+        return () if self.odd or self.where in OPPOSING else (LEVEL,)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        low, high = super().ends
+        return (-high if self.odd else low), high
 
     @property
     def place(self) -> str:  # type: ignore[override]
-        return "spring" if self.where in OPPOSING else PLACE_OF[self.where]
+        return PLACES.get(self.where) or PLACE_OF[self.where]
 
     @property
     def over(self) -> str:
@@ -105,7 +127,7 @@ class FreeMap(FreeForm):
 
     @property
     def abscissa(self) -> Dimension:
-        return {"error": E, "rate": U / S}.get(self.where, U)
+        return {"error": E, "error rate": E / S, "rate": U / S}.get(self.where, U)
 
     @property
     def ordinate(self) -> Dimension:
@@ -125,13 +147,18 @@ class FreeMap(FreeForm):
         return WORDS[self.where].format(**SIGNALS.get(domain, SIGNALS["human"]))
 
     def alternatives(self, record: Record) -> list[Any]:
-        """One for each place; a linear model without a limb has no command of its own."""
+        """One for each place, and odd ones; a linear model has no command of its own."""
         places = [at for at in OVER if at != "command" or record.core != CoreKind.ARX]
-        return [self.with_choices(at=at) for at in places] if self.at is None else [self]
+        if self.at is not None:
+            return [self]
+        odd = [self.with_choices(at=at, odd=True) for at in SIGNLESS]
+        return [*(self.with_choices(at=at) for at in places), *odd]
 
     def watched(self, record: Record) -> np.ndarray:
         if self.where == "error":
             return record.input[record.known]
+        if self.where == "error rate":
+            return differentiated(record.input, record.dt)[record.known]
         if self.where in OPPOSING:  # of the output itself, which a hopeless model does not show
             return moved(record) if self.where == "rate" else seen(record)[record.known]
         output = record.prediction if record.prediction is not None else record.y
@@ -161,6 +188,9 @@ class FreeMap(FreeForm):
         if self.knots is None and self.folded:
             size = float(np.abs(seen(record)[record.known]).max())
             return self.with_choices(knots=tuple(np.linspace(-size, size, N_KNOTS).tolist()))
+        if self.knots is None and self.odd:
+            _, *above = quantile_knots(np.abs(self.watched(record)))
+            return self.with_choices(knots=(0.0, *above))
         if self.knots is not None or self.where not in OPPOSING:
             return super().with_knots(record)
         watched = self.watched(record)
@@ -195,6 +225,8 @@ class FreeMap(FreeForm):
             low, high = self.knots[0], self.knots[-1]
             force = curve(np.linspace(low, high, N_PLACES)) - level
             return signal.bent(force, low, high, of_rate=self.where == "rate")
+        if self.where == "error rate":
+            return signal.plus(curve(differentiated(signal.error, record.dt)) - level)
         if self.where != "command":
             return signal + curve(signal) - level
         whole = signal.position + differentiated(signal.rate, record.dt)
@@ -398,6 +430,13 @@ TIME = "time"
 N_IN_TIME = 21  # knots: four seconds of a run of 82 s, so that what swings in twelve is seen
 
 
+FOLLOWED = (
+    "What it follows: a channel, or one of "
+    + ", ".join(f'``"{name}"``' for name in DERIVED)
+    + ", computed of the channels of roles e, f_t and x; None means the time in the run."
+)
+
+
 class _Varying(FreeForm):
     """What curves over the time in the run, or over a channel, have in common."""
 
@@ -411,19 +450,19 @@ class _Varying(FreeForm):
 
     @property
     def abscissa(self) -> Dimension:
-        return S if self.channel is None else Dimension.of_channel(self.channel)
+        return S if self.channel is None else dimension_of(self.channel)
 
     @property
     def sentence(self) -> str:
-        if self.channel is None:
-            return f"it acts on {self.what}, as a function of time in the run"
-        return f"it acts on {self.what}, as a function of {self.channel}"
+        over = "time in the run" if self.channel is None else words_of(self.channel)
+        return f"it acts on {self.what}, as a function of {over}"
 
     def alternatives(self, record: Record) -> list[Any]:
-        """One over time, and one over each channel without a role."""
+        """One over time, over each channel without a role, and over each signal that follows."""
         if self.channel is not None or self.knots is not None or not self.by_channel:
             return [self]
-        return [self, *(self.with_choices(channel=name) for name in record.with_role(OTHER))]
+        channels = [*record.with_role(OTHER), *(name for name in DERIVED if record.has(name))]
+        return [self, *(self.with_choices(channel=name) for name in dict.fromkeys(channels))]
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if self.channel is None:
@@ -471,7 +510,7 @@ class FreeGain(_Varying):
     examples = ({"channel": "workload"},)
     options = {"of": ("both", "error", "rate")}
     arguments = FreeForm.arguments | {
-        "channel": Argument("What it follows; None means the time in the run."),
+        "channel": Argument(FOLLOWED),
         "of": Argument("Which gains change.", '{"both", "error", "rate"}', "both"),
     }
     citation = (
@@ -516,7 +555,7 @@ class FreeDelay(_Varying):
 
     examples = ({"channel": "workload"},)
     arguments = FreeForm.arguments | {
-        "channel": Argument("What it follows; None means the time in the run."),
+        "channel": Argument(FOLLOWED),
     }
     citation = "Wood, Generalized additive models (2017)."
 
@@ -661,13 +700,14 @@ class FreePath(_Remembering):
 
     @property
     def ordinate(self) -> Dimension:
-        return U / Dimension.of_channel(self.channel) / S
+        return U / dimension_of(self.channel) / S
 
     @property
     def sentence(self) -> str:
         if self.at == "output":
             return f"{self.channel} shakes the output without a delay"
-        return f"the output also responds to {self.channel}, as a function of how long ago it was"
+        told = words_of(self.channel or "")
+        return f"the output also responds to {told}, as a function of how long ago it was"
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if self.channel is None and len(record.channels) > len(record.inputs):

@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import _kernels
 from ..runs.roles import EXACT, OTHER
+from .derived import DERIVED, WINDOW
 from .parameter import CoreKind, RoleName
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class RowChannels(Mapping[str, np.ndarray]):
         yield from dict.fromkeys([*self.rows, *self.sums])
 
     def __contains__(self, name: object) -> bool:
-        return name in self.rows or name in self.sums
+        return name in self.rows or name in self.sums or name in self.given
 
     def __len__(self) -> int:
         return len({*self.rows, *self.sums})
@@ -100,6 +101,7 @@ class RowChannels(Mapping[str, np.ndarray]):
         return replace(self, given={**self.given, **channels})
 
 
+FOLLOWS = "follows"  # key of what is remembered of signals that follow from channels
 LARGE = 150_000  # samples, above which runs are simulated a few at a time
 CACHED = 80_000  # samples of these few: their signals stay in a processor's cache
 
@@ -225,9 +227,11 @@ class Record:
         )
 
     def forget(self) -> None:
-        """Keep no channel that can be read again."""
+        """Keep no channel that can be read again, and none that follows from others."""
         if isinstance(self.channels, RowChannels):
             self.channels.found.clear()
+        for key in [key for key in self.remembered if isinstance(key, tuple) and FOLLOWS in key]:
+            del self.remembered[key]
 
     def beginning(self, seconds: float) -> Record:
         """The first seconds of the runs."""
@@ -260,13 +264,37 @@ class Record:
         return self.channels[self.inputs[0]]
 
     def channel(self, name: str | None) -> np.ndarray:
-        """A channel by its name, which a choice has set."""
+        """A channel by its name, which a choice has set, or a signal that follows from channels."""
         assert name is not None
-        return self.channels[name]
+        if name in self.channels:
+            return self.channels[name]
+        return self.once((FOLLOWS, name), lambda: self._derived(name))
+
+    def has(self, name: str) -> bool:
+        """Whether there is a channel, or those that a derived signal follows from."""
+        if name in self.channels:
+            return True
+        return name in DERIVED and bool(self._sources(DERIVED[name].role))
+
+    def _sources(self, role: str) -> list[str]:
+        """The channel of a role, or the target and the error, whose difference x is."""
+        found = self.with_role(role)[:1]
+        if not found and role == "x" and self.with_role("f_t") and self.with_role("e"):
+            return [self.with_role("f_t")[0], self.with_role("e")[0]]
+        return found
+
+    def _derived(self, name: str) -> np.ndarray:
+        derived = DERIVED[name]
+        one, *less = (self.channels[source] for source in self._sources(derived.role))
+        window = max(round(WINDOW * self.time_unit / self.dt), 1)
+        signal = one - less[0] if less else one
+        return derived.of(differentiated(signal, self.dt) if derived.per_second else signal, window)
 
     def glance(self, name: str) -> np.ndarray:
         """A channel that is not kept, where it can be read again."""
         channels = self.channels
+        if name not in channels:
+            return self.channel(name)
         return channels.read(name) if isinstance(channels, RowChannels) else channels[name]
 
     def with_role(self, role: str) -> list[str]:
@@ -466,7 +494,7 @@ def _output(record: Record) -> tuple[np.ndarray, float]:
 
 def needs_channel(channel: str | None, record: Record, role: str, what: str) -> str | None:
     """Why a channel that an effect needs is not there."""
-    if channel is not None and channel not in record.channels:
+    if channel is not None and not record.has(channel):
         return f"X has no channel {channel!r}"
     if channel is None and not record.with_role(role):
         return f"X has no {what}"

@@ -11,6 +11,7 @@ from .results import SearchResult
 from .results import with_effects as with_effects
 from .shape import BY_HAND as BY_HAND
 from .shape import Shape
+from .share import Share
 from .sketch import checked_name as checked_name
 from .statuses import Reason, Status, Verdict
 from .telling import HOW_TO_GO_ON as HOW_TO_GO_ON
@@ -25,4 +26,4 @@ from .telling import tell_stand_ins as tell_stand_ins
 from .telling import tell_step as tell_step
 from .telling import unexplained_by as unexplained_by
 
-__all__ = ["EffectSearchCV", "Reason", "SearchResult", "Shape", "Status", "Verdict"]
+__all__ = ["EffectSearchCV", "Reason", "SearchResult", "Shape", "Share", "Status", "Verdict"]

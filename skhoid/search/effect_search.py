@@ -47,6 +47,7 @@ from .results import (
     unexplained_table,
 )
 from .shape import Shape, find_unnamed, fit_shape
+from .share import find_share
 from .sketch import SketchesEffects
 from .statuses import Ending, Verdict
 from .steps import Progress, Search, output_error_fit
@@ -169,6 +170,9 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     explainable_gap_ : float
         Points of VAF that a better model can gain over the baseline: what the effects found gain,
         plus the largest structure in ``unexplained_``.
+    closed_ : Share
+        What share of that gap the effects added close: value, low and high (95 %), and whether the
+        gap reaches up to the noise ceiling (``of_ceiling``).
     unexplained_ : DataFrame
         Structure left at the end: where (time, frequency, amplitude, channel, or "repeats" for what
         is the same in all runs), at, description, points, delta_bic.
@@ -376,6 +380,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
             parameters=best.parameters_,
             shape=found.shape,
             explainable_gap=numbers.explainable_gap,
+            closed=find_share(numbers, prepared.record, found.shape),
             ceiling_note=numbers.no_ceiling if np.isnan(numbers.ceiling) else "",
             experiments=experiments_for(ranking),
             notes=notes,

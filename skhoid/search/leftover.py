@@ -46,9 +46,8 @@ class SearchNumbers:
     """Numbers of a search.
 
     ``steps`` are judged models with none, the first, the first two ... of the effects ``added``
-    (names). ``ceiling`` is NaN for the reason ``no_ceiling``; ``share`` is the part of the output's
-    power that is not its mean. With ``one_cause`` one free form explains as much as all effects,
-    and is likelier.
+    (names). ``ceiling``, known to ``ceiling_sd``, is NaN for the reason ``no_ceiling``. ``share``
+    is the part of the output's power that is not its mean.
     """
 
     path: Path
@@ -57,10 +56,10 @@ class SearchNumbers:
     left: list[Leftover]
     noises: list[tuple[Effect, Signature]]
     ceiling: float
+    ceiling_sd: float
     no_ceiling: str
     share: float
     changes: dict[str, tuple[float, float, float]]
-    one_cause: bool = False
 
     @property
     def ids(self) -> list[str]:
@@ -141,6 +140,7 @@ def measure_path(
         left=left,
         noises=noises,
         ceiling=ceiling,
+        ceiling_sd=rest_sd,
         no_ceiling=unknown if why is None else str(why),
         share=search.share,
         changes=further_changes(search, path),

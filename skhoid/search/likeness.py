@@ -94,6 +94,22 @@ def candidates(form: FreeForm, record: Record) -> Iterator[Effect]:
             )
 
 
+def acts_where(
+    form: FreeForm,
+    effect: Effect,
+    values: dict[str, float],
+    record: Record,
+    gains: tuple[float, float],
+) -> bool:
+    """Whether an effect with its numbers acts where a free form does, on what the form follows."""
+    places = PLACES.get(form.place, (form.place,))
+    if effect.place not in places or not (_alike(form, effect) and _follows(form, effect)):
+        return False
+    grid = np.linspace(*form.ends, N_POINTS)
+    made = find_departure(form, effect, effect.fixed | values, record, gains)(grid)
+    return bool(np.abs(made).max() > NOTHING)
+
+
 def _alike(form: FreeForm, effect: Effect) -> bool:
     """Whether an effect of the place can have a curve over the same."""
     if form.place == "gain":

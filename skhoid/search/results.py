@@ -19,6 +19,7 @@ from ..text import Note
 from .judging import Candidate, find_why_not
 from .leftover import Leftover, SearchNumbers
 from .shape import Shape
+from .share import Share
 from .statuses import Reason, Status, Verdict
 
 DESCRIBED = 5  # candidates of a step whose parameters are written out
@@ -53,6 +54,8 @@ class SearchResult:
         Of what has no name.
     explainable_gap : float
         Points of VAF that a better model can gain over the baseline.
+    closed : Share
+        What share of the explainable gap the effects added close, with an interval.
     ceiling_note : str
         Why the ceiling is not known.
     experiments : list of str
@@ -85,6 +88,7 @@ class SearchResult:
     parameters: pd.DataFrame
     shape: Shape | None
     explainable_gap: float
+    closed: Share
     ceiling_note: str
     experiments: list[str]
     notes: list[Note]
@@ -116,6 +120,7 @@ class SearchResult:
             "stand_ins": self.stand_ins,
             "verdict": str(self.verdict),
             "explainable_gap": self.explainable_gap,
+            "closed": self.closed._asdict(),
             "parameters": list_records(self.parameters.reset_index()),
             "unexplained": list_records(self.unexplained),
             "shape": None if self.shape is None else self.shape.as_dict(),

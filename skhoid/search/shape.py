@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from ..effects.base import Effect
 from ..effects.catalogue import FREE_FORMS
 from ..effects.composition import Effects
+from ..effects.derived import DERIVED
 from ..effects.free_form import FEWEST, FreeForm
 from ..effects.free_forms import TIME, one_sided
 from ..effects.record import Record
@@ -38,10 +38,10 @@ from ..text import Document, Paragraph, TextTable, Told, number
 from .data import refit_on_rows
 from .formulas import Fitted, find_formula
 from .judges import HeldOutRows, held_out
-from .judging import LEAST_GAIN, THRESHOLD, Candidate
-from .leftover import Leftover, SearchNumbers, find_gap, leftovers, points_gained
-from .likeness import nearest_effects, nearest_table, recordings_for
-from .path import CLAIM, find_cost
+from .judging import LEAST_GAIN, THRESHOLD, Candidate, find_lead
+from .leftover import SearchNumbers, find_gap, leftovers, points_gained
+from .likeness import acts_where, nearest_effects, nearest_table, recordings_for
+from .path import CLAIM
 from .statuses import Ending, Verdict
 from .steps import Search, SearchStep, output_error_fit
 
@@ -54,122 +54,21 @@ AXES = {  # what a curve is a function of, on an axis; others are names of chann
     "u": "output u",
     "du/dt": "rate of u",
     "time": "time in the run",
-}
+} | {name: derived.short for name, derived in DERIVED.items()}
 NAMES_AHEAD = "Nearest names, by distance (0: the same curve; 1: nothing in common)"
 BY_HAND = 'search.sketch_effect("my_effect", "my_effect.py")'
 FOLLOWED = 4  # forms whose curves are fitted to the end
 SIZES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # of the prior, times the usual one
 NAME = "free"
-HOPEFUL = 0.5  # times what the effects found gain: at least what a form explains, linearised
-TRIED = 3  # forms that are fitted in place of effects with names
-ONE_FORM = "one free form explains more than all the effects named"
+AS_GOOD = 0.05  # points, by which held-out rows hardly speak against more knots
+APART = 3.0  # nats, odds of 20 to 1, by which forms are told apart
+HOPEFUL = 0.5  # of what the effects found gain: at least what a form explains, linearised
+MISFIT = 0.1  # share of what is explained, that a name may miss of its own form
+FLOOR = 0.6  # points of VAF, that simulations with other steps and filters differ by
 N_POINTS = 101  # of a curve
 N_DRAWS = 4000
 LEVEL = 0.95  # of the band
 AT_A_KINK = 3.0  # times the change by half the distance of knots; twice if nothing kept it back
-
-
-AS_GOOD = 0.05
-
-
-class LeftBeside(NamedTuple):
-    """How much structure may be left beside effects that are named.
-
-    It counts as structure that nothing explains if it is at least ``points`` (of VAF about the
-    mean) and more than the share ``counts`` of what could be explained. Names are dropped if it is
-    more than the share ``unnames`` too; the limit rises with what the effects gain, to
-    ``unnames_much`` for 10 points, since hardly anything else imitates as much.
-    """
-
-    points: float
-    counts: float
-    unnames: float
-    unnames_much: float
-
-
-BESIDE_ONE = LeftBeside(points=0.6, counts=0.1, unnames=0.12, unnames_much=0.5)
-BESIDE_SEVERAL = LeftBeside(points=0.4, counts=0.04, unnames=0.04, unnames_much=0.25)
-MUCH_GAINED = 10.0  # points about the mean, for which the last share holds
-AS_GOOD_FORM = 0.1  # points
-BEHIND, LINEAR = "behind the muscles' delay", "linear"
-# A linear answer may be a delay, dynamics or a path, and a path may answer the size of the error.
-GROUPS = {
-    "delay": frozenset({LINEAR}),
-    "path": frozenset({LINEAR, "input"}),
-    "command": frozenset({LINEAR, BEHIND}),
-    "spring": frozenset({BEHIND}),
-    "output": frozenset({BEHIND}),
-    "inside": frozenset({BEHIND}),
-}
-
-
-def decided(found: SearchNumbers, *, tries_all: bool) -> Ending:
-    """Whether what was found can be named, and whether something else is missing."""
-    ids, stand_ins, worst = found.ids, [], found.worst
-    share = worst / max(worst + found.gained, 1e-300)
-    limits = BESIDE_SEVERAL if len(found.added) > 1 else BESIDE_ONE
-    large = largest_left(limits, found.gained, found)
-    left = worst >= limits.points * found.share and share > limits.counts
-    if not (left or found.one_cause):
-        return Ending(Verdict.FOUND if ids else Verdict.NOTHING, ids, [])
-    if found.one_cause:
-        ids, stand_ins = [], ids
-    elif share > large:
-        kept = 1 if len(found.added) > 1 and first_explains(found) else 0
-        ids, stand_ins = ids[:kept], ids[kept:]
-    if found.path.steps[-1].best is not None:
-        return Ending(Verdict.CUT_SHORT, ids, stand_ins)
-    return Ending(unnamed_verdict(tries_all), ids, stand_ins)
-
-
-def unnamed_verdict(tries_all: bool) -> Verdict:
-    """The verdict of a search that leaves something without a name."""
-    return Verdict.NOT_IN_CATALOGUE if tries_all else Verdict.NOT_TRIED
-
-
-def first_explains(found: SearchNumbers) -> bool:
-    """Whether the first effect would stay named on its own: later ones take nothing from it."""
-    gained = found.steps[1].vaf - found.steps[0].vaf
-    left = found.worst + found.gained - gained
-    return left <= largest_left(BESIDE_ONE, gained, found) * (left + gained)
-
-
-def largest_left(limits: LeftBeside, gained: float, found: SearchNumbers) -> float:
-    """Share of what could be explained that may be left when a named effect gains so much."""
-    return max(limits.unnames, limits.unnames_much * min(gained / (MUCH_GAINED * found.share), 1.0))
-
-
-def first_stands(rival: Candidate, found: SearchNumbers) -> bool:
-    """Whether the first effect acts where a form does, and leaves little of what that explains."""
-    first = dict(found.path.model.effects.steps)[found.added[0]]
-    left = rival.gain - (found.steps[1].vaf - found.steps[0].vaf)
-    return (
-        bool(find_group(rival.effect) & find_group(first))
-        and left <= BESIDE_ONE.counts * rival.gain
-    )
-
-
-def excess_asked(one: Candidate, found: SearchNumbers) -> float:
-    """Points by which a form must exceed all effects found to speak against them."""
-    if len(found.added) > 1:
-        return -AS_GOOD_FORM
-    if not elsewhere(one.effect, found):
-        return found.share * BESIDE_ONE.points
-    named, form = found.path.model, one.model
-    plainer = form is not None and form.n_parameters < named.n_parameters
-    return -AS_GOOD_FORM if plainer else found.share * LEAST_GAIN
-
-
-def elsewhere(form: Any, found: SearchNumbers) -> bool:
-    """Whether a form acts elsewhere than all effects that were found."""
-    effects = dict(found.path.model.effects.steps)
-    own = find_group(form)
-    return all(not own & find_group(effects[name]) for name in found.added)
-
-
-def find_group(effect: Effect) -> frozenset[str]:
-    """What an effect changes, so far as data tell places apart."""
-    return GROUPS.get(effect.place, frozenset({effect.place}))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -212,6 +111,12 @@ class Shape(Told):
         Of the nearest of them, over the abscissa; None where there is none.
     formula : Fitted or None
         A short formula that lies within the band, of what the effect adds; None where none does.
+    family : str or None
+        Id of the effect that acts at this place, if the data show it there and only its form fails.
+    closest : list of str
+        Ids of the effects of the catalogue that explain most of the same data.
+    misses : float
+        Share of what the shape explains that they miss.
 
     See Also
     --------
@@ -251,6 +156,9 @@ class Shape(Told):
     recordings: list[str] = field(repr=False)
     nearest_curve: pd.Series | None = field(default=None, repr=False)
     formula: Fitted | None = field(default=None, repr=False)
+    family: str | None = None
+    closest: list[str] = field(default_factory=list)
+    misses: float = float("nan")
 
     @property
     def id(self) -> str:
@@ -294,6 +202,15 @@ class Shape(Told):
             record, and how to make it an effect of your own.
         """
         told = [f"The shape of what has no name: {self.explains}"]
+        if self.family is not None:
+            told.append(f"It acts where {titles_of([self.family])} does; only the form is another.")
+        if self.closest:
+            verb = "misses" if len(self.closest) == 1 else "miss"
+            told.append(
+                f"Of the catalogue, {titles_of(self.closest)} explain"
+                f"{'s' if len(self.closest) == 1 else ''} most of the same, and {verb} "
+                f"{self.misses:.0%} of it.".replace("%", " %")
+            )
         if len(self.nearest):
             told.append(self._names())
         if self.formula is not None:
@@ -388,6 +305,7 @@ class Shape(Told):
         """
         told = ["id", "place", "over", "channel", "sentence", "x_label", "y_label"]
         told += ["dof", "gain", "gain_loop", "delta_bic", "closed", "recordings"]
+        told += ["family", "closest", "misses"]
         return {
             **{key: getattr(self, key) for key in told},
             "curve": self.curve.rename_axis("at").reset_index().to_dict("records"),
@@ -481,24 +399,6 @@ def _n_knots(model: Model, name: str) -> int:
     return len(getattr(dict(model.effects.steps)[name], "knots", None) or ())
 
 
-def fit_shape(
-    unnamed_part: Unnamed, model: GreyBox, prepared: Prepared, measured: np.ndarray
-) -> Shape | None:
-    """The shape of a search on all rows; None where there is none.
-
-    A form that the loop alone speaks against is the shape where it explains most of what repeats
-    from run to run: to that the loop may be blind, and no remnant repeats.
-    """
-    if unnamed_part.form is not None:
-        return _fit_form(unnamed_part, unnamed_part.form, model, prepared, measured)
-    repeated = max([i.points for i in unnamed_part.found.left if i.where == "repeats"], default=0.0)
-    for one in unnamed_part.doubtful if repeated else ():
-        shape = _fit_form(unnamed_part, one, model, prepared, measured)
-        if shape is not None and find_gap(shape.estimator, prepared, measured)[0] < repeated / 2:
-            return shape
-    return None
-
-
 def _unbiased(fitted: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     """A model and its noise model, estimated in turn, unless its free run gets much worse."""
     plain = Criterion(fitted.simulator.record)
@@ -509,27 +409,25 @@ def _unbiased(fitted: Model, criterion: Criterion) -> tuple[Model, RemnantModel]
     return fitted.under(criterion), criterion.noise
 
 
-def _fit_form(
-    unnamed_part: Unnamed,
-    found: Candidate,
-    model: GreyBox,
-    prepared: Prepared,
-    measured: np.ndarray,
+def fit_shape(
+    ended: Unnamed, model: GreyBox, prepared: Prepared, measured: np.ndarray
 ) -> Shape | None:
-    """The shape of one candidate."""
-    if found.model is None:
+    """The shape of a search on all rows; None where there is none."""
+    if ended.form is None:
         return None
-    found = detailed(unnamed_part.search, found)
+    found = detailed(ended.search, ended.form)
     assert found.model is not None
     fitted = refit_on_rows(prepared.record, output_error_fit(found.model))
     best = model.with_fit(prepared, *_unbiased(fitted, Criterion(prepared.record)))
     best.set_params(effects=found.model.effects)
     rest, _, _, _ = find_gap(best, prepared, measured)
     if not np.isfinite(rest):
-        folds = unnamed_part.search.folds
+        folds = ended.search.folds
         rest = max([item.points for item in leftovers(fitted, folds)], default=0.0)
     closed = float(found.gain / max(found.gain + max(rest, 0.0), 1e-300))
-    return make_shape(found, best, closed, prepared.units)
+    shape = make_shape(found, best, closed, prepared.units)
+    closest, gain = ended.closest
+    return replace(shape, family=ended.family, closest=closest, misses=float(1 - gain / found.gain))
 
 
 @dataclass(frozen=True)
@@ -547,8 +445,8 @@ def judge_forms(search: Search, parent: Model, forms: list[Candidate]) -> Search
     far = [one for one in forms if one.model is not None and is_far(one.effect, search.record)]
     for one in far:
         assert one.model is not None
-        one.vaf = search.refit(one.model)
-        one.gain = one.vaf - max(step.vaf, step.refitted_vaf)
+        one.gain = search.refit(one.model) - max(step.vaf, step.refitted_vaf)
+        one.refit = True
     if far:
         step.rank()
     return step
@@ -569,15 +467,6 @@ def list_candidates(
         model = extended(parent, name, hint.effect, search.criterion, search.coarse)
         candidates.append(Candidate(name, dict(model.effects.steps)[name], model=model))
     return candidates
-
-
-def find_best_minima(search: Search, step: SearchStep) -> Candidate | None:
-    """The best form, with what it gains where folds are refitted, as it is told of names."""
-    best = step.best
-    if best is None or best.model is None:
-        return None
-    vaf = search.refit(best.model)
-    return replace(best, vaf=vaf, gain=vaf - step.refitted_vaf)
 
 
 def find_hints(search: Search, parent: Model) -> list[Hint]:
@@ -608,13 +497,23 @@ def find_hints(search: Search, parent: Model) -> list[Hint]:
                 if result is not None:
                     found.append(Hint(variant, *result))
                 search.record.forget()  # one channel after the other
+    found = likeliest_of_each(found)
     most = max([hint.points for hint in found if np.isfinite(hint.points)], default=0.0)
 
     def order(hint: Hint) -> tuple[float, float]:
-        near = most - AS_GOOD_FORM < hint.points < np.inf
+        near = most - AS_GOOD < hint.points < np.inf
         return -(most if near else hint.points), -hint.delta_bic
 
     return sorted(found, key=order)
+
+
+def likeliest_of_each(hints: Sequence[Hint]) -> list[Hint]:
+    """Of forms over the same at the same place, odd or not, ahead or not, the likeliest."""
+    best: dict[tuple, Hint] = {}
+    for hint in sorted(hints, key=lambda one: one.delta_bic):
+        form: Any = hint.effect
+        best[form.name, form.place, form.over, getattr(form, "channel", None)] = hint
+    return list(best.values())
 
 
 def hinted(
@@ -656,96 +555,147 @@ def _solve(gram: np.ndarray, product: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Unnamed:
-    """Numbers and verdict of a search, and the form of what has no name, or forms in doubt."""
+    """Numbers and verdict of a search, and the form of what has no name.
 
-    search: Search
+    ``family`` is the id of the effect that acts where the form does and whose own form fails.
+    """
+
     found: SearchNumbers
     ending: Ending
+    search: Search
     form: Candidate | None = None
-    doubtful: tuple[Candidate, ...] = ()
+    family: str | None = None
+
+    @property
+    def closest(self) -> tuple[list[str], float]:
+        """Ids of the effects that the form replaces, or of that which explains most; their gain."""
+        if self.ending.stand_ins:
+            return self.ending.stand_ins, self.found.gained
+        tried = [c for c in self.found.path.steps[-1].candidates if np.isfinite(c.gain)]
+        best = max(tried, key=lambda c: c.gain, default=None)
+        return ([], 0.0) if best is None else ([best.effect.name], max(best.gain, 0.0))
 
 
 def find_unnamed(search: Search, found: SearchNumbers, *, tries_all: bool) -> Unnamed:
-    """The verdict, with the shape of what has no name."""
-    ending, baseline = decided(found, tries_all=tries_all), found.steps[0].at_least_error
-    rival, hints = None, None
-    if found.added:
-        hints = find_hints(search, baseline)
-        found, rival = beside_one_form(search, found, hints)
-        ending = decided(found, tries_all=tries_all)
-    elif ending.verdict is Verdict.NOTHING and (found.left or one_sided(search.record)):
-        hints = find_hints(search, baseline)[:FOLLOWED]
-        forms = list_candidates(search, baseline, hints)
-        shape = find_best_minima(search, judge_forms(search, baseline, forms))
-        if shape is None or shape.gain < BESIDE_ONE.points * found.share:
-            return Unnamed(search, found, ending)
-        return Unnamed(search, found, Ending(unnamed_verdict(tries_all), [], []), shape)
-    if not ending.verdict.leaves_unknown:
-        return Unnamed(search, found, ending)
-    parent = unnamed_parent(found, ending)
-    if rival is None or parent is not baseline:
-        if hints is None or parent is not baseline:
-            hints = find_hints(search, parent)
-        forms = list_candidates(search, parent, hints[:FOLLOWED])
-        step = judge_forms(search, parent, forms)
-        rival = find_best_minima(search, step)
-        if rival is None:
-            doubtful = [c for c in step.candidates if c.refused is None and c.joint > 2 * THRESHOLD]
-            return Unnamed(search, found, ending, None, tuple(doubtful))
-    return Unnamed(search, found, ending, rival)
+    """The verdict: the effects found, unless a free form explains them better, and what is left.
 
-
-def beside_one_form(
-    search: Search, found: SearchNumbers, hints: Sequence[Hint]
-) -> tuple[SearchNumbers, Candidate | None]:
-    """The numbers, beside what one free form explains in place of all effects found; and that form.
-
-    If it is likelier than several effects, they imitate it together, unless the first acts at its
-    place and leaves little of it. If it acts elsewhere than the single effect found, that has the
-    wrong place. At the effect's own place any curve explains a little more: that is structure only
-    if the baseline's residual shows it (``hints``), or if it is most of what is left.
+    Free forms at all places are the rivals of the effects found, beside the same baseline and by
+    the same judges. The best of them decides where something acts; the name of an effect that acts
+    there stands, unless its form misses more than ``MISFIT`` of what the free one explains.
     """
-    several = len(found.added) > 1
-    limits = BESIDE_SEVERAL if several else BESIDE_ONE
-    least, share = limits.points, limits.counts
+    unknown = Verdict.NOT_IN_CATALOGUE if tries_all else Verdict.NOT_TRIED
+    if found.path.steps[-1].best is not None:
+        unknown = Verdict.CUT_SHORT
+    ids = found.ids
+    rival, family = find_rival(search, found)
+    if rival is not None:
+        return Unnamed(found, Ending(unknown, [], ids), search, rival, family)
+    if found.added:
+        rival = find_beside(search, found)
+    if rival is not None:
+        return Unnamed(found, Ending(unknown, ids, []), search, rival)
+    repeats = max([item.points for item in found.left if item.where == "repeats"], default=0.0)
+    if counts(repeats, found):
+        return Unnamed(found, Ending(unknown, ids, []), search)
+    return Unnamed(found, Ending(Verdict.FOUND if ids else Verdict.NOTHING, ids, []), search)
+
+
+def counts(points: float, found: SearchNumbers) -> bool:
+    """Whether so many points are more than what a model of nearly the right form leaves."""
+    return points >= max(FLOOR * found.share, MISFIT * (points + found.gained))
+
+
+def find_rival(search: Search, found: SearchNumbers) -> tuple[Candidate | None, str | None]:
+    """The form that explains data better than the effects found; and the effect at its place."""
     baseline = found.steps[0].at_least_error
-    most = max([hint.points for hint in hints], default=0.0)
-    hopeful = [h for h in hints[:TRIED] if h.points > HOPEFUL * found.gained]
-    named = output_error_fit(found.path.model) if hopeful else baseline
-    tried = list_candidates(search, baseline, hopeful)
-    better = [
+    named = named_candidate(found)
+    hints = [h for h in find_hints(search, baseline) if h.points > HOPEFUL * found.gained]
+    tried = hints[:FOLLOWED]
+    if named is not None:
+        there = [hint for hint in hints if acts_like(hint.effect, named, baseline)][:1]
+        tried += [hint for hint in there if hint not in tried]
+    if not tried:
+        return None, None
+    forms = list_candidates(search, baseline, tried)
+    step = judge_forms(search, baseline, [*forms, *([named] if named else [])])
+    best = find_best(search, step, named)
+    if best is None or not counts(best.gain, found):
+        return None, None
+    if named is None:
+        return best, None
+    judge_refitted(search, step, named)
+    if lead(best, named) <= THRESHOLD:
+        return None, None
+    own = [
         one
-        for one in tried
-        if one.model is not None
-        and 100 * (named.sse - one.model.sse) / search.criterion.power > excess_asked(one, found)
+        for one in step.candidates
+        if one is not named and acts_like(one.effect, named, baseline)
     ]
-    if several and better:  # of which another may explain more of held-out rows
-        n = len(tried)
-        better = [*tried, *list_candidates(search, baseline, hints[n:FOLLOWED], n)]
-    rival = find_best_minima(search, judge_forms(search, baseline, better)) if better else None
-    if rival is None or rival.model is None:
-        return found, None
-    excess, one_cause = rival.gain - found.gained, False
-    refutes = not first_stands(rival, found) if several else elsewhere(rival.effect, found)
-    if refutes and excess > excess_asked(rival, found):
-        lead_asked = 0.0 if several else 2 * THRESHOLD
-        one_cause = (
-            find_cost(search, found.path.model) - find_cost(search, rival.model) > lead_asked
-        )
-    effect: Any = rival.effect
-    more = Leftover("shape", effect.over, ONE_FORM, excess, rival.delta_bic)
-    at_sight = most >= found.gained + max(least * found.share, share * most)
-    counts = excess >= least * found.share and (several or at_sight or excess > found.gained)
-    left = sorted([*found.left, more] if counts else found.left, key=lambda item: -item.points)
-    return replace(found, left=left, one_cause=one_cause), rival
+    for one in own[:1]:
+        judge_refitted(search, step, one)
+        if lead(best, one) <= THRESHOLD:
+            missed = one.gain - named.gain
+            return (one, named.effect.name) if missed > MISFIT * one.gain else (None, None)
+    return best, None
 
 
-def unnamed_parent(found: SearchNumbers, ending: Ending) -> Model:
-    """The model with the effects that are named, without those that stand in for others."""
-    model = found.path.model
-    ids = [dict(model.effects.steps)[name].name for name in found.added]
-    kept = sum(1 for name in ids if name in ending.named)
-    return found.steps[kept].at_least_error
+def find_best(search: Search, step: SearchStep, named: Candidate | None = None) -> Candidate | None:
+    """The form that passes and leads; of those not told apart the first of the catalogue."""
+    order = [form.name for form in FREE_FORMS]
+    near: list[Candidate] = []
+    for one in [one for one in step.candidates if one is not named and one.passes]:
+        if near and find_lead(near[0], one) > APART:
+            continue
+        judge_refitted(search, step, one)
+        if one.passes and (not near or lead(near[0], one) <= APART):
+            near.append(one)
+    return min(near, key=lambda one: order.index(one.effect.name), default=None)
+
+
+def judge_refitted(search: Search, step: SearchStep, one: Candidate) -> None:
+    """Judge a candidate by all that can, with what it gains where folds are refitted."""
+    assert one.model is not None
+    step.judge(one)
+    if not one.refit:
+        one.gain, one.refit = search.refit(one.model) - step.refitted_vaf, True
+
+
+def lead(one: Candidate, other: Candidate) -> float:
+    """Nats by which one candidate leads another, if it explains more of held-out rows."""
+    return find_lead(one, other) if one.gain > other.gain else -np.inf
+
+
+def named_candidate(found: SearchNumbers) -> Candidate | None:
+    """All effects found as one candidate beside the baseline, under the name of the first."""
+    if not found.added:
+        return None
+    model = output_error_fit(found.path.model)
+    first = found.added[0]
+    return Candidate(first, dict(model.effects.steps)[first], model=model)
+
+
+def acts_like(form: FreeForm, named: Candidate, baseline: Model) -> bool:
+    """Whether the first of the effects found acts where a form does."""
+    model = named.model
+    assert model is not None
+    effect = dict(model.effects.steps)[named.name]
+    values = model.values()
+    own = {p.name: values[f"{named.name}__{p.name}"] for p in effect.free}
+    gains = values.get("K_e", 1.0), values.get("K_edot", 0.0)
+    record = replace(model.simulator.record, prediction=baseline.output)
+    return acts_where(form, effect, own, record, gains)
+
+
+def find_beside(search: Search, found: SearchNumbers) -> Candidate | None:
+    """The form that explains what the effects found leave, if that counts."""
+    parent = output_error_fit(found.path.model)
+    hints = find_hints(search, parent)
+    tried = [hint for hint in hints[:FOLLOWED] if counts(hint.points, found)]
+    if not tried:
+        return None
+    step = judge_forms(search, parent, list_candidates(search, parent, tried))
+    best = find_best(search, step)
+    return best if best is not None and counts(best.gain, found) else None
 
 
 def curve_with_band(model: Model, name: str) -> tuple[pd.DataFrame, float]:
@@ -764,11 +714,11 @@ def curve_with_band(model: Model, name: str) -> tuple[pd.DataFrame, float]:
     criterion = Criterion(simulator.record)
     criterion.set_noise(criterion.remnant_model(model.output))
     own = [i for i, n in enumerate(simulator.names) if n.startswith(f"{name}__")]
-    first = effect.knots[0]
+    first, last = effect.ends
     if effect.over == TIME:  # before rows count, nothing tells it
         record = simulator.record
         first = max(first, float(record.t[record.known.any(axis=1)].min()))
-    at = np.linspace(first, effect.knots[-1], N_POINTS)
+    at = np.linspace(first, last, N_POINTS)
     design = effect.design(at)
     value = effect.at_rest + design @ model.theta[own]
     covariance = estimate_covariance(simulator, criterion, model.fit, simulator.prior)

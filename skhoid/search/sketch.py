@@ -263,8 +263,9 @@ def _formula_text(form: FreeForm, fitted: Fitted) -> str:
         return f"{letter}' = {text.removesuffix(' - x').replace('x', letter)}".replace(
             f"e{letter}p", "exp"
         )
-    if form.place == "spring":
-        return f"command - {text} with x = {form.over}"
+    if form.place in ("spring", "path"):
+        sign = "-" if form.place == "spring" else "+"
+        return f"command {sign} {text} with x = {form.over}"
     if form.place == "gain":
         return f"K (1 + {text})" + ("" if form.over == "time" else f" with x = {form.over}")
     whole = f"{before[form.place]} + {text}"
@@ -277,7 +278,7 @@ def _refusal(form: FreeForm) -> Iterator[str]:
     if channel is None:
         return
     yield "    def refusal(self, record, core):"
-    yield f'        if "{channel}" in record.channels:'
+    yield f'        if record.has("{channel}"):'
     yield "            return None"
     yield f'        return "X has no channel {channel}"'
     yield ""
@@ -356,8 +357,12 @@ def _applied(form: Any, fitted: Fitted) -> Iterator[str]:
         yield "        x = signal"
         yield f"        return {_whole('x', fitted)}"
         return
+    if form.place == "path":
+        yield "        x = np.gradient(signal.error, record.dt, axis=0)"
+        yield f"        return signal.plus({code})"
+        return
     channel = getattr(form, "channel", None)
-    yield "        t = record.t" if channel is None else f'        x = record.channels["{channel}"]'
+    yield "        t = record.t" if channel is None else f'        x = record.channel("{channel}")'
     if form.place != "gain":
         yield f"        return signal + {code}"
         return

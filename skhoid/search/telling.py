@@ -190,6 +190,8 @@ def tell_end(found: SearchResult) -> list[Block]:
     texts = tell_no_name(found)
     if found.verdict in HOW_TO_GO_ON:
         texts.append(HOW_TO_GO_ON[found.verdict])
+    if found.added:
+        texts.append(f"{tell_closed(found)}.")
     last = found.error_path.iloc[-1]
     if np.isfinite(last["explainable_gap"]) and np.isfinite(last["ceiling"]):
         texts.append(f"Left to explain: {gap_text(last['explainable_gap'])}; the rest is remnant.")
@@ -232,6 +234,13 @@ def limits_table(found: SearchResult, n: int | None = None) -> TextTable | None:
     caption = f"Effects that are not named: how large these runs allow them to be{most}"
     headings = ["effect", "allowed (95 %)", "would show (90 %)"]
     return TextTable(caption, headings, rows, tuple(headings), "limits")
+
+
+def tell_closed(found: SearchResult) -> str:
+    """What share of the gap the effects added close."""
+    verb = "closes" if len(found.added) == 1 else "close"
+    titles = titles_of(found.added)
+    return f"{titles[0].upper()}{titles[1:]} {verb} {found.closed}"
 
 
 def unexplained_by(found: SearchResult) -> str:

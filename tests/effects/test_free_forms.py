@@ -193,13 +193,16 @@ def test_which_places_and_channels_are_tried():
     X, y = runs(1, n_runs=1)
     X = X.assign(f_t=X["e"].cumsum(), x=X["e"].cumsum() - X["e"])
     record = OperatorRegressor(inputs=["e"]).prepare(X, y).record
+    of_error = {"|e|", "size of e", "de/dt", "|de/dt|"}
     tried = [(one.channel, one.ahead) for one in FreePath().alternatives(record)]
     assert {name for name, _ in tried} == {"x", "f_t", "other"}
     assert ("f_t", 1.0) in tried
-    assert {one.over for one in FreeGain().alternatives(record)} == {"time", "other"}
+    over = {one.over for one in FreeGain().alternatives(record)}
+    assert over == {one.over for one in FreeDelay().alternatives(record)}
+    assert over == {"time", "other", *of_error, "|df_t/dt|", "x", "|x|"}
     assert [one.at for one in FreeHysteresis().alternatives(record)] == ["output", "command"]
     assert [one.place for one in FreeMap().alternatives(record)] == [
-        *("input", "command", "output", "spring", "spring")
+        *("input", "path", "command", "output", "spring", "spring", "input", "path")
     ]
     assert FreePath(channel="f_t", ahead=1.0).with_knots(record).knots[0] == -1.0
     assert FreePath(channel="x").with_knots(record).knots[0] == record.least_delay
@@ -232,6 +235,62 @@ def test_motion_that_the_loop_does_not_move_may_act_at_once():
     X, y = shaken(2, 0.3)
     assert at_once(X, y) == ["motion_alone"]  # the other carries the target
     assert at_once(X.drop(columns=["f_t", "x"]), y) == []  # without a target nobody knows
+
+
+def test_signals_that_follow_from_channels():
+    X, y = runs(3, n_runs=2)
+    X = X.assign(f_t=X["e"].cumsum())
+    record = OperatorRegressor(inputs=["e"]).prepare(X, y).record
+    e, dt = record.input, record.dt
+    np.testing.assert_array_equal(record.channel("|e|"), np.abs(e))
+    np.testing.assert_allclose(record.channel("de/dt")[1:-1], (e[2:] - e[:-2]) / (2 * dt))
+    np.testing.assert_allclose(record.channel("x"), record.channel("f_t") - e)  # not recorded
+    n = round(2.0 / dt)
+    size = record.channel("size of e")
+    np.testing.assert_allclose(size[0], np.abs(e[0]))
+    for at in (n - 1, 5 * n):  # of the last two seconds alone
+        np.testing.assert_allclose(size[at], np.sqrt(np.mean(e[at - n + 1 : at + 1] ** 2, axis=0)))
+    louder = record.changed({"e": 3.0 * e})  # as a simulated loop changes it
+    np.testing.assert_allclose(louder.channel("size of e"), 3.0 * size, atol=1e-9)
+    assert not OperatorRegressor(inputs=["e"]).prepare(X[["e"]], y).record.has("|df_t/dt|")
+
+
+@pytest.mark.parametrize(
+    ("form", "says", "unit"),
+    [
+        (FreeGain(channel="size of e"), "the gains, as a function of the running size", "deg"),
+        (FreeDelay(channel="|e|"), "the delay, as a function of the size of the error", "deg"),
+        (FreeGain(channel="|df_t/dt|"), "as a function of the speed of the target", "mm/s"),
+        (FreeGain(channel="x"), "as a function of the controlled output x", "cm"),
+        (FreeMap(at="error rate"), "the response to the rate of the error", "deg/s"),
+    ],
+)
+def test_what_a_curve_is_over_has_words_and_a_unit(form, says, unit):
+    assert says in form.sentence
+    assert form.abscissa.label({"e": "deg", "[f_t]": "mm", "[x]": "cm", "u": "deg"}) == unit
+
+
+def test_an_odd_curve_is_the_same_for_either_sign():
+    record = synthetic_record()
+    (form,) = FreeMap(at="error", odd=True).variants(record)
+    assert form.ends == (-form.knots[-1], form.knots[-1])
+    values = {p.name: 0.1 * (i + 1) for i, p in enumerate(form.parameters)}
+    found = form.with_values(values)
+    at = np.linspace(0.0, 1.2 * found.knots[-1], 50)
+    both = [found.curve(np.asarray(found.values), sign * at) for sign in (1.0, -1.0)]
+    np.testing.assert_allclose(both[0], -both[1], atol=1e-9)
+    assert both[0][0] == 0.0
+    np.testing.assert_allclose(found.apply(at, record) - at, form.apply(at, record, **values) - at)
+
+
+def test_a_dead_zone_of_the_rate_is_a_curve_over_the_rate():
+    record = synthetic_record()
+    command = signal_at("path", record)
+    rate = np.gradient(command.error, record.dt, axis=0)
+    knots = tuple(np.linspace(rate.min(), rate.max(), 7).tolist())
+    form = FreeMap(at="error rate", knots=knots, values=tuple((np.array(knots) ** 2).tolist()))
+    curve = form.curve(np.asarray(form.values), rate)
+    np.testing.assert_allclose(form.apply(command, record).position, command.position + curve)
 
 
 def test_an_arx_model_has_no_gain_on_the_error_rate():

@@ -49,6 +49,17 @@ def test_far_names_are_not_called_near():
     assert some.sentences()[1] == "Nearest name: cubic gain (distance 0.69, within the band)."
 
 
+def test_what_the_catalogue_misses_is_said_and_where_only_the_form_fails():
+    told = a_shape(closest=["cubic_gain"], misses=0.4).sentences()
+    assert told[1] == (
+        "Of the catalogue, cubic gain explains most of the same, and misses 40 % of it."
+    )
+    told = a_shape(family="feedforward", closest=["feedforward"], misses=0.25).sentences()
+    assert told[1] == "It acts where feedforward does; only the form is another."
+    assert "feedforward explains most of the same, and misses 25 % of it." in told[2]
+    assert a_shape(family="feedforward").as_dict()["family"] == "feedforward"
+
+
 def test_the_summary_has_the_curve_and_the_names_in_tables():
     shape = a_shape()
     told = shape.summary()

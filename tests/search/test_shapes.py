@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.shapes import Fechner, searched
 
-from skhoid.effects import Lapses, TimeVaryingDelay
+from skhoid.effects import DeadZone, Effect, Lapses, TimeVaryingDelay
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +54,43 @@ def test_a_name_at_the_wrong_place_is_a_stand_in():
     search, _, _ = searched(change, seed=2, effects=["tv_gain", "gain_drift"])
     assert search.best_effects_ == ["unknown"]
     assert (search.shape_.id, search.shape_.over) == ("free_delay", "time")
+
+
+class Cautious(Effect):
+    """Gains that fall with the distance from the middle, which no catalogue has."""
+
+    name = "cautious"
+    place = "gain"
+
+    def apply(self, signal, record):
+        return signal.times(np.exp(-0.4 * np.abs(record.channel("x"))))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_gain_over_what_follows_from_channels_is_shown_over_it(seed):
+    found = searched(Cautious(), seed, ("e", "x", "f_t"), effects=["cubic_gain", "dead_zone"])
+    search, X, y = found
+    shape = search.shape_
+    assert search.best_effects_ == ["unknown"]
+    assert (shape.id, shape.over, shape.family) == ("free_gain", "|x|", None)
+    assert shape.curve["value"].iloc[0] > 1.0 > shape.curve["value"].iloc[-1]
+    assert shape.x_label == "size |x|, deg"
+    assert 0.3 < shape.misses <= 1.0
+    assert shape.estimator.score(X, y) > search.baseline_.score(X, y) + 3.0
+
+
+@pytest.mark.slow
+def test_a_name_says_what_share_of_the_gap_it_closes():
+    search, _, _ = searched(
+        DeadZone(width=0.4), 5, ("e", "x", "f_t"), effects=["dead_zone", "bias"]
+    )
+    assert search.best_effects_ == ["dead_zone"]
+    value, low, high, of_ceiling = search.closed_
+    assert of_ceiling
+    assert 0.5 < low < value <= high <= 1.0
+    assert value > 0.9
+    assert f"Dead zone closes {value:.0%}".replace("%", " %") in search.summary()
 
 
 @pytest.mark.whole

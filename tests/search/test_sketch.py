@@ -11,6 +11,7 @@ from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import (
     Dimension,
     Effect,
+    FreeDelay,
     FreeGain,
     FreeHysteresis,
     FreeMap,
@@ -92,6 +93,9 @@ PLACES = [
     (FreeMap(at="spring"), cubic),
     (FreeGain(), fading),
     (FreeGain(channel="speed"), square),
+    (FreeGain(channel="size of e"), square),
+    (FreeDelay(channel="|de/dt|"), fading),
+    (FreeMap(at="error rate"), cubic),
     (FreeOffset(), fading),
     (FreePath(channel="f_t"), fading),
     (FreeHysteresis(at="output"), weights),
