@@ -98,12 +98,12 @@ def collect_case(suite: str, number: int) -> dict[str, Any]:
 
 
 def describe_ranking(rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """What the map needs of a step, of effects that have any evidence or were added."""
+    """What the map needs of a step: effects that have evidence, or were added."""
     added = rows["status"] == Status.ADDED
     return [
         {
             "effect": row.effect,
-            "evidence": round(row.evidence, 2),
+            "evidence": None if np.isnan(row.evidence) else round(row.evidence, 2),
             "judge": str(row.judge),
             "asked": bool(np.isfinite(row.delta_bic_loop)),
             "gain": round(row.vaf_gain, 3),
@@ -114,8 +114,9 @@ def describe_ranking(rows: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def search_blind(suite: str, number: int) -> tuple[EffectSearchCV, dict[str, Any]]:
-    """A case of the first trial, searched."""
+    """A case of the first trial, searched in some of its runs."""
     case = make_case(suite, number * STRIDE, BLIND_SEED)
+    first = case.X.index.get_level_values("run") <= 2 + number % 4
     names, gap = case.truth["effects"], case.gap
     if suite == "left_out":
         wanted = [{*right_without(names[0])}]
@@ -132,7 +133,7 @@ def search_blind(suite: str, number: int) -> tuple[EffectSearchCV, dict[str, Any
         effects=tried,
         display=case.display,
         controlled_element=element,
-    ).fit(case.X, case.y)
+    ).fit(case.X[first], case.y[first])
     form = "+".join(f"{name}/{case.truth['form'].get(name, '')}" for name in names)
     return search, {
         "element": f"blind {case.truth['plant']}",
@@ -213,7 +214,7 @@ def read_steps(cases: list[dict[str, Any]]) -> list[Step]:
             tried = [
                 Alternative(KNOWN[row["effect"]], row["evidence"], row["asked"])
                 for row in rows
-                if np.isfinite(row["evidence"])
+                if row["evidence"] is not None  # of a noise, which no input explains
             ]
             found.append(Step(case, number, tried, right))
             added = next((row["effect"] for row in rows if row["added"]), "")
@@ -296,7 +297,7 @@ def reliability(given: list[Given]) -> pd.DataFrame:
             right = sum(g.right for g in of_bin)
             ends = binomtest(right, len(of_bin)).proportion_ci()
             mean = float(np.mean([g.probability for g in of_bin]))
-            row |= {"said": mean, "right": right, "share": right / len(of_bin)}
+            row |= {"mean": mean, "right": right, "share": right / len(of_bin)}
             row |= {"low": ends.low, "high": ends.high}
         rows.append(row)
     return pd.DataFrame(rows)
@@ -313,7 +314,8 @@ def write_table(steps: list[Step], folder: Path) -> str:
         given, loss = judge_left_out(steps, what)
         brier = float(np.mean([(g.probability - g.right) ** 2 for g in given]))
         figures[what] = {"log_loss": round(loss / len(steps), 4), "brier": round(brier, 4)}
-        tables.append(reliability(given).assign(left_out=what))
+        tables.append(reliability(given))
+        tables[-1].insert(0, "left out", what)
         told.append(
             f"{what} left out of the fit: log loss {loss / len(steps):.3f}, Brier score of names "
             f"{brier:.3f}\n{tables[-1].to_string(index=False)}"
@@ -345,16 +347,16 @@ def draw_reliability(frame: pd.DataFrame, file: Path) -> None:
 
     figure, ax = plt.subplots(figsize=(4.2, 4), layout="constrained")
     ax.plot([0.5, 1], [0.5, 1], color="0.7", lw=1, zorder=0)
-    for (what, rows), shift in zip(frame.groupby("left_out"), (-0.003, 0.003), strict=True):
+    for (what, rows), shift in zip(frame.groupby("left out"), (-0.006, 0.006), strict=True):
         rows = rows[rows["names"] > 0]
         error = (rows["share"] - rows["low"], rows["high"] - rows["share"])
-        x = rows["said"] + shift
+        x = rows["mean"] + shift
         ax.errorbar(x, rows["share"], error, fmt="o", ms=4, capsize=3, label=f"{what}s left out")
         for at, low, n in zip(x, rows["low"], rows["names"], strict=True):
             ax.annotate(f"{n}", (at, low), (0, -9), textcoords="offset points", ha="center", size=7)
     ax.set(xlabel="probability given", ylabel="share that is right", xlim=(0.48, 1.02))
     ax.set_ylim(0, 1.03)
-    ax.legend(frameon=False, loc="lower right")
+    ax.legend(frameon=False, loc="upper left")
     figure.savefig(file, dpi=160, metadata={"Software": None})
     plt.close(figure)
 

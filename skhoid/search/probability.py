@@ -4,8 +4,8 @@ The map is a conditional logit (McFadden 1974) over what may be true: each effec
 evidence, "nothing", and "something else". Its few coefficients are fitted to cases whose truth is
 known, by ``python -m benchmarks.calibrate``, which writes them to ``probability.json``.
 
-Evidence of tens of nats would be certainty if models had no errors. So it enters by its logarithm:
-over that of the best (a share that more runs do not change), and by how far it leads.
+Evidence of tens of nats would be certainty if models had no errors. So what counts is the logarithm
+of how far it leads the other names.
 """
 
 from __future__ import annotations
@@ -35,7 +35,6 @@ BEHIND = "behind the delay"  # all other places
 NAMES = [
     *sorted({*FAMILIES.values(), BEHIND}),  # an effect of this family
     "loop could not be asked",
-    "log of evidence over the best",
     "lead over all others",  # signed log(1 + nats)
     "lead over what is not easily taken for it",
     "nothing",
@@ -45,7 +44,6 @@ NAMES = [
 ]
 # The greater the evidence, the more probable: signs that the fit must keep.
 SIGNS = {
-    "log of evidence over the best": 1,
     "lead over all others": 1,
     "lead over what is not easily taken for it": 1,
     "nothing: log evidence of the best": -1,
@@ -152,7 +150,6 @@ def describe_step(tried: Sequence[Alternative]) -> tuple[list[int], np.ndarray]:
         {
             FAMILIES.get(tried[i].effect.place, BEHIND): 1.0,
             "loop could not be asked": float(not tried[i].asked),
-            "log of evidence over the best": np.log(evidence[i] / (1 + best)),
             "lead over all others": signed_log(evidence[i] - best_beside(tried, i)),
             "lead over what is not easily taken for it": signed_log(
                 evidence[i] - best_beside(tried, i, but_alike=True)
