@@ -496,6 +496,8 @@ def _gap_test(ceiling: Ceiling) -> list[Test]:
 
 
 def _domain(signals: Signals) -> str:
+    if NextSteps(signals.model).is_controller:
+        return "machine"
     loop = "e" in signals.channels and not {"x", "f_t"}.isdisjoint(signals.channels)
     return "human" if loop or NextSteps(signals.model).is_operator else "machine"
 

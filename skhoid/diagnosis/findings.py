@@ -72,6 +72,7 @@ class NextSteps:
 
     def __init__(self, model: Any):
         self._model = taken_apart(model)[1]
+        self.is_controller = getattr(self._model, "controller", None) is not None
         self.is_operator = isinstance(self._model, OperatorRegressor)
         self._arx = is_arx(self._model)
         self._told = as_fitted(self._model)

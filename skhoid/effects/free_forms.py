@@ -147,8 +147,9 @@ class FreeMap(FreeForm):
         return WORDS[self.where].format(**SIGNALS.get(domain, SIGNALS["human"]))
 
     def alternatives(self, record: Record) -> list[Any]:
-        """One for each place, and odd ones; a linear model has no command of its own."""
-        places = [at for at in OVER if at != "command" or record.core != CoreKind.ARX]
+        """One for each place, and odd ones: ARX models have no command, controllers no limb."""
+        lacking = {CoreKind.ARX: ("command",), CoreKind.CONTROLLER: OPPOSING}
+        places = [at for at in OVER if at not in lacking.get(record.core, ())]
         if self.at is not None:
             return [self]
         odd = [self.with_choices(at=at, odd=True) for at in SIGNLESS]
@@ -391,7 +392,7 @@ class FreeHysteresis(FreeForm):
         )
 
     def alternatives(self, record: Record) -> list[Any]:
-        """One for each place; a linear model without a limb has no command of its own."""
+        """One for each place: an ARX model has no command of its own, a controller no limb."""
         places = ("output",) if record.core == CoreKind.ARX else ("output", "command")
         return [self.with_choices(at=at) for at in places] if self.at is None else [self]
 

@@ -52,7 +52,7 @@ class WrongDelay(Effect):
     hidden = examples[0]
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
-        if core == CoreKind.OPERATOR_FREE_DELAY:
+        if core in (CoreKind.OPERATOR_FREE_DELAY, CoreKind.CONTROLLER):
             return "the model already estimates its delay (delay=None)"
         return None
 
@@ -178,7 +178,7 @@ class Intermittent(Effect):
     def _is_scanned(self, record: Record) -> bool:
         if self.trigger == "clock":
             return self.hold_time is None
-        return record.core != CoreKind.ARX and not self.fixed
+        return record.core.has_limb and not self.fixed
 
     def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         if not self._is_scanned(record):
@@ -191,7 +191,7 @@ class Intermittent(Effect):
         """Times between ticks on ever finer grids: off by less than a tick over a whole run."""
         unit = record.time_unit
         duration = record.duration / unit
-        operator = record.core != CoreKind.ARX
+        operator = record.core.has_limb
         # In a fast system the settling can be longer than a scan.
         settled = record.dt * int(record.known.any(axis=1).argmax())
         begin = 0.0 if operator else settled

@@ -13,7 +13,7 @@ from .base import Effect
 from .entry import Argument
 from .error_scan import ErrorScan
 from .in_time import ScheduledGain
-from .maps import GROWTH
+from .maps import GROWTH, NO_LIMB
 from .operator_signals import Gains, Spring, bilinear
 from .parameter import ONE, RAD, CoreKind, Dimension, E, Parameter, S, U
 from .record import Record
@@ -157,6 +157,8 @@ class Friction(_Inside):
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         if core == CoreKind.ARX:
             return "for an operator: of='limb'" if self.of == "limb" else None
+        if core == CoreKind.CONTROLLER:
+            return NO_LIMB
         if self.of in (None, "limb") and self.form in (None, "coulomb"):
             return None
         return "an operator has of='limb' and form='coulomb'"

@@ -31,6 +31,7 @@ __all__ = [  # in the order of the catalogue
     "HardeningStiffness",
 ]
 
+NO_LIMB = "a controller has no limb and no spring"
 GROWTH = "increase of the gain with amplitude"
 PLACE_OF = {"error": "input", "command": "command", "output": "output"}
 
@@ -746,6 +747,9 @@ class HardeningStiffness(Effect):
             forms=("square",),
         ),
     )
+
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        return NO_LIMB if core == CoreKind.CONTROLLER else None
 
     def apply(self, signal: Spring, record: Record, stiffness: float) -> Spring:
         return signal.stiffer(**{self.form or "cubic": stiffness})

@@ -24,6 +24,8 @@ class CoreKind(StrEnum):
         A human operator with a given delay.
     OPERATOR_FREE_DELAY
         A human operator whose delay is estimated with the other parameters.
+    CONTROLLER
+        A PI or PID controller.
     ARX
         An ARX model.
 
@@ -31,19 +33,25 @@ class CoreKind(StrEnum):
     --------
     >>> from skhoid.effects import CoreKind
     >>> [kind.is_operator for kind in CoreKind]
-    [True, True, False]
+    [True, True, True, False]
     >>> CoreKind("arx")
     <CoreKind.ARX: 'arx'>
     """
 
     OPERATOR = "operator"
     OPERATOR_FREE_DELAY = "operator, free delay"
+    CONTROLLER = "controller"
     ARX = "arx"
 
     @property
     def is_operator(self) -> bool:
-        """Whether it is a human operator, with its delay given or estimated."""
+        """Whether it is an operator, human or a controller, whose command has the output's unit."""
         return self is not CoreKind.ARX
+
+    @property
+    def has_limb(self) -> bool:
+        """Whether it is human, with a neuromuscular system behind its command."""
+        return self in (CoreKind.OPERATOR, CoreKind.OPERATOR_FREE_DELAY)
 
 
 _EXPONENTS = ("u", "e", "s", "rad", "Hz", "T")

@@ -54,6 +54,9 @@ class Bias(Effect):
     examples = ({"level": 0.1},)
     hidden = {"level": 0.05}
 
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        return "a controller's integral begins anywhere" if core == CoreKind.CONTROLLER else None
+
     def apply(self, signal: np.ndarray, record: Record, level: float) -> np.ndarray:
         return signal + level
 
@@ -161,6 +164,9 @@ class Integral(Effect):
         Parameter("leak", ONE / S, 0.001, 0.6, (0.1,), "rate of forgetting", forms=("leaky",)),
     )
 
+    def refusal(self, record: Record, core: CoreKind) -> str | None:
+        return "a controller has integral action" if core == CoreKind.CONTROLLER else None
+
     def apply(self, signal: Any, record: Record, gain: float, leak: float = 0.0) -> Any:
         dt = record.dt
         total = lfilter([dt], [1.0, leak * dt - 1.0], signal.error, axis=0)
@@ -204,7 +210,7 @@ class _AnswerToTarget(Effect):
     def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         """Times as close as the minima of the squares, with all gains solved for at each."""
         gain, time = self.parameters[:2]
-        if record.core == CoreKind.ARX or self.fixed or self.form == "spread":
+        if not record.core.has_limb or self.fixed or self.form == "spread":
             return []
         times = np.arange(time.low, time.high + SCAN_STEP / 2, SCAN_STEP)
         target = shaped_target(record, self.form)

@@ -123,6 +123,8 @@ class Core:
         otherwise.
     memory : int
         Samples of the command that the response remembers besides its states.
+    integrates : bool
+        Whether it holds any level at rest, so that runs begin where nobody knows.
     """
 
     kind: CoreKind
@@ -135,6 +137,11 @@ class Core:
     sizes: Mapping[str, float] = {}
     has_states: bool = False
     memory: int = 0
+    integrates: bool = False
+
+    def chosen(self, record: Record) -> Core:
+        """The core with what is open about its form decided by the data."""
+        return self
 
     def add_to_record(self, record: Record) -> Record:
         """The record, with what effects must know about the core added."""
@@ -148,10 +155,22 @@ class Core:
         """Delay of the response to the input in seconds, without effects."""
         return 0.0
 
+    def find_seen(self, record: Record, delay: float | np.ndarray) -> np.ndarray | None:
+        """What is answered besides the error, delayed like it; None where that is nothing."""
+        return None
+
     def command(
-        self, error: np.ndarray, gains: Gains, values: dict[str, float]
+        self,
+        error: np.ndarray,
+        gains: Gains,
+        values: dict[str, float],
+        dt: float,
+        seen: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Position and rate command for a delayed error and gains delayed alike."""
+        """Position and rate command for a delayed error and gains delayed alike.
+
+        ``seen`` is what :meth:`find_seen` returned; None means the error.
+        """
         raise NotImplementedError
 
     def response(
@@ -245,7 +264,12 @@ class OperatorCore(Core):
         return self.fixed_delay if self.fixed_delay is not None else values["tau_e"]
 
     def command(
-        self, error: np.ndarray, gains: Gains, values: dict[str, float]
+        self,
+        error: np.ndarray,
+        gains: Gains,
+        values: dict[str, float],
+        dt: float,
+        seen: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         position = error * (values["K_e"] * gains.error)
         return position, error * (values["K_edot"] * gains.rate)
@@ -360,7 +384,12 @@ class ARXCore(Core):
         return -self.nk * dt  # because nk delays as well
 
     def command(
-        self, error: np.ndarray, gains: Gains, values: dict[str, float]
+        self,
+        error: np.ndarray,
+        gains: Gains,
+        values: dict[str, float],
+        dt: float,
+        seen: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         return gains.error * error, np.zeros_like(error)
 

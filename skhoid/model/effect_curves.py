@@ -313,7 +313,7 @@ def find_command(bench: Bench, error: np.ndarray) -> Command:
     """The command of the core for an error, without delay."""
     late = np.ascontiguousarray(error[:, None])
     values = dict(zip(bench.core_names, bench.theta.tolist(), strict=True))
-    position, rate = bench.core.command(late, neutral_gains(), values)
+    position, rate = bench.core.command(late, neutral_gains(), values, bench.record.dt)
     return Command(position, rate, late, 0.0)
 
 

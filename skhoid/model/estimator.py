@@ -225,6 +225,11 @@ class GreyBox(RunRegressor):
         initial = self.initial if model.simulator.core.has_states else REST
         y = record.y[record.known]
         levels = float(y.min()), float(y.max())
+        core = model.simulator.core
+        if core.integrates:  # whatever is held at rest: by default as in the rows that were fitted
+            begun = replace(record, initial=HELD, levels=(0.0, 0.0))
+            output = Simulator(core, model.effects, begun).run(model.theta)
+            levels = (float(np.mean((record.y - output)[record.known])),) * 2
         begins = REST if initial == REST else HELD
         if initial is None:
             left = {}
@@ -369,6 +374,7 @@ class GreyBox(RunRegressor):
         spec = self._simulated_core()
         if spec.check is not None:
             spec.check(grid)
+        spec = replace(spec, core=spec.core.chosen(record))
         record = spec.core.add_to_record(record)
         begins = choose_beginning(spec.core, record, self.initial, self.settling)
         record = replace(record, initial=begins)
@@ -545,7 +551,10 @@ def fit_first_model(prepared: Prepared, effects: Effects) -> Model:
     variants = [(name, v) for name, effect in effects for v in effect.variants(record)]
     table = ParameterTable(list_parameters(core, variants, record))
     start = table.checked(start, list(table))
-    model = try_user_start(prepared.spec.estimated(core, record, criterion), criterion, start)
+    found = record.once(
+        ("first fit", id(core)), lambda: prepared.spec.estimated(core, record, criterion)
+    )
+    model = try_user_start(found, criterion, start)
     coarse = criterion.coarse()
     for name, effect in effects:
         given = {n: v for n, v in start.items() if n.startswith(f"{name}__") or "__" not in n}

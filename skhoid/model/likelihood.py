@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..effects.parameter import CoreKind
+from ..effects.record import Record
 from .cores import Prior
 from .fitting import (
     AR_ORDER,
@@ -59,6 +60,11 @@ SOUGHT, CLOSE, FARTHER = 4, 0.2, 3.0  # tries; relative accuracy; times as far, 
 Likeliest = tuple[float, np.ndarray] | None  # loss and parameters; None where no fit has led
 
 
+def joint_rate(record: Record) -> float:
+    """Rate (Hz) of the rows of a fit along with the noise model: all rows of a controller."""
+    return JOINT_RATE if np.isfinite(record.criterion_rate) else np.inf
+
+
 def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     """Refine under an AR model of the residual that is estimated along with the parameters.
 
@@ -93,7 +99,7 @@ def make_criterion(model: Model, noise: RemnantModel) -> Criterion:
     if not model.fit.jointly:
         return Criterion(record, noise)
     found = make_joint_criterion(model.simulator, model.theta)
-    return found or Criterion(record, noise, rate=JOINT_RATE)
+    return found or Criterion(record, noise, rate=joint_rate(record))
 
 
 def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
@@ -104,6 +110,7 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
     rounds.
     """
     core = model.simulator.record.core
+    core = CoreKind.OPERATOR if core.is_operator else core
     power = 0.0
     for i in range(N_LIKELIHOOD[core]):
         before, noise = model, criterion.noise
@@ -204,7 +211,8 @@ def fit_jointly(model: Model) -> tuple[np.ndarray | None, np.ndarray | None]:
     least = sse_at(simulator, simulation, model.theta)
     if sse_at(simulator, simulation, theta) > TOLERATED * least:
         return None, _outer(theta - model.theta)
-    others = [likeliest(simulator, [theta], rate, held) for rate in OTHER_RATES]
+    rates = OTHER_RATES if joint_rate(simulator.record) == JOINT_RATE else ()
+    others = [likeliest(simulator, [theta], rate, held) for rate in rates]
     apart = [_outer(one[1] - theta) / len(OTHER_RATES) for one in others if one is not None]
     open_loop = (None, theta) if some is simulator else likeliest(some, [theta], held=held)
     if open_loop is not None:
@@ -229,7 +237,7 @@ def estimate_loop_bias(simulator: Simulator, theta: np.ndarray, held: np.ndarray
 
 def make_joint_criterion(simulator: Simulator, theta: np.ndarray) -> Criterion | None:
     """The criterion with the noise model of some parameters; None where there is none."""
-    criterion = Criterion(simulator.record, rate=JOINT_RATE)
+    criterion = Criterion(simulator.record, rate=joint_rate(simulator.record))
     noise = fit_autoregression(find_residual(simulator, criterion, theta), criterion.known)
     if noise is None:
         return None
@@ -361,7 +369,7 @@ def usual_starts(simulator: Simulator, theta: np.ndarray) -> list[np.ndarray]:
 def likeliest(
     simulator: Simulator,
     starts: Iterable[np.ndarray],
-    rate: float = JOINT_RATE,
+    rate: float | None = None,
     held: np.ndarray | None = None,
     known: Likeliest = None,
 ) -> Likeliest:
@@ -371,7 +379,7 @@ def likeliest(
     succeeds.
     """
     held = np.zeros(simulator.low.size, dtype=bool) if held is None else held
-    criterion = Criterion(simulator.record, rate=rate)
+    criterion = Criterion(simulator.record, rate=rate or joint_rate(simulator.record))
     for start in starts:
         found = minimise_joint_loss(simulator, start, criterion, held, known)
         if found is not None and (known is None or found[0] < known[0]):

@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from .._sklearn import Interval
+from .._sklearn import Interval, StrOptions
 from ..effects.composition import Effects
 from ..effects.record import Record
+from .controller import FORMS, ControllerCore, fit_controller
 from .cores import LEAST_DELAY, OperatorCore
 from .estimator import GreyBox
-from .fitting import Criterion, minimise
+from .fitting import Criterion, RemnantModel, minimise
 from .model import Model, fit_core
-from .prepared import SimulatedCore
+from .prepared import Prepared, SimulatedCore
 from .simulator import Simulator
 
 
@@ -48,7 +49,13 @@ class OperatorRegressor(GreyBox):
     settling : float, default=3.0
         Seconds at the start of each run (and after each gap) that do not count in the fit, because
         what came before is not known.
-    {start, dt, run}
+    {start}
+    controller : {"any", "pi", "pid", "i-p", "pi-d", "i-pd"} or None, default=None
+        None means a person. Otherwise a machine's controller is in the place of the person: see
+        Notes. ``"any"`` takes the likeliest form. :class:`EffectSearchCV` does so for
+        ``domain="machine"``, and where no domain is given and a controller without delay is far
+        likelier than a person.
+    {dt, run}
 
     Attributes
     ----------
@@ -63,6 +70,8 @@ class OperatorRegressor(GreyBox):
     {likelihood}
     n_rows_used_ : int
         Rows that count: measured, and not in the settling time or a run-in.
+    controller_ : str or None
+        The form of the controller.
     {controlled_element_, initial_, dt_, inputs_}
     {n_features_in_, feature_names_in_}
 
@@ -91,6 +100,13 @@ class OperatorRegressor(GreyBox):
     parameters are those of the profile likelihood: they may be longer on one side, and one at its
     bound has an interval that ends there.
 
+    A controller is u = K_e e + K_i integral of e + K_edot d/dt e / (T_f s + 1), with all rows in
+    its likelihood. What stands behind the hyphen, or "i-p", acts on the measurement: -x in place of
+    e, which takes a column of role x. The integral begins anywhere in each run, so that neither set
+    points far from zero nor what came before matter. ``"any"`` estimates a delay tau_e, and a zero
+    e_0 of the error (of a sensor, or of a mean that was removed), where they make it likelier. Sums
+    of e may hold its last sample or not: that makes K_e on the error uncertain by K_i dt / 2.
+
     References
     ----------
     Van Grootheest, thesis, Eqs. 3-5 and its reference [8]: Zaal et al., Modeling human
@@ -112,6 +128,7 @@ class OperatorRegressor(GreyBox):
         **GreyBox._parameter_constraints,
         "delay": [Interval(Real, 0, 10, closed="both"), None],
         "least_delay": [Interval(Real, 0, 1, closed="both"), None],
+        "controller": [StrOptions({"any", *FORMS}), None],
     }
 
     def __init__(
@@ -125,6 +142,7 @@ class OperatorRegressor(GreyBox):
         controlled_element: Any = None,
         settling: float = 3.0,
         start: dict | None = None,
+        controller: str | None = None,
         dt: float | None = None,
         run: Any = None,
     ):
@@ -136,6 +154,7 @@ class OperatorRegressor(GreyBox):
         self.controlled_element = controlled_element
         self.settling = settling
         self.start = start
+        self.controller = controller
         self.dt = dt
         self.run = run
 
@@ -144,15 +163,30 @@ class OperatorRegressor(GreyBox):
         super()._with_given_core({name: v for name, v in given.items() if name != "tau_e"})
         return self.set_params(delay=delay)
 
+    def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
+        super()._take_over(prepared, model, noise)
+        self.controller_ = getattr(prepared.core, "form", None)
+
     def _simulated_core(self) -> SimulatedCore:
         delay = None if self.delay is None else float(self.delay)
+        given = {} if delay is None else {"tau_e": delay}
+        if self.controller is not None:
+            form = None if self.controller == "any" else self.controller
+            return SimulatedCore(
+                core=ControllerCore(form, delay),
+                estimated=fit_controller,
+                description="controller with integral action",
+                errors_note="Standard errors allow for noise of any colour.",
+                given=given,
+                start=self.start or {},
+            )
         least = LEAST_DELAY if self.least_delay is None else float(self.least_delay)
         return SimulatedCore(
             core=OperatorCore(delay, least),
             estimated=fit_plain_operator,
             description="human operator, Eqs. 3-5",
             errors_note="Standard errors allow for remnant of any colour.",
-            given={} if delay is None else {"tau_e": delay},
+            given=given,
             start=self.start or {},
         )
 

@@ -81,7 +81,7 @@ def choose_beginning(core: Core, record: Record, initial: str | None, settling: 
     """How the simulations of a fit begin, according to the user's choice."""
     if initial == REST or not core.has_states:
         return REST
-    if core.kind.is_operator and settling >= FORGOTTEN:
+    if core.kind.is_operator and settling >= FORGOTTEN and not core.integrates:
         return REST
     return ESTIMATE if initial == ESTIMATE or not core.at_rest(record) else REST
 

@@ -157,7 +157,9 @@ class Simulator:
 
         def command(s: StageSignals, theta: Any) -> StageSignals:
             gains = delay_gains(s.gains, s.delay, record)
-            position, rate = core.command(s.error, gains, values(theta, gain))
+            given = values(theta, gain)
+            seen = core.find_seen(record, s.delay)
+            position, rate = core.command(s.error, gains, given, record.dt, seen)
             return s._replace(command=Command(position, rate, s.error, s.delay))
 
         def respond(s: StageSignals, theta: Any) -> StageSignals:

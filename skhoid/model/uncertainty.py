@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from ..effects.parameter import CoreKind
 from .cores import NO_PRIOR, Prior
 from .fitting import (
     NOISE_FLOOR,
@@ -21,7 +20,7 @@ from .fitting import (
     sse_at,
     take_some_runs,
 )
-from .likelihood import JOINT_RATE, collect_prior, minimise_joint_loss
+from .likelihood import collect_prior, joint_rate, minimise_joint_loss
 from .model import Model
 from .simulator import Simulator
 
@@ -114,7 +113,7 @@ def _sum_widely(
         gram += slopes @ slopes.T
         by_row = (slopes * residual).reshape(size, *criterion.y[:, runs].shape)
         scores += sum_long_run(by_row, lags)
-        if simulator.core.kind == CoreKind.ARX:  # of samples, whatever is between them
+        if not simulator.core.kind.has_limb:  # of samples, whatever is between them
             continue
         changes = [
             simulate_coarser(part, criterion, theta, output, runs),
@@ -253,7 +252,7 @@ class _Profile:
         self.off_bounds: list[np.ndarray] = []  # further starts
         self.joint = None
         if model.fit.jointly:
-            self.joint = Criterion(simulator.record, rate=JOINT_RATE)
+            self.joint = Criterion(simulator.record, rate=joint_rate(simulator.record))
         self.here = self._loss(self.theta, np.ones(self.theta.size, dtype=bool))
 
     def intervals(self, positions: list[int]) -> dict[str, tuple[float, float]]:

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ..arx.folds import make_folds
+from ..effects.parameter import CoreKind
 from ..effects.record import Record
 from ..exceptions import ShortRunError, SlowClockWarning
 from ..model import OperatorRegressor
@@ -27,6 +28,7 @@ from ..recordings.loss_of_control import (
 )
 from ..runs.roles import OTHER, columns_by_role, input_columns, role_of
 from ..text import counted
+from .answering import prepare_answering
 from .judges import HeldOutRows
 
 GUARD = 5.0  # s beside held-out blocks of a single run
@@ -67,10 +69,11 @@ def prepare_data(
     model: Any, X: Any, y: Any, *, domain: str | None, lost_control: str
 ) -> tuple[Prepared, ControlCheck]:
     """The data of a model without stretches in which control was lost, and where these are."""
-    prepared = model.prepare(X, y)
+    prepared = prepare_answering(model, X, y, domain)
     roles = getattr(model, "roles", None)
     control = ControlCheck()
-    if lost_control != KEEP and domain != "machine":
+    person = prepared.core.kind != CoreKind.CONTROLLER and domain != "machine"
+    if lost_control != KEEP and person:
         names = [prepared.names[i] for i in prepared.channels]
         first = names[list(prepared.roles).index(prepared.record.inputs[0])]
         own = roles_with_error(model, first, roles)
@@ -159,7 +162,8 @@ def set_domain(prepared: Prepared, domain: str | None, roles: Any) -> Prepared:
         own = role_of(record.inputs[0], roles)
         loop = {"x", "f_t"} & {*prepared.roles.values()}
         answers = own in ("x", "f_t") or (own == "e" and bool(loop))
-        domain = "human" if record.core.is_operator or answers else "machine"
+        person = record.core.is_operator or answers
+        domain = "human" if person and record.core != CoreKind.CONTROLLER else "machine"
     return replace(prepared, record=replace(record, domain=domain))
 
 

@@ -20,6 +20,7 @@ from ..arx.folds import SplitsRuns
 from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
+from ..effects.parameter import CoreKind
 from ..human import ELEMENT
 from ..model.estimator import GreyBox, delay_notes
 from ..model.fitting import MOST_ROWS, Criterion, RemnantModel
@@ -108,8 +109,10 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         Number of processes that try effects; None means 1, -1 all processors. The result does not
         depend on it.
     domain : {"human", "machine"} or None, default=None
-        What was recorded: it decides the wording and which effects are tried. None means "human"
-        for an OperatorRegressor, and for an ARX model that responds to the error, the target or x.
+        What was recorded: it decides the wording and which effects are tried. A machine that an
+        OperatorRegressor describes has a PI or PID controller. None means "human" for an
+        OperatorRegressor, unless such a controller without delay explains the output far better
+        than a person, and for an ARX model that responds to the error, the target or x.
     lost_control : {"leave_out", "keep"}, default="leave_out"
         What to do with stretches in which a person lost control (:func:`skhoid.lost_control`).
     max_rows : int or None, default=200_000
@@ -334,7 +337,11 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         if self.controlled_element is not None:
             model.set_params(controlled_element=self.controlled_element)
         prepared, control = prepare_data(
-            model, X, y, domain=self.domain, lost_control=self.lost_control
+            model,
+            X,
+            y,
+            domain="human" if self.domain is None and self.display else self.domain,
+            lost_control=self.lost_control,
         )
         routed = self._routed(X, prepared.grid.layout, groups, params or {})
         return split_data(prepared, control, cv=self.cv, routed=routed, max_rows=self.max_rows)
@@ -355,7 +362,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         last = path.iloc[-1]
         ending = name_if_sure(found.ending, numbers.path, self.confidence)
         ending = end_explained(ending, last["vaf"], last["ceiling"], numbers.share)
-        notes = [*_note_searched(data), *note_changes(numbers.changes)]
+        notes = [*_note_searched(data), *_note_controller(data), *note_changes(numbers.changes)]
         n_runs = len(data.searched_runs)
         if ending.verdict is Verdict.POSSIBLE:
             notes += note_more_runs(numbers.path, ending.stand_ins, n_runs, self.confidence)
@@ -663,6 +670,17 @@ def _note_searched(data: SearchData) -> list[Note]:
         f"{known.sum():,} rows. Parameters, likelihood and VAF of the models are those of all runs"
     )
     return [Note("some runs", text, hint="max_rows=None looks for effects in all runs")]
+
+
+def _note_controller(data: SearchData) -> list[Note]:
+    """That a controller answers, with its form."""
+    core: Any = data.prepared.core
+    if core.kind != CoreKind.CONTROLLER:
+        return []
+    text = (
+        f"a controller answers, {core.form.upper()}, with integral action: it is the linear model"
+    )
+    return [Note("controller", text, hint='domain="human" takes a person instead')]
 
 
 def _remember(search: Any, X: Any, y: Any) -> None:

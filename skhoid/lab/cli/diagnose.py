@@ -391,11 +391,13 @@ def show_search(
         print_wrapped(describe_runs(layout, baseline.inputs_, y, _read_units(X, y)))
         print_wrapped("Searching for what a linear model is missing (some 10 to 60 s) ...")
     comparison, why_not = None, ""
+    search.fit(X, y)
+    if getattr(search.baseline_, "controller", None) is not None:  # the search has found
+        baseline = clone(search.baseline_).fit(X, kept)
     try:
         comparison = skhoid.compare(baseline, X, kept)
     except ValueError as error:
         why_not = f"The model without effects could not be compared: {error}"
-    search.fit(X, y)
     if not options.json:
         print()
         print_document(_tell_search(search, truth), options)
