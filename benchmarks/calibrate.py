@@ -34,8 +34,7 @@ from skhoid import ControlledElement, EffectSearchCV, OperatorRegressor
 from skhoid.effects.catalogue import BY_NAME, FREE_FORMS
 from skhoid.search import Status
 from skhoid.search.probability import (
-    NAMES,
-    SIGNS,
+    COEFFICIENTS,
     TABLE,
     Alternative,
     describe_step,
@@ -246,8 +245,8 @@ def fit_map(steps: list[Step]) -> np.ndarray:
         return total, slope
 
     ends = {1: (0, None), 0: (None, None), -1: (None, 0)}
-    bounds = [ends[SIGNS.get(name, 0)] for name in NAMES]
-    return minimize(loss, np.zeros(len(NAMES)), jac=True, bounds=bounds, method="L-BFGS-B").x
+    bounds = [ends[sign] for sign in COEFFICIENTS.values()]
+    return minimize(loss, np.zeros(len(COEFFICIENTS)), jac=True, bounds=bounds, method="L-BFGS-B").x
 
 
 class Given(NamedTuple):
@@ -263,7 +262,7 @@ def judge_names(steps: list[Step], theta: np.ndarray) -> tuple[list[Given], floa
     """The likeliest name of each step, and the sum of the log losses."""
     given, loss = [], 0.0
     for step in steps:
-        chances = find_chances(step.tried, dict(zip(NAMES, theta, strict=True)))
+        chances = find_chances(step.tried, dict(zip(COEFFICIENTS, theta, strict=True)))
         each = [name_probability(step.tried, chances, i) for i in range(len(step.tried))]
         if each:
             best = int(np.argmax(chances.names))
@@ -321,7 +320,7 @@ def write_table(steps: list[Step], folder: Path) -> str:
             f"{brier:.3f}\n{tables[-1].to_string(index=False)}"
         )
     table = {
-        "coefficients": dict(zip(NAMES, theta.round(4).tolist(), strict=True)),
+        "coefficients": dict(zip(COEFFICIENTS, theta.round(4).tolist(), strict=True)),
         "shares": {one: round(truth.count(one) / len(truth), 3) for one in (NOTHING, ELSE, "name")},
         "provenance": {
             "command": "python -m benchmarks.calibrate fit",

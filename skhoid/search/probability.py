@@ -23,46 +23,28 @@ from ..effects.base import Effect
 
 TABLE = "probability.json"
 MOST_TIMES = 10  # the runs there are: nobody records more for one name
-# Of places that data tell apart.
-FAMILIES = {
-    "delay": "in time",
-    "gain": "in time",
-    "input": "of the error",
-    "path": "path",
-    "sum": "path",
-}
-BEHIND = "behind the delay"  # all other places
-NAMES = [
-    *sorted({*FAMILIES.values(), BEHIND}),  # an effect of this family
-    "loop could not be asked",
-    "lead over all others",  # signed log(1 + nats)
-    "lead over what is not easily taken for it",
-    "nothing",
-    "nothing: log evidence of the best",
-    "something else",
-    "something else: lead of a shape",
-]
-# The greater the evidence, the more probable: signs that the fit must keep.
-SIGNS = {
-    "lead over all others": 1,
+# Of places that data tell apart; all others are behind the delay.
+FAMILIES = {"delay": "in time", "gain": "in time", "input": "of the error"}
+FAMILIES |= {"path": "path", "sum": "path"}
+BEHIND = "behind the delay"
+# Each coefficient, and the sign that the fit must keep: more evidence is never less probable.
+COEFFICIENTS = {
+    **dict.fromkeys(sorted({*FAMILIES.values(), BEHIND}), 0),  # an effect of this family
+    "loop could not be asked": 0,
+    "lead over all others": 1,  # signed log(1 + nats)
     "lead over what is not easily taken for it": 1,
+    "nothing": 0,
     "nothing: log evidence of the best": -1,
+    "something else": 0,
     "something else: lead of a shape": 1,
 }
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """An effect that a step tried.
+    """An effect that a step tried, and the least evidence that any judge grants it, in nats.
 
-    Parameters
-    ----------
-    effect : Effect
-        What it is; a free form stands for "something else".
-    evidence : float
-        The least that any judge grants it, in nats.
-    asked : bool
-        Whether the closed loop could judge it.
+    A free form stands for "something else". ``asked``: whether the closed loop could judge it.
     """
 
     effect: Effect
@@ -73,7 +55,7 @@ class Alternative:
 class Chances(NamedTuple):
     """Probabilities of what a step may have found; together they are one."""
 
-    names: list[float]
+    names: list[float]  # in the order of what was tried; a free form has none of its own
     nothing: float
     something_else: float
 
@@ -81,23 +63,10 @@ class Chances(NamedTuple):
 def find_chances(
     tried: Sequence[Alternative], coefficients: Mapping[str, float] | None = None
 ) -> Chances:
-    """Probabilities that each of some effects, nothing or something else is there.
-
-    Parameters
-    ----------
-    tried : sequence of Alternative
-        All that a step tried.
-    coefficients : mapping or None, default=None
-        By name; None means those of the table.
-
-    Returns
-    -------
-    chances : Chances
-        Of names in the order of ``tried``; a free form has none of its own.
-    """
+    """Probabilities of all that a step tried; coefficients are those of the table unless given."""
     at, features = describe_step(tried)
     known = load_table()["coefficients"] if coefficients is None else coefficients
-    utility = features @ np.array([known[name] for name in NAMES])
+    utility = features @ np.array([known[name] for name in COEFFICIENTS])
     shares = np.exp(utility - utility.max())
     shares /= shares.sum()
     names = np.zeros(len(tried))
@@ -114,23 +83,9 @@ def name_probability(tried: Sequence[Alternative], chances: Chances, i: int) -> 
 def runs_to_decide(
     tried: Sequence[Alternative], i: int, n_runs: int, confidence: float
 ) -> int | None:
-    """How many more runs like these would make a name so probable, if it is right.
+    """How many more runs like these would make a name as probable as asked, if it is right.
 
-    Parameters
-    ----------
-    tried : sequence of Alternative
-        All that a step tried.
-    i : int
-        Which of them.
-    n_runs : int
-        Runs that gave the evidence, which grows in proportion to their number.
-    confidence : float
-        Probability that is wanted.
-
-    Returns
-    -------
-    more : int or None
-        None where ten times the runs would not do.
+    Evidence grows in proportion to the runs. None where ten times the runs would not do.
     """
     for more in np.unique(np.geomspace(1, MOST_TIMES * n_runs, 50).round().astype(int)):
         grown = [replace(one, evidence=one.evidence * (1 + more / n_runs)) for one in tried]
@@ -139,36 +94,55 @@ def runs_to_decide(
     return None
 
 
+def with_prior(probability: Any, share: float) -> Any:
+    """Probability of a name, where an effect is missing in another share of recordings.
+
+    Parameters
+    ----------
+    probability : float or array
+        As ``ranking_`` has it, which implies the share in the cases of the table.
+    share : float
+        In recordings like yours.
+
+    Returns
+    -------
+    probability : float or array
+    """
+    usual = load_table()["shares"]["name"]
+    name, other = probability * share / usual, (1 - probability) * (1 - share) / (1 - usual)
+    return name / (name + other)
+
+
 def describe_step(tried: Sequence[Alternative]) -> tuple[list[int], np.ndarray]:
-    """Which alternatives have evidence, and a row of features for each, nothing, something else."""
+    """Which names have evidence, and a row of features for each, nothing, something else."""
     evidence = np.array([one.evidence for one in tried])
     free = np.array([one.effect.free_form for one in tried], dtype=bool)
     at = [i for i in range(len(tried)) if evidence[i] > 0 and not free[i]]
     best = max((evidence[i] for i in at), default=0.0)
     shape = max(evidence[free & (evidence > 0)], default=0.0)
-    rows = [
-        {
-            FAMILIES.get(tried[i].effect.place, BEHIND): 1.0,
-            "loop could not be asked": float(not tried[i].asked),
-            "lead over all others": signed_log(evidence[i] - best_beside(tried, i)),
-            "lead over what is not easily taken for it": signed_log(
-                evidence[i] - best_beside(tried, i, but_alike=True)
-            ),
-        }
-        for i in at
-    ]
+    rows = []
+    for i in at:
+        one = tried[i]
+        others = [other for j, other in enumerate(tried) if j != i]
+        told = [other for other in others if not alike(other.effect, one.effect)]
+        rows.append(
+            {
+                FAMILIES.get(one.effect.place, BEHIND): 1.0,
+                "loop could not be asked": float(not one.asked),
+                "lead over all others": find_log_lead(one, others),
+                "lead over what is not easily taken for it": find_log_lead(one, told),
+            }
+        )
     rows.append({"nothing": 1.0, "nothing: log evidence of the best": np.log1p(best)})
-    lead = max(signed_log(shape - best), 0.0)
+    lead = np.log1p(max(shape - best, 0.0))
     rows.append({"something else": 1.0, "something else: lead of a shape": lead})
-    return at, np.array([[row.get(name, 0.0) for name in NAMES] for row in rows])
+    return at, np.array([[row.get(name, 0.0) for name in COEFFICIENTS] for row in rows])
 
 
-def best_beside(tried: Sequence[Alternative], i: int, *, but_alike: bool = False) -> float:
-    """The greatest evidence of others, or of those not easily taken for it; at least 0."""
-    others = [one for j, one in enumerate(tried) if j != i]
-    if but_alike:
-        others = [one for one in others if not alike(one.effect, tried[i].effect)]
-    return max([0.0, *(one.evidence for one in others if one.evidence > 0)])
+def find_log_lead(one: Alternative, others: Sequence[Alternative]) -> float:
+    """Sign and log(1 + size) of the nats by which one leads the best of some others, or zero."""
+    lead = one.evidence - max([0.0, *(other.evidence for other in others)])
+    return float(np.sign(lead) * np.log1p(abs(lead)))
 
 
 def alike(one: Effect, other: Effect) -> bool:
@@ -176,11 +150,6 @@ def alike(one: Effect, other: Effect) -> bool:
     return one.name == other.name or any(
         b.name in (*a.within, *a.told_apart) for a, b in ((one, other), (other, one))
     )
-
-
-def signed_log(nats: float) -> float:
-    """Sign and log(1 + size)."""
-    return float(np.sign(nats) * np.log1p(abs(nats)))
 
 
 @cache
