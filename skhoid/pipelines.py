@@ -48,6 +48,15 @@ def reach_model(estimator: Any, X: Any) -> tuple[Any, Any]:
     return estimator, X
 
 
+def by_likelihood(estimator: Any) -> Any:
+    """The estimator, but its model predicts by ``parameters_`` even if others simulate better."""
+    estimator = unwrapped(estimator)
+    if isinstance(estimator, Pipeline):
+        name, last = estimator.steps[-1]
+        return Pipeline([*estimator.steps[:-1], (name, by_likelihood(last))])
+    return estimator.by_likelihood() if hasattr(estimator, "by_likelihood") else estimator
+
+
 def raw_layout(estimator: Any, X: Any, *, dt: float | None = None, run: Any = None) -> RunLayout:
     """Runs and time of X as the first step sees them, unless ``dt`` and ``run`` say otherwise."""
     first = unwrapped(estimator)

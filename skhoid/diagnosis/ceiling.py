@@ -30,6 +30,11 @@ LEAST_PART = 0.5  # of the power of the output, at least, that the rows of a cei
 STRONG = 3e-4  # of the strongest direction; what the instruments excite less is left alone
 N_TAPS = 10  # of the finite impulse response that a linear misfit may have
 N_IN_TIME = 3  # order of the polynomials of time that taps may be
+N_LAGS = 40  # of the response to a signal from outside
+N_BENT = 8  # of the response to what a map makes of the error
+RIDGES = tuple(10.0 ** np.arange(-6, 2))  # of the mean power of what responses are sought of
+N_PIECES = 4  # of the only run, in place of runs
+SURE = 2.0  # standard errors by which a response must explain more than nothing
 N_AR = 12  # order of the autoregression that describes noise
 SILENT = 1e-12  # of the output power; residuals below are rounding errors
 
@@ -39,7 +44,13 @@ class Route(StrEnum):
 
     REPEATS = "repeats"
     LINES = "lines"
+    INPUTS = "inputs"
     NONE = "none"
+
+    @property
+    def separates(self) -> bool:
+        """Whether all of the residual is told apart; else a ceiling is a lower bound at most."""
+        return self in (Route.REPEATS, Route.LINES)
 
 
 class NoCeiling(StrEnum):
@@ -143,7 +154,7 @@ def noise_ceiling(signals: Signals) -> Ceiling:
     note = _note(signals, best)
     unknown = Ceiling(best, note, np.nan, np.nan, np.nan, noise, parts, covered)
     if best is Route.NONE:
-        return unknown
+        return _reached_by_inputs(signals, unknown)
     part = power / float(np.sum(signals.y[signals.scored] ** 2))
     if part < LEAST_PART:
         some = sum(
@@ -157,7 +168,8 @@ def noise_ceiling(signals: Signals) -> Ceiling:
         )
         text = f"only {some} of {every} runs {what}"
         text += f"; {signals.decided}" if signals.decided.text else ""
-        return replace(unknown, note=Note(NoCeiling.FEW_RUNS, text), part=part)
+        unknown = replace(unknown, note=Note(NoCeiling.FEW_RUNS, text), part=part)
+        return _reached_by_inputs(signals, unknown)
     return Ceiling(
         best,
         note,
@@ -169,6 +181,112 @@ def noise_ceiling(signals: Signals) -> Ceiling:
         covered,
         part=part,
     )
+
+
+def _reached_by_inputs(signals: Signals, unknown: Ceiling) -> Ceiling:
+    """What responses to target and disturbance explain of the residual in runs not used for them.
+
+    A lower bound: one after the other, linear responses to both, and responses to bends of that
+    part of the error which they cause, and to that part with gains that change in time. Nothing of
+    a run's own noise is in them, so that what they explain is no noise.
+    """
+    runs = [rows for group in signals.groups for rows in group.rows]
+    if not signals.external or signals.driving is None:
+        return unknown
+    outside = [
+        [signals.channels[name][rows] - signals.channels[name][rows].mean() for rows in runs]
+        for name in signals.external
+    ]
+    linear = [np.concatenate(of_run, axis=1) for of_run in zip(*map(_pasts, outside), strict=True)]
+    driving = [signals.channels[signals.driving][rows] for rows in runs]
+    caused = _explained_by_others(linear, driving) if signals.driving == "e" else driving
+    size = float(np.sqrt(np.mean(np.concatenate(caused) ** 2)))
+    if not size > 0:
+        return unknown
+    rest = [signals.residual[rows] for rows in runs]
+    gap, variance, lost = 0.0, 0.0, sum(float(r @ r) for r in rest)
+    for tables in (linear, _bends(caused, size), _changes(caused)):
+        found = _explained_by_others(tables, rest)
+        gain = sum(float((2 * r - p) @ p) for r, p in zip(rest, found, strict=True))
+        spread = 4 * sum(
+            float(unknown.noise.covariance(p[:, None], signals.layout.time[rows])[0, 0])
+            for rows, p in zip(runs, found, strict=True)
+        )
+        if gain > SURE * np.sqrt(spread):
+            gap, variance = gap + gain, variance + spread
+            rest = [r - p for r, p in zip(rest, found, strict=True)]
+    if not gap:
+        return unknown
+    power = sum(float(np.sum(signals.y[rows][signals.scored[rows]] ** 2)) for rows in runs)
+    covered = np.zeros_like(unknown.covered)
+    covered[np.concatenate(runs)] = True
+    return replace(
+        unknown,
+        route=Route.INPUTS,
+        note=Note(
+            Route.INPUTS,
+            f"a lower bound: responses to what comes from outside, found in other runs, explain "
+            f"{100 * gap / power:.1f} points of VAF more; what else could be explained cannot be "
+            f"told: {unknown.note.text}",
+        ),
+        gap=100 * gap / power,
+        sd=100 * float(np.sqrt(variance)) / power,
+        vaf=100 * (1 - lost / power),
+        covered=covered,
+        part=1.0,
+    )
+
+
+def _pasts(signal: list[np.ndarray], n_lags: int = N_LAGS) -> list[np.ndarray]:
+    """Pasts of a signal, run by run."""
+    step = max(tap_spacing(part[None], 1.0) for part in signal)
+    return [lagged_from_rest(part, step * np.arange(n_lags)) for part in signal]
+
+
+def _bends(caused: list[np.ndarray], size: float) -> list[np.ndarray]:
+    """Pasts of maps of a signal and of its rate, run by run."""
+    maps = []
+    for part in caused:
+        z = part / size
+        rate = np.gradient(z)
+        rate = rate / max(float(np.sqrt(np.mean(rate**2))), 1e-300)
+        maps.append([z * np.abs(z), z**3, np.abs(z), z**2, rate * np.abs(rate)])
+    pasts = [_pasts(list(one), N_BENT) for one in zip(*maps, strict=True)]
+    return [np.concatenate(of_run, axis=1) for of_run in zip(*pasts, strict=True)]
+
+
+def _changes(caused: list[np.ndarray]) -> list[np.ndarray]:
+    """Pasts of a signal times polynomials of time, and these, run by run."""
+    found = []
+    for past in _pasts(caused, N_BENT):
+        shapes = legvander(np.linspace(-1, 1, len(past)), N_IN_TIME)[:, 1:]
+        found.append(np.column_stack([_varying(past, shapes.T), shapes]))
+    return found
+
+
+def _explained_by_others(tables: list[np.ndarray], values: list[np.ndarray]) -> list[np.ndarray]:
+    """Part of signals (one a run) in tables' columns, by coefficients found in the other runs.
+
+    Of the only run, in other pieces of it. The ridge is that which explains most.
+    """
+    n_pieces = 1 if len(tables) > 1 else N_PIECES
+    ones = [np.column_stack([table, np.ones(len(table))]) for table in tables]
+    parts = [piece for table in ones for piece in np.array_split(table, n_pieces)]
+    targets = [piece for value in values for piece in np.array_split(value, n_pieces)]
+    grams = np.array([part.T @ part for part in parts])
+    products = np.array([part.T @ v for part, v in zip(parts, targets, strict=True)])
+    scale = np.sqrt(np.maximum(np.diag(grams.sum(axis=0)), 1e-300))
+    grams, products = grams / np.outer(scale, scale), products / scale
+    without = grams.sum(axis=0) - grams, products.sum(axis=0) - products
+    most, best = -np.inf, np.zeros_like(products)
+    for ridge in RIDGES:
+        damped = without[0] + ridge * np.eye(scale.size)
+        found = np.linalg.solve(damped, without[1][..., None])[..., 0]
+        explained = 2 * np.sum(found * products) - np.einsum("ki,kij,kj->", found, grams, found)
+        if explained > most:
+            most, best = explained, found
+    whole = [part @ (w / scale) for part, w in zip(parts, best, strict=True)]
+    return [np.concatenate(whole)] if n_pieces > 1 else whole
 
 
 def _route(group: Group) -> Route:

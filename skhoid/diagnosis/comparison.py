@@ -97,6 +97,11 @@ class NoiseCeiling:
     route: Route
     note: Note
 
+    @property
+    def at_least(self) -> str:
+        """What to say before the value."""
+        return "at least " if self.route is Route.INPUTS else ""
+
 
 @dataclass(frozen=True)
 class Views:
@@ -133,8 +138,8 @@ class Comparison(Told):
 
     The members of its parts are its own too: ``comparison.vaf`` is ``comparison.figures.vaf``,
     ``comparison.by_run`` is ``comparison.views.by_run``; ``noise_ceiling``,
-    ``noise_ceiling_interval``, ``explainable_gap``, ``ceiling_route`` ("repeats", "lines" or
-    "none") and ``ceiling_note`` are of ``comparison.ceiling``.
+    ``noise_ceiling_interval``, ``explainable_gap``, ``ceiling_route`` ("repeats", "lines",
+    "inputs" or "none") and ``ceiling_note`` are of ``comparison.ceiling``.
 
     Parameters
     ----------
@@ -359,7 +364,8 @@ def compare(
     The residual of run k is r_k = d + n_k: a misfit d that repeats with the target, and remnant
     n_k. The ceiling is 100 (1 - Σn²/Σu²) with Σn² from the part of r that does not repeat. Tests
     use patterns that are independent of the remnant of their own run, and so are valid in a closed
-    loop. A finding does not prove a cause: see its meaning.
+    loop. A finding does not prove a cause: see its meaning. An operator is compared by its
+    ``parameters_`` even where ``predict`` simulates with those of least error: a note says so.
 
     Examples
     --------
@@ -490,7 +496,7 @@ def _gap_test(ceiling: Ceiling) -> list[Test]:
             float(norm.sf(z)),
             size=ceiling.gap,
             cost=ceiling.gap,
-            description="power of what the residual repeats with the target, in VAF points",
+            description="power of what the residual owes to what comes from outside, in VAF points",
         )
     ]
 

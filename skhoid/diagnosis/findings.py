@@ -428,7 +428,7 @@ class Advice:
                 change.cost,
             )
         for power in self._all("remnant power change"):
-            known = self.c.ceiling.route is not Route.NONE
+            known = self.c.ceiling.route.separates
             maybe = (
                 " Without a noise ceiling it may as well be misfit: a gain or dynamics that "
                 "change, or an effect that acts in part of the run."
@@ -566,19 +566,20 @@ class Advice:
         several = bool(c.by_frequency["exceeds"].any() or c.by_time["exceeds"].any())
         if gap is not None and c.point_scale * gap.cost > SMALL and named < gap.cost / 2:
             what = "the findings above do not account for" if any_located else "no test locates"
+            answers = "follows target and disturbance"
+            if c.ceiling.route.separates:
+                answers = "repeats with the target"
             yield Finding(
                 "unknown",
                 f"{self._points(gap.cost - named)} are left to explain that {what}",
-                f"The residual repeats with the target, {p_text(gap.p)}: {self._both()}.",
+                f"The residual {answers}, {p_text(gap.p)}: {self._both()}.",
                 "Several small misfits (order, lag, second mode), or an effect that these views "
                 "do not separate.",
                 self.then.unknown(),
                 "frequency",
                 gap.cost,
             )
-        elif (
-            not any_located and not self.sure and not several and c.ceiling.route is not Route.NONE
-        ):
+        elif not any_located and not self.sure and not several and c.ceiling.route.separates:
             yield Finding(
                 "none",
                 "Nothing found that these runs could show",
@@ -596,7 +597,8 @@ class Advice:
         values = c.vaf, c.noise_ceiling, *c.noise_ceiling_interval
         vaf, ceiling, low, high = (c.about_mean(value) for value in values)
         return (
-            f"{vaf_name(centered=c.mean_dominates)} {vaf:.1f} %, noise ceiling {ceiling:.1f} % "
+            f"{vaf_name(centered=c.mean_dominates)} {vaf:.1f} %, noise ceiling "
+            f"{c.ceiling.at_least}{ceiling:.1f} % "
             f"(95 % interval {low:.1f} to {high:.1f} %)"
         )
 

@@ -42,7 +42,7 @@ def by_frequency(signals: Signals, ceiling: Ceiling) -> pd.DataFrame:
         weight = np.where((bins == omega.size - 1) & (omega.size > 1), 1.0, 2.0)
         U2 = sum(np.sum(np.abs(part.output[:, bins]) ** 2, axis=0) for part in parts)
         R2 = sum(np.sum(np.abs(part.residual[:, bins]) ** 2, axis=0) for part in parts)
-        has_noise = ceiling.route is not Route.NONE
+        has_noise = ceiling.route.separates
         row = {
             "omega": float(np.exp(np.mean(np.log(omega[bins])))),
             "kind": kind,
@@ -162,7 +162,7 @@ def distortion_tests(signals: Signals, ceiling: Ceiling) -> list[Test]:
     lines = _common_lines(
         [group.lines if group.n_samples == n else None for group in signals.groups]
     )
-    if lines is None or ceiling.route is Route.NONE:
+    if lines is None or not ceiling.route.separates:
         return []
     parts = [_GroupSpectra.of(signals, group, n) for group in signals.groups]
     omega = 2 * np.pi * fft.rfftfreq(n, signals.dt)

@@ -248,7 +248,7 @@ def remnant_estimate(
     used = [
         (group, part / np.sqrt(signals.scored[group.rows].mean()))
         for group, part in zip(signals.groups, ceiling.remnant, strict=True)
-        if ceiling.route is Route.NONE or ceiling.covered[group.rows[0, 0]]
+        if not ceiling.route.separates or ceiling.covered[group.rows[0, 0]]
     ]
     intensity, interval = _intensity(signals, ceiling, used)
     spectrum = _spectrum(used, ceiling, signals.dt)
@@ -260,7 +260,7 @@ def remnant_estimate(
         interval=interval,
         **_of_best_order(orders, spectrum),
         orders=orders,
-        route=ceiling.route.value,
+        route=(ceiling.route if ceiling.route.separates else Route.NONE).value,
         warning=_warning(orders),
         n_runs=sum(group.n_runs for group, _ in used),
         output=signals.output,

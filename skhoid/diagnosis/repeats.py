@@ -9,11 +9,19 @@ from typing import Any
 
 import numpy as np
 from scipy import fft
+from scipy.stats import f as f_distribution
 
 from ..runs import RunLayout
 from ..runs.roles import is_external
 from ..text import Note, counted
-from .leaks import band_edge, estimated_inverse, low_passed, with_target_and_x
+from .leaks import (
+    band_edge,
+    estimated_inverse,
+    lagged,
+    low_passed,
+    triangle,
+    with_target_and_x,
+)
 
 LINE = 3e-4  # power of an excited line at least, as a fraction of that of the strongest
 BESIDE = 0.05  # of the lines, at most, are neighbours
@@ -26,6 +34,10 @@ POWER = 0.9  # of the output, in the band in which disturbances are compared
 APART = 0.12  # rms difference of two disturbances (over root 2), of the rms output
 ALIKE = 0.7  # correlation of disturbances that are the same
 WINDOWS = (1, 4)  # stretches of a run with an element of their own: it may change
+BAND = 0.95  # of the output, in the band in which it may answer a disturbance
+SAMPLED = 4  # samples a period of the edge of that band
+PAST = 10  # samples
+CHANCE = 1e-3  # with which a disturbance that is not answered may seem to be
 THINNED = 8  # samples a period of the edge of the band
 
 
@@ -79,8 +91,17 @@ def grouped(
     """Groups of repeats (of one target and disturbance), how that was decided, and notes."""
     labels = repeat_labels(layout, repeats)
     outside = {name: values for name, values in channels.items() if is_external(name)}
+    idle = [
+        name
+        for name in outside
+        if name != "f_t" and not _is_answered(name, outside, measured, stretches, layout)
+    ]
+    outside = {name: values for name, values in outside.items() if name not in idle}
     members, apart = runs_in_common(layout, stretches, outside, labels)
-    groups, notes = [], []
+    groups = []
+    notes = [
+        Note("idle disturbance", f"{name} is recorded, and nobody answers it") for name in idle
+    ]
     decided = BY_TARGET
     if labels is not None:
         decided = Note(Decided.BY_CALLER, "repeats= says which runs repeat")
@@ -132,6 +153,48 @@ def repeat_labels(layout: RunLayout, repeats: Any) -> list[Any] | None:
             "or False (none are)."
         )
     return labels
+
+
+def _is_answered(
+    name: str,
+    outside: Mapping[str, np.ndarray],
+    measured: np.ndarray,
+    stretches: Mapping[int, tuple[int, int]],
+    layout: RunLayout,
+) -> bool:
+    """Whether the output answers a disturbance that differs between runs of one target.
+
+    By an F test of the past of the disturbance beside that of the output (Granger, 1969): in runs
+    of one target in what differs from their mean, in others beside the past of the target.
+    """
+    others = {key: values for key, values in outside.items() if key != name}
+    members, _ = runs_in_common(layout, stretches, others, None)
+    edge = band_edge([measured[start:stop] for start, stop in stretches.values()], layout.dt, BAND)
+    if not edge:
+        return True
+    step = max(int(1 / (SAMPLED * edge * layout.dt)), 1)
+    target = outside.get("f_t", np.zeros_like(measured))
+    tables, free, differs = [], 0.0, False
+    for _, rows in members:
+        low = {
+            key: np.array([low_passed(values[part], layout.dt, edge)[::step] for part in rows])
+            for key, values in (("u", measured), ("f", target), ("d", outside[name]))
+        }
+        centred = {
+            key: values - values.mean(axis=int(len(rows) == 1)) for key, values in low.items()
+        }
+        differs |= bool(np.ptp(centred["d"]) > SAME_TARGET * np.ptp(low["d"]) > 0)
+        for u, f, d in zip(*centred.values(), strict=True):
+            past = [lagged(v, np.arange(1, PAST + 1)) for v in (u, f, d)]
+            tables.append(np.column_stack([*past, u])[PAST:])
+            free += len(tables[-1]) * (1 - 1 / len(rows) if len(rows) > 1 else 1)
+    # R of the tables: its last column holds what the columns before it leave of the output.
+    rows_left, _ = triangle(tables)
+    rest, more = float(rows_left[-1, -1] ** 2), float(np.sum(rows_left[-1 - PAST : -1, -1] ** 2))
+    free -= 3 * PAST
+    if not differs or free <= 0 or not rest > 0:
+        return True
+    return bool(f_distribution.sf(more / PAST / (rest / free), PAST, free) < CHANCE)
 
 
 def _by_disturbance(

@@ -18,7 +18,14 @@ from sklearn.utils.validation import check_consistent_length
 from .._sklearn import safe_indexing
 from ..exceptions import MissingDataWarning, ShortRunError
 from ..metrics import scored_rows, scored_signals, warn_of_unscored
-from ..pipelines import prediction_from, raw_layout, reach_model, trimmed_rows
+from ..pipelines import (
+    by_likelihood,
+    prediction_from,
+    raw_layout,
+    reach_model,
+    taken_apart,
+    trimmed_rows,
+)
 from ..preprocessing.base import as_fitted
 from ..preprocessing.gate import (
     as_output,
@@ -40,6 +47,11 @@ MOST_MASKED = 0.05  # of the rows that are bridged; more are cut off, and whole 
 RAMPS = 0.04  # of a run, both ends together
 LEAST_ROWS = 64  # of a run, for spectra and tests
 OUTPUTS = ("y", "predicted", "residual")
+LIKELIEST = Note(
+    "two estimates",
+    "the model is judged by its parameters_, the likeliest: predict and score simulate with those "
+    "of least simulation error, which follow remnant that went round the loop, too",
+)
 
 
 @dataclass(frozen=True)
@@ -154,6 +166,7 @@ def read_signals(
     check_not_too_small(measured, "y")
     check_consistent_length(X, y)
     check_alignment(X, y)
+    given, model = model, by_likelihood(model)
     layout = raw_layout(model, X, dt=dt, run=run)
     predicted, fed = prediction_from(model, X, y)
     if predicted.size != measured.size:
@@ -184,6 +197,8 @@ def read_signals(
         repeats=repeats,
         run=run,
     )
+    if taken_apart(given)[1] is not taken_apart(model)[1]:
+        signals.notes.append(LIKELIEST)
     return replace(signals, one_step=_one_step(model, X, y)) if one_step else signals
 
 

@@ -69,9 +69,10 @@ def tell_figures(c: Comparison) -> dict[str, str]:
         told["Noise ceiling"] = f"not known: {c.ceiling.note}"
     else:
         top, low, high = map(c.about_mean, (c.noise_ceiling, *c.noise_ceiling_interval))
-        told["Noise ceiling"] = f"{top:.1f} %{about} ({low:.1f} to {high:.1f} %), {c.ceiling.note}"
+        top_text = f"{c.ceiling.at_least}{top:.1f} %{about}"
+        told["Noise ceiling"] = f"{top_text} ({low:.1f} to {high:.1f} %), {c.ceiling.note}"
         gap = gap_text(c.point_scale * c.explainable_gap)
-        told["Left to explain"] = gap + (about if gap[0].isdigit() else "")
+        told["Left to explain"] = c.ceiling.at_least + gap + (about if gap[0].isdigit() else "")
     if c.overfit is not None:
         told["Overfit"] = (
             f"{'yes' if c.overfit else 'no'}: squared error {c.overfit_ratio:.2f} times that on "

@@ -61,6 +61,8 @@ from .prepared import (
 from .simulator import Simulator, list_parameters
 from .uncertainty import estimate_covariance, find_profile_intervals
 
+SAME_VAF = 1.0  # point on the fitted rows, that predictions by the parameters shown may lose
+
 
 @dataclass(frozen=True)
 class Simulation:
@@ -68,6 +70,7 @@ class Simulation:
 
     ``effects`` have None for what was estimated, as ``theta`` has it; ``spread`` are standard
     deviations of the channels and of the output "u", ``duration`` is that of the longest run (s).
+    Free runs are those of ``predicting``, where it is not None.
     """
 
     spec: SimulatedCore
@@ -86,11 +89,13 @@ class Simulation:
     initial: str | None
     begins: str
     levels: tuple[float, float]
+    predicting: np.ndarray | None = None
 
     def run(self, record: Record, begins: str | None = None) -> np.ndarray:
         """Free run (n_samples, n_runs) from rest, or as the fit found that runs begin."""
         begun = replace(record, initial=begins or self.begins, levels=self.levels)
-        return Simulator(self.spec.core, self.effects, begun).run(self.theta)
+        theta = self.theta if self.predicting is None else self.predicting
+        return Simulator(self.spec.core, self.effects, begun).run(theta)
 
     def run_from(self, record: Record, known: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Free run from initial states that fit the output; by default in runs that show them."""
@@ -114,6 +119,8 @@ class GreyBox(RunRegressor):
     controlled_element: Any
     settling: float
     parameter_table_: ParameterTable
+    simulation_: Simulation
+    vaf_: float
     initial: str | None = None  # how simulations begin, where a user may say so
     _takes_first = True  # channel, where none has the role e
     _fixed_core = False  # whether parameters of the core stay as fitted
@@ -166,7 +173,23 @@ class GreyBox(RunRegressor):
     def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
         """Set the attributes of a fit."""
         self._set_estimates(prepared, model, noise)
-        self.simulation_parameters_ = tabulate_least_error(model, prepared)
+        criterion = Criterion(model.simulator.record)
+        plain = model.refined(criterion)
+        self.simulation_parameters_ = tabulate_least_error(plain, criterion, prepared)
+        vaf = vaf_of_output(plain.simulator.record, plain.output)
+        if vaf - self.vaf_ > SAME_VAF:
+            rmse = self.simulation_.rmse * np.sqrt((100 - vaf) / (100 - self.vaf_))
+            self.simulation_ = replace(self.simulation_, predicting=plain.theta, rmse=float(rmse))
+            self.vaf_ = vaf
+
+    def by_likelihood(self) -> Any:
+        """This fitted model, predicting by ``parameters_`` even where others simulate better."""
+        simulation = self.simulation_
+        if simulation.predicting is None:
+            return self
+        taken = copy.copy(self)
+        taken.simulation_ = replace(simulation, predicting=None)
+        return taken
 
     def _set_estimates(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
         record = model.simulator.record
@@ -509,7 +532,7 @@ class GreyBox(RunRegressor):
         notes += delay_notes(table, getattr(simulation.spec.core, "least", 0.0))
         least_error = getattr(self, "simulation_parameters_", None)  # of an operator
         if least_error is not None:
-            notes += difference_notes(table, least_error)
+            notes += difference_notes(table, least_error, simulation.predicting is not None)
         return ModelSummary(
             f"{type(self).__name__}: {simulation.output} from {self.inputs_[0]}",
             facts,
@@ -599,15 +622,13 @@ def delay_notes(table: pd.DataFrame, least: float) -> list[str]:
     return []
 
 
-def tabulate_least_error(model: Model, prepared: Prepared) -> pd.DataFrame:
-    """Table of the parameters at the smallest simulation error near those of a model.
+def tabulate_least_error(model: Model, criterion: Criterion, prepared: Prepared) -> pd.DataFrame:
+    """Table of the parameters of a model at its smallest simulation error.
 
     Standard errors allow for a remnant of any colour, but not for a bias.
     """
-    criterion = Criterion(model.simulator.record)
-    plain = model.refined(criterion)
-    covariance = estimate_covariance(plain.simulator, criterion, plain.fit)
+    covariance = estimate_covariance(model.simulator, criterion, model.fit)
     table = parameter_table(
-        plain.simulator, plain.theta, covariance, prepared.units, prepared.spec.given
+        model.simulator, model.theta, covariance, prepared.units, prepared.spec.given
     )
     return table.estimates()

@@ -63,7 +63,9 @@ class OperatorRegressor(GreyBox):
     simulation_parameters_ : DataFrame
         The same for the smallest simulation error, without a noise model. In a closed loop it is
         biased by the remnant; ``summary`` shows both estimates where they differ by more than
-        their uncertainty allows.
+        their uncertainty allows. ``predict`` and ``score`` simulate with these where that is worth
+        more than a point of VAF on the fitted rows (``by_likelihood()`` is the model that does
+        not), and ``summary`` says so.
     {effects_, covariance_}
     noise_ar_ : ndarray of shape (6,)
         AR model of the remnant at the rate of the criterion (25 Hz, or the sampling rate).

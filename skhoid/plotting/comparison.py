@@ -368,7 +368,7 @@ class ComparisonDisplay(ResidualPanels):
         at = float(np.clip(ceiling, 0.0, 100.0))
         panel.plot([at, at], [-0.5, 0.62], **role.style(2.4), solid_capstyle="butt", zorder=3)
         low, high = np.clip(self.comparison.noise_ceiling_interval, 0.0, 100.0)
-        text = f"{role.word} {percent(ceiling)}"
+        text = f"{role.word} {self.comparison.ceiling.at_least}{percent(ceiling)}"
         if np.isfinite([low, high]).all():
             text += f" (95 % interval {low:.1f} to {high:.1f} %)"
             inside = float(np.clip(at, low, high))
@@ -411,7 +411,8 @@ class ComparisonDisplay(ResidualPanels):
             low, high = self.comparison.noise_ceiling_interval
             if np.isfinite([low, high]).all():
                 draw_band(self.ax_, span, low, high, role.colour, alpha=veil(0.2))
-            label = f"noise ceiling {percent(ceiling)}, 95 % interval"
+            at_least = self.comparison.ceiling.at_least
+            label = f"noise ceiling {at_least}{percent(ceiling)}, 95 % interval"
             self.ax_.plot(span, [ceiling] * 2, **role.style(1.6), label=label)
         look: dict[str, Any] = {"color": ROLES["simulated"].colour, "lw": scaled(1.2), "ls": "--"}
         label = f"validation runs together {percent(vaf)}"
@@ -483,7 +484,8 @@ def _ceiling_text(comparison: Any) -> str:
         return f"{found}, noise ceiling not known"
     gap = comparison.explainable_gap
     left = f"{gap:.1f} points left to explain" if gap > 0 else "nothing left to explain"
-    return f"{found}, noise ceiling {percent(comparison.noise_ceiling)}: {left}"
+    at_least = comparison.ceiling.at_least
+    return f"{found}, noise ceiling {at_least}{percent(comparison.noise_ceiling)}: {left}"
 
 
 def _spans(comparison: Any) -> list[tuple[str, str, float, float, str]]:
@@ -504,7 +506,9 @@ def _spans(comparison: Any) -> list[tuple[str, str, float, float, str]]:
     return [
         *spans,
         ("misfit", ROLES["misfit"].colour, end, top, gap),
-        ("remnant", ROLES["remnant"].colour, top, 100.0, remnant),
+        ("remnant", ROLES["remnant"].colour, top, 100.0, remnant)
+        if comparison.ceiling.route.separates
+        else ("not explained", dimmed(0.15), top, 100.0, remnant),
     ]
 
 

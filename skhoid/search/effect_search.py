@@ -371,7 +371,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         least = getattr(prepared.core, "least", 0.0)
         notes += [Note("delay", text) for text in delay_notes(best.parameters_, least)]
         if hasattr(best, "simulation_parameters_"):  # an operator
-            differ = difference_notes(best.parameters_, best.simulation_parameters_)
+            predicting = best.simulation_.predicting is not None
+            differ = difference_notes(best.parameters_, best.simulation_parameters_, predicting)
             notes += [Note("two estimates", text) for text in differ]
         notes += notes_of_lost(data.control.table)
         return SearchResult(

@@ -133,6 +133,8 @@ def measure_path(
     if rest > LEFT_SURELY * rest_sd and rest >= noted:  # not where it is NaN
         left.insert(0, Leftover("repeats", "output", REPEATS, rest, np.nan))
     ceiling, why = consistent_ceiling(vaf + rest, max(step.vaf for step in steps), rest_sd)
+    if unknown:  # or only at least
+        ceiling = np.nan
     return SearchNumbers(
         path=path,
         steps=steps,
@@ -171,7 +173,7 @@ def find_gap(
         layout=layout,
         index=pd.RangeIndex(layout.n_rows),
         measured=measured,
-        free_run=model.free_run(prepared),
+        free_run=model.by_likelihood().free_run(prepared),
         trimmed=np.zeros(layout.n_rows, dtype=bool),
         columns=dict(zip(prepared.names, prepared.table.T, strict=True)),
         roles=model.get_params(deep=False).get("roles"),
@@ -183,7 +185,8 @@ def find_gap(
     except ValueError:
         return np.nan, np.nan, np.nan, "the runs are too short for spectra"
     found = noise_ceiling(signals)
-    return found.gap, found.sd, found.vaf, "" if found.known else str(found.note)
+    unknown = "" if found.route.separates and found.known else str(found.note)
+    return found.gap, found.sd, found.vaf, unknown
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,11 @@
 """Estimates of least simulation error beside those of maximum likelihood."""
 
 import pytest
+from numpy.testing import assert_allclose
+from sklearn.pipeline import make_pipeline
 from support.person_in_loop import pursued
 
-from skhoid import OperatorRegressor
+from skhoid import OperatorRegressor, compare
 from skhoid.model.parameters import difference_notes, find_differing
 
 
@@ -19,7 +21,7 @@ def test_both_are_shown_where_the_loop_biases_one(person):
     assert "tau_e" in find_differing(likelihood, least_error)
     off = abs(least_error["value"]["tau_e"] - truth.tau_e)
     assert abs(likelihood["value"]["tau_e"] - truth.tau_e) < off / 2
-    (note,) = difference_notes(likelihood, least_error)
+    note = difference_notes(likelihood, least_error)[0]
     text = " ".join(model.summary().split())
     assert note in text
     for one in (likelihood, least_error):
@@ -31,3 +33,31 @@ def test_nothing_is_said_where_they_agree():
     model = OperatorRegressor().fit(X, y)
     assert difference_notes(model.parameters_, model.simulation_parameters_) == []
     assert "Two estimates" not in model.summary()
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_predictions_are_those_of_least_error_where_that_is_worth_more_than_a_point(seed):
+    X, y, _ = pursued("1/s", seed, n_runs=3, duration=30.0)
+    model = OperatorRegressor().fit(X, y)
+    shown = model.by_likelihood()
+    assert model.score(X, y) > shown.score(X, y) + 1
+    assert shown.parameters_ is model.parameters_
+    all_of_them = model.parameters_["value"][model.covariance_.index].to_dict()
+    assert_allclose(shown.predict(X), model.with_parameters(all_of_them).predict(X))
+    late = X.index.get_level_values("time") >= 3.0
+    lost = ((y - model.predict(X))[late] ** 2).sum() / (y[late] ** 2).sum()
+    assert model.vaf_ == pytest.approx(100 * (1 - lost), abs=0.2)
+    assert "compare keep to the likelihood" in " ".join(model.summary().split())
+    # A comparison is of the parameters that the model shows, also at the end of a pipeline.
+    found = compare(model, X, y, run_in=3.0)
+    assert_allclose(found.traces["predicted"][late], shown.predict(X)[late])
+    assert "two estimates" in [note.kind for note in found.notes]
+    assert compare(make_pipeline(model), X, y, run_in=3.0).vaf == found.vaf
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_predictions_are_those_of_the_parameters_shown_where_that_costs_less(seed):
+    X, y, _ = pursued("1/s", seed, n_runs=2, duration=20.0, remnant=0.0)
+    model = OperatorRegressor().fit(X, y)
+    assert model.by_likelihood() is model
+    assert "keep to the likelihood" not in model.summary()

@@ -25,7 +25,14 @@ from ..._sklearn import HasMethods, Interval, checked
 from ...diagnosis import consistent_ceiling, noise_ceiling, read_signals
 from ...interpret import FROM_POLES, UNITS, is_arx
 from ...metrics import scored_rows, scored_signals, vaf_of_rows, vaf_of_sums
-from ...pipelines import final_step, prediction_from, raw_layout, taken_apart, trimmed_rows
+from ...pipelines import (
+    by_likelihood,
+    final_step,
+    prediction_from,
+    raw_layout,
+    taken_apart,
+    trimmed_rows,
+)
 from ...preprocessing import as_output
 from ...runs import RUN
 from ...text import counted
@@ -255,7 +262,8 @@ def _groups_for(estimator: Any, X: pd.DataFrame) -> dict[str, Any]:
 
 
 def vafs(model: Any, X: pd.DataFrame, y: pd.Series) -> tuple[float, np.ndarray]:
-    """VAF of the free run as VAFScorer gives it, and that of each run."""
+    """VAF of the free run by a model's parameters, as ``compare`` gives it, and of each run."""
+    model = by_likelihood(model)
     layout = raw_layout(model, X)
     keep = scored_rows(layout, None, None) & ~trimmed_rows(model, X)
     prediction, fed = prediction_from(model, X, y)
@@ -280,7 +288,7 @@ def find_ceiling(model: Any, X: pd.DataFrame, y: pd.Series) -> float:
     )
     ceiling = noise_ceiling(signals)
     top, reason = consistent_ceiling(vaf + ceiling.gap, vaf, ceiling.sd, held_out=False)
-    return top if ceiling.known and reason is None else np.nan
+    return top if ceiling.route.separates and ceiling.known and reason is None else np.nan
 
 
 def _packed(model: Any) -> str:

@@ -202,7 +202,8 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
             return {"kind": "none", "headline": "The data", "sentences": []}
         first = comparison.findings[0].title if comparison.findings else "No findings"
         top = comparison.noise_ceiling
-        ceiling = f", noise ceiling {top:.1f} %" if np.isfinite(top) else ""
+        at_least = comparison.ceiling.at_least
+        ceiling = f", noise ceiling {at_least}{top:.1f} %" if np.isfinite(top) else ""
         headline = f"VAF {comparison.vaf:.1f} %{ceiling}. {first}."
         return {"kind": "none", "headline": headline, "sentences": []}
     path = search.error_path_
@@ -274,7 +275,8 @@ def _facts(
         yield f"{comparison.vaf:.1f} %", "VAF", f"free run, on {rows}"
         if np.isfinite(comparison.noise_ceiling):
             top = "what any model could reach, judged by what this one leaves"
-            yield f"{comparison.noise_ceiling:.1f} %", "noise ceiling", top
+            figure = f"{comparison.ceiling.at_least}{comparison.noise_ceiling:.1f} %"
+            yield figure, "noise ceiling", top
 
 
 def _data(

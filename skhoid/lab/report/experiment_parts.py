@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ...effects import title_of, titles_of
-from ...pipelines import prediction_from
+from ...pipelines import by_likelihood, prediction_from
 from ...text import DASH, TextTable, number
 from ..experiment.groups import ALL, Group
 from ..experiment.mixed import MixedModelResult, mixed_model
@@ -382,7 +382,7 @@ def _of_model(given: Experiment, key: tuple[Any, Any], group: Group) -> Stretch 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            simulated, _ = prediction_from(model, group.X, group.y)
+            simulated, _ = prediction_from(by_likelihood(model), group.X, group.y)
         except (TypeError, ValueError):
             return None
     unit = group.y.attrs.get("units", {}).get(group.y.name, "")
