@@ -143,7 +143,7 @@ def measure_path(
         noises=noises,
         ceiling=ceiling,
         ceiling_sd=rest_sd,
-        no_ceiling=unknown if why is None else str(why),
+        no_ceiling=unknown or str(why or ""),
         share=search.share,
         changes=further_changes(search, path),
     )
