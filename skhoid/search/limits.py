@@ -12,25 +12,31 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.linalg import solve_toeplitz
 from scipy.stats import chi2, norm
 
 from ..effects.composition import Effects
 from ..effects.registry import title_of
-from ..model.fitting import Criterion, derivatives
+from ..model.fitting import AR_ORDER, WHITE_FLOOR, Criterion, derivatives, scaled_inverse
 from ..model.model import Model
 from ..model.simulator import Simulator
-from .judging import THRESHOLD, Candidate
+from .judges import RATES
+from .judging import LEAST_GAIN, THRESHOLD, Candidate
 from .path import Path
 from .statuses import Ending, Verdict
 
 ALLOWED = float(chi2.ppf(0.9, 1)) / 2  # nats below the likeliest size: 95 % on one side
 SHOWN = float(norm.ppf(0.9))  # standard deviations of the evidence, for 90 %
 BLOCK = 10.0  # s, longer than remnant and loop remember
-ROUNDS = 6  # of simulations at the sizes that the last ones lead to
-CLOSE = 1.1  # times a size that was simulated, for which it stands too
+ROUNDS = 5  # of simulations at the sizes that the last ones lead to
+CLOSE = 1.25  # times a size that was simulated, for which it stands too
 FAR = 5.0  # times those that were simulated, to which they are extrapolated
 N_SIZES = 1000
+TRIED = 3  # sets of the other numbers of an effect: as fitted, and starts
+FITTED = 6  # iterations of the model that imitates an effect
+WORTHWHILE = 0.95  # times what the last one leaves, at most, for another
 EXACT = 1e-9  # of the output, below which a residual is rounding
+NONE = 1e-12  # in the place of nothing, which has no logarithm
 HALF = 0.5  # of the ceiling, which a model explains that can tell what it is missing
 BY_CHANCE = 5.0  # % of VAF: of five parameters fitted to 100 rows that have nothing to do with them
 BEGUN = (1.0, 4.0, 0.25, 16.0, 64.0)  # times the first size, until the output shows something
@@ -86,41 +92,103 @@ def end_explained(ending: Ending, vaf: float, ceiling: float, share: float) -> E
     return Ending(Verdict.TOO_LITTLE, [], [*ending.named, *ending.stand_ins])
 
 
-class Beside:
-    """A model under the noise model of its residual, and what its parameters can make of others."""
+class View:
+    """A model at a rate, under the noise model of its residual, and what its parameters move."""
+
+    def __init__(self, model: Model, rate: float | None = None):
+        self.criterion = criterion = Criterion(model.simulator.record, rate=rate)
+        self.model, self.output = model, model.output
+        criterion.set_noise(criterion.remnant_model(self.output))
+        self.rows = derivatives(model.simulator, criterion, model.theta)[:-1]
+        self.white = criterion.whitened(self.rows)
+        self.inverse = scaled_inverse(self.white @ self.white.T)
+        self.residual = criterion.residual(self.output)
+        self.lags = self._lags_of(self.residual)
+        self.unpredicted = find_unpredicted(self.lags)
+
+    def thinned(self, change: np.ndarray) -> np.ndarray:
+        """A change of the output on the rows of the criterion."""
+        return np.where(self.criterion.known, change[:: self.criterion.thin], 0.0)
+
+    def imitated(self, change: np.ndarray) -> np.ndarray:
+        """Steps of the parameters that imitate a change best."""
+        return np.asarray(self.inverse @ (self.white @ self.criterion.whitened(change[None])[0]))
+
+    def whitened(self, change: np.ndarray) -> np.ndarray:
+        """A whitened change, without what the parameters imitate."""
+        white = self.criterion.whitened(change[None])[0]
+        return white - (self.inverse @ (self.white @ white)) @ self.white
+
+    def evidence_of(self, change: np.ndarray) -> float:
+        """Nats by which a model that lacks a change is less likely, if it is there.
+
+        Each has a noise model of its own: the one that lacks it takes it for noise.
+        """
+        change = self.thinned(change)
+        change = change - np.tensordot(self.imitated(change), self.rows, 1)
+        lacking = find_unpredicted(self.lags + self._lags_of(change))
+        return self.criterion.n / 2 * float(np.log(max(lacking / self.unpredicted, 1.0)))
+
+    def _lags_of(self, signal: np.ndarray) -> np.ndarray:
+        n = len(signal)
+        return np.array([np.sum(signal[k:] * signal[: n - k]) for k in range(AR_ORDER + 1)])
+
+
+def find_unpredicted(lags: np.ndarray) -> float:
+    """Power of a signal that an autoregression does not predict, from its autocovariance."""
+    lags = lags * np.r_[1 + WHITE_FLOOR, np.ones(AR_ORDER)] + 1e-300 * (np.arange(lags.size) == 0)
+    return float(lags[0] - lags[1:] @ solve_toeplitz(lags[:-1], lags[1:]))
+
+
+class Beside(View):
+    """A model beside which effects are tried, and how the judges see it."""
 
     def __init__(self, model: Model):
-        record = model.simulator.record
-        self.criterion = criterion = Criterion(record)
+        criterion = Criterion(model.simulator.record)
         criterion.set_noise(criterion.remnant_model(model.output))
-        self.model = model.refined(criterion, max_iter=4)
-        rows = derivatives(self.model.simulator, criterion, self.model.theta)
-        white = criterion.whitened(rows)
-        self.own = make_basis(white[:-1])
-        self.own_plain = make_basis((rows[:-1] * criterion.known).reshape(len(rows) - 1, -1))
-        self.residual = outside(self.own, white[-1:])[0]
-        freedom = max(criterion.n - len(self.own), 1)
+        super().__init__(model.refined(criterion, max_iter=4))
+        record, criterion = model.simulator.record, self.criterion
+        kind = model.simulator.core.kind
+        self.judges = [View(self.model, rate) for rate in RATES if kind.is_operator]
+        self.noise = self.whitened(self.residual)
+        freedom = max(criterion.n - len(self.rows), 1)
         rounding = EXACT * np.sqrt(criterion.power / max(criterion.n, 1)) + 1e-300
-        self.sigma = max(float(np.sqrt(self.residual @ self.residual / freedom)), rounding)
+        self.sigma = max(float(np.linalg.norm(self.noise) / np.sqrt(freedom)), rounding)
         length = max(round(BLOCK * record.time_unit / (record.dt * criterion.thin)), 1)
         n, n_runs = criterion.y.shape
         self.blocks = (np.arange(n)[:, None] // length * n_runs + np.arange(n_runs)).ravel()
+
+    def left_of(self, change: np.ndarray) -> np.ndarray:
+        """What the model, fitted again, leaves of a change of the output."""
+        simulator, theta, left = self.model.simulator, self.model.theta, change
+        for _ in range(FITTED):
+            thin = self.thinned(left)
+            before = float(np.linalg.norm(self.whitened(thin)))
+            theta = np.clip(theta + self.imitated(thin), simulator.low, simulator.high)
+            again = change - (simulator.run(theta) - self.output)
+            after = float(np.linalg.norm(self.whitened(self.thinned(again))))
+            left = again if after < before else left
+            if not after < WORTHWHILE * before:
+                break
+        return left
 
 
 class AtSizes(NamedTuple):
     """What the runs say of an effect at sizes.
 
-    ``seen`` is the change of the whitened output in standard deviations of noise, without what the
-    model's parameters make of it, ``alone`` the same without what other numbers of the effect make
-    of it, ``fits`` its correlation with the residual in standard deviations, ``spread`` the
-    variance of that by blocks of rows, at least 1, and ``points`` those of VAF.
+    ``evidence`` are the nats that the judges expect of it, ``seen`` is the change of the whitened
+    output in standard deviations of noise, without what the model makes of it, ``fits`` its
+    correlation with the residual in standard deviations, ``spread`` the variance of that by blocks
+    of rows, at least 1, ``points`` those of VAF, and ``unsure`` the standard deviation of the
+    points that held-out rows show, by blocks.
     """
 
+    evidence: np.ndarray
     seen: np.ndarray
-    alone: np.ndarray
     fits: np.ndarray
     spread: np.ndarray
     points: np.ndarray
+    unsure: np.ndarray
 
 
 @dataclass(eq=False)
@@ -128,22 +196,20 @@ class Side:
     """An effect beside a model, at sizes on one side of doing nothing.
 
     Sizes are distances from the ``neutral`` value of the parameter at ``position``, up to ``most``;
-    where that is infinite, they are the inverse of the parameter. ``others`` are the positions of
-    the effect's parameters that are no sizes: other sizes are at neutral.
+    where that is infinite, they are the inverse of the parameter.
     """
 
     beside: Beside
     simulator: Simulator
     theta: np.ndarray
     position: int
-    others: list[int]
     neutral: float
     sign: float
     most: float
+    start: float
 
     def __post_init__(self) -> None:
         self.at: dict[float, list[float]] = {}
-        self.made_by_others: np.ndarray | None = None
 
     def value(self, size: float) -> float:
         """The parameter at a size."""
@@ -154,34 +220,37 @@ class Side:
         beside, criterion = self.beside, self.beside.criterion
         theta = self.theta.copy()
         theta[self.position] = self.value(size)
-        change = (self.simulator.run(theta) - beside.model.output)[:: criterion.thin]
-        change = np.where(criterion.known, change, 0.0)
+        change = self.simulator.run(theta) - beside.output
         if not np.isfinite(change).all():
             return False
-        seen = outside(beside.own, criterion.whitened(change[None]))
-        if self.made_by_others is None and seen.any():
-            rows = derivatives(self.simulator, criterion, theta, self.others)[:-1]
-            self.made_by_others = make_basis(outside(beside.own, criterion.whitened(rows)))
-        basis = np.zeros((0, seen.size)) if self.made_by_others is None else self.made_by_others
-        alone, residual = outside(basis, seen)[0], outside(basis, beside.residual[None])[0]
-        plain = outside(beside.own_plain, change.reshape(1, -1))
-        lengths = [float(np.linalg.norm(one)) for one in (seen, alone, plain)]
-        if min(lengths) <= 1e-9 * beside.sigma:
+        left = beside.left_of(change)
+        thin = beside.thinned(left)
+        seen = beside.whitened(thin)
+        plain = thin - np.tensordot(beside.imitated(thin), beside.rows, 1)
+        plain = np.where(criterion.weight > 0.0, plain, 0.0)  # not where a run begins
+        if not np.linalg.norm(seen) > EXACT * beside.sigma:
+            self.at[size] = [NONE, NONE, 0.0, 1.0, NONE, NONE]
             return False
-        scores = alone * residual / (lengths[1] * beside.sigma)
-        of_blocks = np.bincount(beside.blocks, scores)
+        length = float(np.linalg.norm(seen))
+        fits = float(seen @ beside.noise) / length
+        scores = seen / length * (beside.noise - fits * seen / length)
+        by_blocks = np.bincount(beside.blocks, scores / beside.sigma)
+        shaken = np.bincount(beside.blocks, (plain * beside.residual).ravel())
+        evidence = [(length / beside.sigma) ** 2 / 2]
+        evidence += [judge.evidence_of(left) for judge in beside.judges]
         self.at[size] = [
-            lengths[0] / beside.sigma,
-            lengths[1] / beside.sigma,
-            float(scores.sum()),
-            max(float(of_blocks @ of_blocks), 1.0),
-            100 * lengths[2] ** 2 / criterion.power,
+            max(min(evidence), NONE),
+            length / beside.sigma,
+            fits / beside.sigma,
+            max(float(by_blocks @ by_blocks), 1.0),
+            100 * float((plain**2).sum()) / criterion.power,
+            200 * float(np.linalg.norm(shaken)) / criterion.power,
         ]
         return True
 
-    def begin(self, size: float) -> bool:
+    def begin(self) -> bool:
         """Simulate a first size that shows something; whether there is one."""
-        return any(self.simulate(min(times * size, self.most)) for times in BEGUN)
+        return any(self.simulate(min(times * self.start, self.most)) for times in BEGUN)
 
     def go_on(self, *sizes: float) -> bool:
         """Simulate sizes that are not near another, not too far at once; whether there were any."""
@@ -197,55 +266,53 @@ class Side:
         sizes = sorted(self.at)
         asked = np.geomspace(sizes[0] / FAR, min(sizes[-1] * FAR, self.most), N_SIZES)
         at, ask = np.log(sizes), np.log(asked)
-        seen, alone, fits, spread, points = np.array([self.at[size] for size in sizes]).T
+        evidence, seen, fits, spread, points, unsure = np.array([self.at[size] for size in sizes]).T
         beyond = ask - np.clip(ask, at[0], at[-1])
 
         def grow(values: np.ndarray, power: int) -> np.ndarray:
-            return np.exp(np.interp(ask, at, np.log(values)) + power * beyond)
+            return np.exp(np.interp(ask, at, np.log(np.maximum(values, NONE))) + power * beyond)
 
         fits, spread = (np.interp(ask, at, values) for values in (fits, spread))
-        return asked, AtSizes(grow(seen, 1), grow(alone, 1), fits, spread, grow(points, 2))
-
-
-def make_basis(rows: np.ndarray) -> np.ndarray:
-    """Orthonormal rows that span the same."""
-    lengths = np.linalg.norm(rows, axis=1)
-    rows = rows[lengths > 0.0] / lengths[lengths > 0.0, None]
-    values, vectors = np.linalg.eigh(rows @ rows.T)
-    kept = values > 1e-9
-    return (vectors[:, kept] / np.sqrt(values[kept])).T @ rows
-
-
-def outside(basis: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """What a basis leaves of rows."""
-    return rows - (rows @ basis.T) @ basis
+        evidence, points = grow(evidence, 2), grow(points, 2)
+        return asked, AtSizes(evidence, grow(seen, 1), fits, spread, points, grow(unsure, 1))
 
 
 def list_sides(
-    beside: Beside, candidate: Candidate, simulator: Simulator, size: str
-) -> tuple[list[Side], float]:
-    """The sides of an effect's size, both where it has a sign; and the size that was fitted."""
-    fitted, name = candidate.model, candidate.name
-    assert fitted is not None
-    effect = dict(fitted.effects.steps)[name]
-    neutral = {f"{name}__{key}": value for key, value in effect.neutral.items()}
-    values = {**fitted.values(), **beside.model.values()}
-    theta = np.array([neutral.get(n, values[n]) for n in simulator.names])
-    full = f"{name}__{size}"
-    i, zero = simulator.names.index(full), neutral[full]
-    low, high, scale = simulator.low[i], simulator.high[i], simulator.scale[i]
-    others = [
-        k for k, n in enumerate(simulator.names) if n.startswith(f"{name}__") and n not in neutral
-    ]
+    beside: Beside, simulator: Simulator, theta: np.ndarray, name: str, size: str
+) -> list[Side]:
+    """The sides of an effect's size, both where it has a sign, beside other numbers of theta."""
+    neutral = dict(simulator.effects.steps)[name].neutral
+    full, zero = f"{name}__{size}", float(neutral[size])
+    i = simulator.names.index(full)
+    low, high, scale = simulator.low[i], simulator.high[i], float(simulator.scale[i])
+    own = [k for k, one in enumerate(simulator.names) if one.startswith(f"{name}__")]
+    start = max(abs(theta[i] - zero), 0.01 * scale)
     ends = [(1.0, high - zero), (-1.0, zero - low)]
-    begun = max(abs(values[full] - zero), 0.01 * scale)
     if np.isinf(zero):
-        ends, begun = [(1.0, 1 / max(low, 1e-300))], 1 / values[full]
+        ends, start = [(1.0, 1 / max(low, 1e-300))], 1 / theta[i]
+    theta = theta.copy()
+    for k in own:  # other sizes do nothing
+        theta[k] = neutral.get(simulator.names[k].removeprefix(f"{name}__"), theta[k])
     return [
-        Side(beside, simulator, theta, i, others, zero, sign, most)
+        Side(beside, simulator, theta, i, zero, sign, most, start)
         for sign, most in ends
         if most > 0.0
-    ], begun
+    ]
+
+
+def list_others(candidate: Candidate, simulator: Simulator, beside: Beside) -> list[np.ndarray]:
+    """Parameters with the effect's other numbers as they were fitted, and at some of its starts."""
+    name, fitted = candidate.name, candidate.model
+    assert fitted is not None
+    effect = dict(fitted.effects.steps)[name]
+    values = {**fitted.values(), **beside.model.values()}
+    others = [f"{name}__{p.name}" for p in effect.free if p.name not in effect.neutral]
+    tried = [{one: values[one] for one in others}]
+    for start in effect.starts(simulator.record):
+        one = {other: start[other.removeprefix(f"{name}__")] for other in others}
+        if one not in tried and len(tried) < TRIED:
+            tried.append(one)
+    return [np.array([{**values, **one}[n] for n in simulator.names]) for one in tried]
 
 
 class Solved(NamedTuple):
@@ -257,15 +324,19 @@ class Solved(NamedTuple):
     shown_points: float
 
 
-def solve(sides: list[Side], needed: float) -> list[Solved]:
-    """What is asked of all sides, from the sizes that were simulated."""
+def solve(sides: list[Side], needed: float, least: float) -> list[Solved]:
+    """What is asked of all sides, from the sizes that were simulated.
+
+    Shown is what has the evidence ``needed`` (nats) and gains the ``least`` points.
+    """
     asked = [side.at_sizes() for side in sides]
-    losses = [(one.alone**2 - 2 * one.alone * one.fits) / (2 * one.spread) for _, one in asked]
+    losses = [(one.seen**2 - 2 * one.seen * one.fits) / (2 * one.spread) for _, one in asked]
     best = min(0.0, *(float(loss.min()) for loss in losses))
     found = []
     for (sizes, one), loss in zip(asked, losses, strict=True):
-        evidence = one.seen**2 / 2
-        likely = evidence - SHOWN * np.sqrt(2 * one.spread * evidence) >= needed
+        sure = one.evidence - SHOWN * np.sqrt(2 * one.spread * one.evidence)
+        likely = sure >= needed
+        likely &= one.points - SHOWN * one.unsure >= least
         allowed = np.flatnonzero(loss <= best + ALLOWED)
         last = int(allowed[-1]) if allowed.size else 0
         first = int(np.argmax(likely))
@@ -273,6 +344,17 @@ def solve(sides: list[Side], needed: float) -> list[Solved]:
         limit = (sizes[last], one.points[last]) if last < N_SIZES - 1 else (np.inf, np.inf)
         shown = (sizes[first], one.points[first]) if likely.any() else (np.inf, np.inf)
         found.append(Solved(*limit, *shown))
+    return found
+
+
+def solve_to_the_end(sides: list[Side], needed: float, least: float) -> list[Solved]:
+    """The same, with simulations at the sizes that are found, until these stay."""
+    found = solve(sides, needed, least)
+    for _ in range(ROUNDS):
+        pairs = zip(sides, found, strict=True)
+        if True not in [side.go_on(one.limit, one.shown) for side, one in pairs]:
+            break
+        found = solve(sides, needed, least)
     return found
 
 
@@ -288,24 +370,23 @@ def limit_effect(beside: Beside, candidate: Candidate, units: dict[str, str | No
     effects = Effects([*parent.effects.steps, (name, effect)])
     simulator = Simulator(parent.simulator.core, effects, parent.simulator.record)
     dimension = simulator.parameters[simulator.names.index(f"{name}__{size}")].dimension
-    sides, begun = list_sides(beside, candidate, simulator, size)
     zero = float(effect.neutral[size])
     inverse = np.isinf(zero)
     row.parameter, row.unit, row.reason = size, dimension.label(units), NOT_SEEN
     row.sense = "at least" if inverse else "at most"
-    if not all(side.begin(begun) for side in sides):
-        return row
     more = fitted.n_parameters - parent.n_parameters
     needed = THRESHOLD + more / 2 * float(np.log(beside.criterion.n))
-    found = solve(sides, needed)
-    for _ in range(ROUNDS):
-        pairs = zip(sides, found, strict=True)
-        if True not in [side.go_on(one.limit, one.shown) for side, one in pairs]:
-            break
-        found = solve(sides, needed)
-    # Of two sides the one with less information.
-    limit = max((one.limit, one.limit_points) for one in found)
-    shown = max((one.shown, one.shown_points) for one in found)
+    least = LEAST_GAIN * beside.criterion.power_about_mean / max(beside.criterion.power, 1e-300)
+    found = []
+    for theta in list_others(candidate, simulator, beside):
+        sides = list_sides(beside, simulator, theta, name, size)
+        if all(side.begin() for side in sides):
+            found.append(solve_to_the_end(sides, needed, least))
+        elif not found:
+            return row
+    # Of two sides the worse; shown is what would be with any of the other numbers.
+    limit = max((one.limit, one.limit_points) for one in found[0])
+    shown = max((one.shown, one.shown_points) for some in found for one in some)
 
     def told(size: float, points: float) -> tuple[float, float]:
         if np.isinf(size):

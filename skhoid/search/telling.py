@@ -42,8 +42,8 @@ HOW_TO_GO_ON = {
     Verdict.NOT_TRIED: 'Try the rest of the catalogue too: effects="all", which is the default.',
     Verdict.CUT_SHORT: "Let the search add more effects: set a larger max_effects.",
     Verdict.TOO_LITTLE: (
-        "A held-out VAF below half of the noise ceiling or, where that is not known, below 5 % says "
-        "nothing of effects: five numbers fitted to 100 independent rows explain as much by "
+        "A held-out VAF below half of the noise ceiling or, where that is not known, below 5 % "
+        "says nothing of effects: five numbers fitted to 100 independent rows explain as much by "
         "chance. First look for what the output follows: other inputs, a delay, lost "
         "synchronisation, runs that do not belong together."
     ),
