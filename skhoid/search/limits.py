@@ -83,11 +83,11 @@ def end_explained(ending: Ending, vaf: float, ceiling: float, share: float) -> E
     the output's power that is not its mean.
     """
     explained, possible = (100 - (100 - value) / max(share, 1e-300) for value in (vaf, ceiling))
-    told = ending.verdict in (Verdict.NOTHING, Verdict.FOUND)
-    little = explained < (BY_CHANCE if np.isnan(possible) else HALF * possible)
-    if ending.verdict is Verdict.FOUND and explained >= BY_CHANCE:
-        return ending  # what explains that much is there, whatever else is missing
-    if not (told and little):
+    if ending.verdict not in (Verdict.NOTHING, Verdict.FOUND, Verdict.POSSIBLE):
+        return ending
+    # What is found and explains that much is there, whatever else is missing.
+    half = ending.verdict is Verdict.NOTHING and np.isfinite(possible)
+    if explained >= (HALF * possible if half else BY_CHANCE):
         return ending
     return Ending(Verdict.TOO_LITTLE, [], [*ending.named, *ending.stand_ins])
 

@@ -156,8 +156,8 @@ def tell_candidates(found: SearchResult, step: int, n: int) -> list[Block]:
         blocks = [candidates_table(fitted.head(n), head)]
     if step == 1 and len(fitted):
         text = (
-            "gain: points of VAF on held-out rows. evidence: the least nats that any judge grants, by "
-            "which the search ranks; from 12.5 on an effect is added."
+            "gain: points of VAF on held-out rows. evidence: the least nats that any judge grants, "
+            "by which the search ranks; from 12.5 on an effect is added."
         )
         blocks.append(Paragraph(text))
     if len(fitted) and not (candidates["status"] == Status.ADDED).any():

@@ -62,7 +62,7 @@ def test_more_remnant_allows_more(seed):
 
 def test_what_is_named_has_no_limit():
     found = searched(recorded(2, 30.0, outer=lambda u: u + 0.3), ["bias", "dead_zone"])
-    assert found.best_effects_ == ["bias"]
+    assert found.result_.added == ["bias"]
     assert found.limits_["effect"].tolist() == ["dead_zone"]
 
 
