@@ -104,7 +104,7 @@ def describe_ranking(rows: pd.DataFrame) -> list[dict[str, Any]]:
             "effect": row.effect,
             "evidence": None if np.isnan(row.evidence) else round(row.evidence, 2),
             "judge": str(row.judge),
-            "asked": bool(np.isfinite(row.delta_bic_loop)),
+            "asked": bool(np.isfinite(row.instruments)),
             "gain": round(row.vaf_gain, 3),
             "added": row.status == Status.ADDED,
         }

@@ -39,7 +39,7 @@ LEAST = 1.0  # points on the axis, so that small gains look small
 FURTHEST_LEFT = 0.35  # of the largest gain; bars that lose more are cut
 FADED = 0.45  # share of the colour in bars that are not added
 NARROW = 66  # letters across a figure, below which forms are left out
-COLUMNS = {"delta_bic": "ΔBIC", "gain_loop": "in closed\nloop, points"}
+COLUMNS = {"evidence": "nats", "probability": "probability"}
 COLUMN = 4.5  # widths of a letter to the right edge of a column
 
 
@@ -418,7 +418,7 @@ class SearchDisplay(Display):
         wide = COLUMN * mpl.rcParams["font.size"]
         at = 0.0
         for column, header in COLUMNS.items():
-            values = tried.get(column, pd.Series(dtype=float)).astype(float)
+            values = tried.get(column, pd.Series(np.nan, tried.index)).astype(float)
             if not np.isfinite(values).any():
                 continue
             at += 0.85 * wide * (1.7 if at else 1.0)
@@ -426,7 +426,7 @@ class SearchDisplay(Display):
             look |= {"textcoords": "offset points", "fontsize": "small", "annotation_clip": False}
             self.ax_.annotate(header, (1.0, -0.6), (at, 0), va="bottom", **look)
             for i, (value, status) in enumerate(zip(values, tried["status"], strict=True)):
-                text = _signed(value, 0 if column == "delta_bic" else 1)
+                text = f"{value:.0f}" if column == "evidence" else f"{100 * value:.0f} %"
                 colour = foreground() if status == Status.ADDED else dimmed()
                 self.ax_.annotate(text, (1.0, i), (at, 0), va="center", color=colour, **look)
 

@@ -75,14 +75,12 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     """Find the physical effects that a model is missing, judged on held-out runs.
 
     Every effect of a catalogue is added to the model in turn, and all parameters are refitted
-    together in simulation. An effect counts by likelihood, ΔBIC = n log(SSE before / after) - k log
-    n > 25, and by free run, at least 0.2 points of VAF (about the mean) on held-out rows. Where the
-    controlled element is known, the best one must also help in the **closed loop**, where remnant
-    that returns in the error cannot pass for a response; for nonlinear effects, or where the loop
-    cannot be solved, a jointly estimated noise model decides. It must simulate rows better that it
-    was not fitted to, its numbers must not end at a bound, and it must not rebuild the output from
-    x. The search goes on until no effect meets all criteria; those that no longer do once others
-    are added are removed.
+    together in simulation. Judges say what they grant it, in nats: the simulation of the measured
+    error, a likelihood with a noise model of its own, and what is left along target and disturbance
+    (instruments), which no remnant has. The least of these is its evidence; it must be more than
+    12.5, and held-out rows must gain 0.2 points of VAF (about the mean). The best is added, and so
+    on until no effect has that much; those that no longer have once others are added are removed.
+    An effect that was added is named if it is as probable as ``confidence`` asks.
 
     Parameters
     ----------
@@ -123,9 +121,10 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     ----------
     ranking_ : DataFrame
         One row per step and effect, best first: step, rank, effect (its id), title, form, status
-        (a :class:`skhoid.search.Status`), vaf_gain (points, held out), delta_bic, p_value (of the
-        likelihood ratio, times the number of effects tried), gain_loop and delta_bic_loop (in the
-        closed loop), delta_bic_joint (with a jointly estimated noise model), parameters,
+        (a :class:`skhoid.search.Status`), vaf_gain (points, held out), evidence (the least that any
+        judge grants, in nats), judge (who it is), probability (that the name is right), free_run,
+        likelihood and instruments (evidence of these judges), delta_bic (of the free run), p_value
+        (of its likelihood ratio, times the number of effects tried), parameters,
         reason_code and reason (why it was not added: a :class:`skhoid.search.Reason`, and words),
         words, confused_with, vaf_before, vaf_after. NaN is what was not evaluated.
         :meth:`ranking_table` is the short form.
@@ -592,8 +591,8 @@ def search_effects(
         search = calm
         baseline = estimators.model.first_fit(replace(prepared, record=calm.record))
     measured = np.where(prepared.known, y, np.nan)
-    held = None if search.record is prepared.record else held
-    ends = Ends(estimators, measured, recorded, held)
+    others = None if search.record is prepared.record else held
+    ends = Ends(estimators, measured, recorded, others)
     numbers, best = ends.numbers(search, prepared, forward(search, baseline, most))
     ended = find_unnamed(search, numbers, tries_all=tries_all)
     shape = fit_shape(ended, estimators.model, prepared, measured)

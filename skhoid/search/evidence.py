@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from ..effects.composition import Effects
 from ..model.simulated_arx import simulated_model
 from .effect_search import EffectSearchCV
-from .judging import LIKELIHOOD, LOOP, Candidate
+from .judging import FREE_RUN, INSTRUMENTS, LIKELIHOOD, Candidate
 from .steps import Search, SearchStep
 
 COLUMNS = [
@@ -23,9 +23,9 @@ COLUMNS = [
     "effect",
     "evidence",
     "vaf_gain",
-    "delta_bic",
-    "joint",
-    "in_loop",
+    "free_run",
+    "likelihood",
+    "instruments",
     "reason",
 ]
 
@@ -33,7 +33,7 @@ COLUMNS = [
 def evidence_of(
     search: EffectSearchCV, found: Effects, effects: list[Any], X: Any, y: Any
 ) -> pd.DataFrame:
-    """ΔBIC of effects beside those that a search found, and in place of each of them."""
+    """Evidence of effects beside those that a search found, and in place of each of them."""
     rows = []
     names = found.names
     for out in ["", *names]:
@@ -62,14 +62,17 @@ def _weighed(search: EffectSearchCV, kept: Effects, tried: list[Any], X: Any, y:
         for c in step.candidates:
             if c.model is not None and own is not None and LIKELIHOOD not in c.evidence:
                 c.evidence[LIKELIHOOD] = own.weigh(c.model)
-            if c.model is not None and c.in_loop is None and step.loop is not None:
-                c.in_loop = step.loop.compare(c.model)
-                c.evidence[LOOP] = c.in_loop.evidence
+            if (
+                c.model is not None
+                and step.instruments is not None
+                and INSTRUMENTS not in c.evidence
+            ):
+                c.evidence[INSTRUMENTS] = step.instruments.evidence(step.at_likelihood, c.model)
     return step
 
 
 def _row(out: str, c: Candidate) -> tuple[Any, ...]:
-    """What all judges say of a candidate, in ΔBIC; nothing where held-out rows speak against it."""
-    least = 2 * (c.least if c.gain > 0 else min(c.least, 0.0)) if c.evidence else np.nan
-    numbers = least, c.gain, c.delta_bic, c.joint, 2 * c.evidence.get(LOOP, np.nan)
+    """What all judges say of a candidate, in nats."""
+    judged = [c.evidence.get(judge, np.nan) for judge in (FREE_RUN, LIKELIHOOD, INSTRUMENTS)]
+    numbers = c.least if c.evidence else np.nan, c.gain, *judged
     return out, c.effect.name, *numbers, c.inapplicable

@@ -1,4 +1,4 @@
-"""What judges a model of a search, in numbers: held-out rows, closed loop, noise models, traces.
+"""What judges a model of a search, in numbers: held-out rows, noise models, traces, the loop.
 
 What counts is in :mod:`skhoid.search.judging`.
 """
@@ -15,7 +15,6 @@ import numpy as np
 from ..diagnosis.leaks import LeakTest, leak_test
 from ..effects.base import Effect
 from ..effects.catalogue import CLASSES
-from ..effects.composition import Effects
 from ..effects.record import (
     PILED,
     PILED_RATES,
@@ -34,16 +33,13 @@ from ..model.likelihood import likeliest, usual_starts
 from ..model.loop import Loop, LoopSimulator, draw_remnant, find_loop
 from ..model.model import Model
 from ..model.simulator import Simulator
-from .expected import could_know, expected_evidence
 from .judging import THRESHOLD
 
 TAKEN_BACK = (0.9, 0.8, 0.5)  # shares of the way
 RATES = (12.5, 6.25)  # Hz: faster, errors of sensors and simulation count more than the remnant
 LOST = 10.0  # by which a larger model that has not been fitted well is worse
 LEAST_RATE = 45.0  # Hz, to which records are thinned
-MOSTLY = 0.5  # of the power of a change of the output
 ITERATIONS = 10
-N_TRIED = 2  # iterations from each of several starts
 TOLERANCE = 1e-4
 
 
@@ -184,37 +180,13 @@ class JointParent:
         return (fewer[0] - larger[0] - added * float(np.log(n))) / 2
 
 
-@dataclass(frozen=True)
-class InLoop:
-    """A model in the closed loop: nats over its parent, its VAF on held-out rows, and their gain.
-
-    NaN where the loop cannot know: it cannot be solved, what the model has more is not linear (the
-    mean over remnants hides a bend), moves levels alone (which an integrator leaves open), acts in
-    stretches that were found in the data (which take up the remnant), or would change nothing there
-    that other parameters do not.
-    """
-
-    vaf: float = np.nan
-    evidence: float = np.nan
-    gain: float = np.nan
-
-
-def only_levels(added: Sequence[Effect], parent: Model, model: Model) -> bool:
-    """Whether effects mostly move the level of u, which an integrator leaves open."""
-    if all(e.place == "sum" and getattr(e, "channel", None) is None for e in added):
-        return True
-    change = np.where(parent.simulator.record.known, model.output - parent.output, 0.0)
-    levels = change.sum(axis=0) ** 2 / np.maximum(parent.simulator.record.known.sum(axis=0), 1)
-    return bool(levels.sum() > MOSTLY * (change**2).sum())
-
-
 class LoopJudge:
-    """The loop of a record, in which models are fitted and judged."""
+    """The loop of a record, in which models are simulated."""
 
     def __init__(self, core: Core, record: Record, loop: Loop, folds: Sequence[HeldOutRows]):
         self.core, self.record, self.loop, self.folds = core, record, loop, folds
         self.plain = Criterion(record)
-        self._around: dict[tuple, LoopParent] = {}
+        self._around: dict[tuple, LoopFit] = {}
 
     @classmethod
     def of(cls, core: Core, record: Record, folds: Sequence[HeldOutRows]) -> LoopJudge | None:
@@ -228,137 +200,41 @@ class LoopJudge:
         rows = [HeldOutRows(fold.test[::thin], fold.train[::thin]) for fold in folds]
         return cls(core, record, loop, rows)
 
-    def around(self, parent: Model, key: tuple | None = None) -> LoopParent:
-        """The loop around a model, with a remnant of the kind it leaves.
-
-        ``key`` tells whether it is known already; None takes the model's own.
-        """
-        key = parent.key if key is None else key
-        if key not in self._around:
-            self._around[key] = self._first_around(parent)
-        return self._around[key]
-
-    def _first_around(self, parent: Model) -> LoopParent:
-        assert self.record.y is not None
-        open_run = Simulator(self.core, parent.effects, self.record).run(parent.theta)
-        remnant = draw_remnant(self.record.y - open_run, self.record.known)
-        return LoopParent(self, replace(self.loop, remnant=remnant), parent)
-
-    def fitted(self, loop: Loop, effects: Effects, starts: Sequence[np.ndarray]) -> Model:
-        """Effects beside the core, at the least error of the loop from the best of some starts."""
-        simulator: Any = LoopSimulator(self.core, effects, self.record, loop)
-        start = starts[0]
-        if len(starts) > 1:
-            begun = [
-                minimise(simulator, self.plain, one, max_iter=N_TRIED, tol=TOLERANCE)
-                for one in starts
-            ]
-            start = min(begun, key=lambda fit: fit.sse).theta
-        fit = minimise(simulator, self.plain, start, max_iter=ITERATIONS, tol=TOLERANCE)
-        return Model(simulator, fit)
+    def around(self, model: Model) -> LoopFit:
+        """The loop around a model, with a remnant of the kind it leaves."""
+        if model.key not in self._around:
+            assert self.record.y is not None
+            open_run = Simulator(self.core, model.effects, self.record).run(model.theta)
+            remnant = draw_remnant(self.record.y - open_run, self.record.known)
+            loop = replace(self.loop, remnant=remnant)
+            self._around[model.key] = LoopFit(self, loop, model)
+        return self._around[model.key]
 
 
-class LoopParent:
-    """A model in its loop, against which others are judged."""
+@dataclass
+class LoopFit:
+    """A model in its loop."""
 
-    def __init__(self, judge: LoopJudge, loop: Loop, parent: Model):
-        self.judge, self.loop, self.parent = judge, loop, parent
-        self._vaf: tuple[Model, float] | None = None
+    judge: LoopJudge
+    loop: Loop
+    model: Model
 
     @cached_property
     def fit(self) -> Model:
         """The model at the smallest error of its loop."""
-        return self.judge.fitted(self.loop, self.parent.effects, [self.parent.theta])
+        judge, model = self.judge, self.model
+        simulator: Any = LoopSimulator(judge.core, model.effects, judge.record, self.loop)
+        fit = minimise(simulator, judge.plain, model.theta, max_iter=ITERATIONS, tol=TOLERANCE)
+        return Model(simulator, fit)
 
-    @property
-    def solved(self) -> bool:
-        """Whether the loop can be solved."""
-        return bool(np.isfinite(self.fit.output).all())
-
-    def compare(self, model: Model) -> InLoop:
-        """A model with more effects, and the parent, under the noise model of the better one."""
-        added = self._added(model)
-        if (
-            only_levels([effect for _, effect in added], self.parent, model)
-            or not (model.simulator.smooth and self.solved)
-            or self._bends(model, added)
-        ):
-            return InLoop()
-        known = {**model.values(), **self.fit.values()}
-        other = np.array([known[name] for name in model.simulator.names])
-        fitted = self.judge.fitted(self.loop, model.effects, [model.theta, other])
-        if not np.isfinite(fitted.output).all():
-            # A linear path with which the loop does not settle is not the answer of this person.
-            paths = all(effect.place in ("path", "sum") for _, effect in added)
-            lost = -np.inf if paths else np.nan
-            return InLoop(lost, lost, lost)
-        self._start_from(fitted)
-        evidence = min(self._weigh(fitted, rate) for rate in RATES)
-        if evidence < 0 and not self._could_know(model):
-            return InLoop()
-        after = self._held_out(fitted) if evidence > THRESHOLD else np.nan
-        return InLoop(after, evidence, after - self.vaf)
-
-    def _could_know(self, model: Model) -> bool:
-        """Whether the loop would grant what a model has more, if that is as its free run says."""
-        simulator: Any = LoopSimulator(self.judge.core, model.effects, self.judge.record, self.loop)
-        known = {**model.values(), **self.fit.values()}
-        theta = np.array([known[name] for name in model.simulator.names])
-        criterion = Criterion(self.judge.record, rate=RATES[0])
-        criterion.set_noise(criterion.remnant_model(self.fit.output))
-        variance = self.fit.under(criterion).sse / max(criterion.n, 1)
-        asked = Model(simulator, replace(model.fit, theta=theta))
-        expected = expected_evidence(self.fit, asked, criterion, variance)
-        more = model.n_parameters - self.parent.n_parameters
-        return could_know(expected, more * np.log(criterion.n) / 2, 0.0)
-
-    def _weigh(self, fitted: Model, rate: float) -> float:
-        """Nats of a model over the parent at a rate, under the noise model of the better one."""
-        criterion = Criterion(self.judge.record, rate=rate)
-        best = min(self.fit, fitted, key=lambda m: m.sse)
-        if not np.isfinite(best.output).all():  # beyond the rows that count it may run away
-            return np.nan
-        criterion.set_noise(criterion.remnant_model(best.output))
-        parent, refined = (
-            m.refined(criterion, max_iter=ITERATIONS, tol=TOLERANCE) for m in (self.fit, fitted)
-        )
-        return weigh(parent, refined, criterion.n)
-
-    def _bends(self, model: Model, steps: list[tuple[str, Effect]]) -> bool:
-        """Whether some of the effects of a model, without the others, make no linear answer."""
-        effects = Effects(steps)
-        alone = LoopSimulator(self.judge.core, effects, self.judge.record, self.loop)
-        values = model.values()
-        theta = np.array([values[name] for name in alone.names])
-        return alone.is_curved(theta) or any(effect.n_hidden > 0 for _, effect in effects)
-
-    def _added(self, model: Model) -> list[tuple[str, Effect]]:
-        """Effects that a model has and the parent has not, with their names."""
-        known = self.parent.effects.names
-        return [(name, effect) for name, effect in model.effects if name not in known]
-
-    def _start_from(self, other: Model) -> None:
-        """Fit the parent from where another model ended, which may be better."""
-        known = {**self.fit.values(), **other.values()}
-        start = np.array([known[name] for name in self.fit.simulator.names])
-        again = self.judge.fitted(self.loop, self.parent.effects, [start])
-        if again.sse < (1 - TOLERANCE) * self.fit.sse:
-            self.fit = again
-
-    @property
+    @cached_property
     def vaf(self) -> float:
-        """Held-out VAF of the parent in the loop; NaN where the loop cannot be solved."""
-        if not self.solved:
-            return np.nan
-        if self._vaf is None or self._vaf[0] is not self.fit:
-            self._vaf = self.fit, self._held_out(self.fit)
-        return self._vaf[1]
-
-    def _held_out(self, fitted: Model) -> float:
-        """VAF of held-out rows, each fold refitted without them."""
+        """VAF of held-out rows, each fold refitted without them; NaN where it cannot be solved."""
         judge = self.judge
+        if not np.isfinite(self.fit.output).all():
+            return np.nan
         predicted = refitted_prediction(
-            fitted, judge.plain, judge.folds, max_iter=ITERATIONS, tol=TOLERANCE
+            self.fit, judge.plain, judge.folds, max_iter=ITERATIONS, tol=TOLERANCE
         )
         if not np.isfinite(predicted[judge.record.known]).all():
             return np.nan

@@ -8,7 +8,6 @@ the parent to the model. Judges are in :mod:`skhoid.search.judges`.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from ..effects.registry import title_of
 from ..model.model import AT_BOUND, Model
 from .statuses import Against, Reason
 
-if TYPE_CHECKING:
-    from .judges import InLoop
-
 # Nats of every judge, for an effect to be added: some forty effects are tried in a few forms each
 # (log 100 = 4.6), and model errors, which no likelihood knows, reach 8 nats in runs with nothing
 # hidden (both blind trials, development seeds).
@@ -27,7 +23,8 @@ THRESHOLD = 12.5
 LEAST_GAIN = 0.2  # points of VAF on held-out rows: what sensors and simulation are off by
 SURE = 3.0  # standard errors, by which an effect's size is off that at which it does nothing
 AT_ZERO = 1e-9  # rounding of a bound
-FREE_RUN, LIKELIHOOD, LOOP, TRACE = "free run", "likelihood", "loop", "trace"
+FREE_RUN, LIKELIHOOD, INSTRUMENTS = "free run", "likelihood", "instruments"
+TRACE = "trace"
 HELD_OUT, NUMBERS = "held-out rows", "parameters"
 
 
@@ -52,7 +49,6 @@ class Candidate:
     prediction: np.ndarray | None = None
     confused_with: list[str] = field(default_factory=list)
     trace: str = ""
-    in_loop: InLoop | None = None
     least_gain: float = LEAST_GAIN
     refused: Against | None = None
     refit: bool = False
@@ -60,15 +56,11 @@ class Candidate:
 
     @property
     def known(self) -> dict[str, float]:
-        """Nats of the judges that know it: the closed loop, which sees less, may only refuse.
+        """Nats of the judges that can know it.
 
         Rows that are held out, and the effect's numbers, have none to give, and may take all.
         """
-        known = {
-            judge: nats
-            for judge, nats in self.evidence.items()
-            if not np.isnan(nats) and (judge != LOOP or nats < 0)
-        }
+        known = {judge: nats for judge, nats in self.evidence.items() if not np.isnan(nats)}
         if self.refused is not None:
             known[NUMBERS] = 0.0
         if self.gain < (-self.least_gain if self.trace else self.least_gain):
@@ -94,16 +86,6 @@ class Candidate:
     def delta_bic(self) -> float:
         """ΔBIC of the free run."""
         return 2 * self.evidence.get(FREE_RUN, -np.inf)
-
-    @property
-    def joint(self) -> float:
-        """ΔBIC of the likelihood with a noise model of its own; NaN where it was not asked."""
-        return 2 * self.evidence.get(LIKELIHOOD, np.nan)
-
-    @property
-    def knows_loop(self) -> bool:
-        """Whether the closed loop has judged it."""
-        return not np.isnan(self.evidence.get(LOOP, np.nan))
 
 
 def find_likeliest_alternatives(candidates: list[Candidate]) -> list[Candidate]:

@@ -18,7 +18,7 @@ from .steps import Search, SearchStep, output_error_fit, unique_name
 
 CLAIM = "wrong_delay"  # the effect by which a given delay is freed
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
-N_FIRST = 2  # effects that are followed as the first
+RIVAL = 0.5  # of the best's evidence, for another that is followed as the first
 
 
 @dataclass
@@ -61,8 +61,9 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     path = Path([first], first.at_likelihood)
     if first.best is None or not most:
         return path
+    least = RIVAL * first.best.least
     found = []
-    for start in [c for c in first.candidates[:N_FIRST] if c.passes]:
+    for start in [c for c in first.candidates[:2] if c.passes and c.least >= least]:
         assert start.model is not None
         found.append(follow(search, Path([first], start.model), most))
         if len(found[0].ids) < len(baseline.effects) + 2:

@@ -16,7 +16,7 @@ from ..model.estimator import vaf_of_output
 from ..model.parameters import parameter_table, parameter_text
 from ..model.prepared import Prepared
 from ..text import Note
-from .judging import Candidate, find_why_not
+from .judging import FREE_RUN, INSTRUMENTS, LIKELIHOOD, Candidate, find_why_not
 from .leftover import Leftover, SearchNumbers
 from .shape import Shape
 from .share import Share
@@ -246,11 +246,11 @@ class Ranked:
     vaf_gain: float = np.nan
     delta_bic: float = np.nan
     p_value: float = 0.0
-    gain_loop: float = np.nan
-    delta_bic_loop: float = np.nan
-    delta_bic_joint: float = np.nan
     evidence: float = np.nan
     judge: str = ""
+    free_run: float = np.nan
+    likelihood: float = np.nan
+    instruments: float = np.nan
     probability: float = np.nan
     parameters: str = ""
     reason_code: Reason = Reason.NONE
@@ -282,7 +282,6 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 form=_form(c),
                 parameters=_parameters(c, prepared) if described else "",
                 vaf_before=before,
-                delta_bic_joint=c.joint,
                 p_value=c.p_value,
                 probability=c.probability,
                 confused_with=c.confused_with,
@@ -291,9 +290,10 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
             )
             if not c.inapplicable:
                 row.delta_bic, row.evidence, row.judge = c.delta_bic, c.least, c.judge
+                row.free_run = c.evidence.get(FREE_RUN, np.nan)
+                row.likelihood = c.evidence.get(LIKELIHOOD, np.nan)
+                row.instruments = c.evidence.get(INSTRUMENTS, np.nan)
                 row.vaf_after, row.vaf_gain = before + c.gain, c.gain
-            if c.in_loop is not None:
-                row.delta_bic_loop, row.gain_loop = 2 * c.in_loop.evidence, c.in_loop.gain
             if c.name not in chosen:
                 row.status = Status.REFUSED if c.inapplicable else Status.NOT_BETTER
                 against = find_why_not(c, winner, taken_out=c.name in of_step)

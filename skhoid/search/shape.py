@@ -89,8 +89,6 @@ class Shape(Told):
         Effective degrees of freedom of the curve.
     gain : float
         Points of VAF on held-out rows, over the model without it.
-    gain_loop : float
-        The same in the closed loop; NaN where that is not known.
     delta_bic : float
         Larger is better.
     closed : float
@@ -146,7 +144,6 @@ class Shape(Told):
     y_label: str
     dof: float
     gain: float
-    gain_loop: float
     delta_bic: float
     closed: float
     effect: FreeForm
@@ -183,12 +180,9 @@ class Shape(Told):
     @property
     def explains(self) -> str:
         """Where it acts and how much it explains."""
-        loop = ""
-        if np.isfinite(self.gain_loop):
-            loop = f" (in the closed loop by {self.gain_loop:.1f})"
         return (
             f"{self.sentence}; a curve with {self.dof:.1f} effective degrees of freedom raises "
-            f"the held-out VAF by {self.gain:.1f} points{loop}, {100 * self.closed:.0f} % of what "
+            f"the held-out VAF by {self.gain:.1f} points, {100 * self.closed:.0f} % of what "
             f"{self._model_in_words} leaves to explain."
         )
 
@@ -304,7 +298,7 @@ class Shape(Told):
         found : dict
         """
         told = ["id", "place", "over", "channel", "sentence", "x_label", "y_label"]
-        told += ["dof", "gain", "gain_loop", "delta_bic", "closed", "recordings"]
+        told += ["dof", "gain", "delta_bic", "closed", "recordings"]
         told += ["family", "closest", "misses"]
         return {
             **{key: getattr(self, key) for key in told},
@@ -347,7 +341,6 @@ def make_shape(
     gains = values.get("K_e", 1.0), values.get("K_edot", 0.0)
     record = replace(model.simulator.record, prediction=model.output)
     near = nearest_effects(effect, curve, record, units, gains)
-    loop = candidate.in_loop
     return Shape(
         sentence=effect.sentence_in(model.simulator.record.domain),
         curve=curve,
@@ -355,7 +348,6 @@ def make_shape(
         y_label=y_label,
         dof=dof,
         gain=float(candidate.gain),
-        gain_loop=float("nan") if loop is None else float(loop.gain),
         delta_bic=float(candidate.delta_bic),
         closed=closed,
         effect=effect,

@@ -167,8 +167,6 @@ def _wrapped(text: str, indent: str = "") -> list[str]:
 def _provenance(shape: Shape) -> list[str]:
     """Where the effect comes from, for its docstring."""
     shown = f"{shape.gain:.1f} points of VAF on held-out rows"
-    if np.isfinite(shape.gain_loop):
-        shown += f", {shape.gain_loop:.1f} in the closed loop"
     told = (
         f"Sketched by skhoid from the shape of what had no name: {shape.sentence}. There it "
         f"explained {shown} ({100 * shape.closed:.0f} % of what was left to explain), with a curve "

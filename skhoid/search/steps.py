@@ -24,11 +24,12 @@ from ..model.extend import explored_from, extended
 from ..model.fitting import Criterion, Fit
 from ..model.model import Model, in_order, without
 from ..model.simulator import Simulator
+from .instruments import InstrumentJudge
 from .judges import (
     HeldOutRows,
     JointParent,
+    LoopFit,
     LoopJudge,
-    LoopParent,
     find_traces,
     held_out,
     refitted_prediction,
@@ -39,9 +40,9 @@ from .judges import (
 )
 from .judging import (
     FREE_RUN,
+    INSTRUMENTS,
     LEAST_GAIN,
     LIKELIHOOD,
-    LOOP,
     THRESHOLD,
     TRACE,
     Candidate,
@@ -117,7 +118,8 @@ class SearchStep:
     vaf: float
     prediction: np.ndarray
     candidates: list[Candidate]
-    loop: LoopParent | None
+    loop: LoopFit | None
+    instruments: InstrumentJudge | None
     refit: Callable[[Model], float]
     own_noise: Callable[[], JointParent | None]
 
@@ -134,7 +136,11 @@ class SearchStep:
     @property
     def tried(self) -> list[Alternative]:
         """The effects that apply, for their probabilities."""
-        return [Alternative(c.effect, c.least, c.knows_loop) for c in self.candidates if c.evidence]
+        return [
+            Alternative(c.effect, c.least, np.isfinite(c.evidence.get(INSTRUMENTS, np.nan)))
+            for c in self.candidates
+            if c.evidence
+        ]
 
     def rank(self) -> None:
         """Put the best first, by the least evidence of all judges; the next is judged as well.
@@ -162,13 +168,12 @@ class SearchStep:
         if not c.trace:
             if c.passes and LIKELIHOOD not in c.evidence and (own := self.own_noise()) is not None:
                 c.evidence[LIKELIHOOD] = own.weigh(c.model)
-            if c.passes and c.in_loop is None and self.loop is not None:
-                c.in_loop = self.loop.compare(c.model)
-                c.evidence[LOOP] = c.in_loop.evidence
+            if c.passes and INSTRUMENTS not in c.evidence and self.instruments is not None:
+                c.evidence[INSTRUMENTS] = self.instruments.evidence(self.at_likelihood, c.model)
             if c.passes:
                 c.refused = find_why_zero(c)
         if c.passes and not c.refit:
-            if np.isnan(c.evidence.get(LOOP, np.nan)):
+            if np.isnan(c.evidence.get(INSTRUMENTS, np.nan)):
                 c.refused = find_leak(test_leak(c.model))
             c.gain, c.refit = self.refit(c.model) - self.refitted_vaf, True
 
@@ -207,6 +212,7 @@ class Search:
         self.progress = Progress() if progress is None else progress
         self.core, self.record, self.folds = core, record, folds
         self.loop = LoopJudge.of(core, record, folds)
+        self.instruments = InstrumentJudge.of(record, THRESHOLD) if core.kind.is_operator else None
         self.effects = [e for e in effects if not e.noise]
         self.noises = [e for e in effects if e.noise]  # which no input explains
         self.traces = find_traces(record)
@@ -329,7 +335,8 @@ class Search:
             vaf=vaf_before,
             prediction=prediction_before,
             candidates=candidates,
-            loop=None if self.loop is None else self.loop.around(at_likelihood, key=parent.key),
+            loop=None if self.loop is None else self.loop.around(at_likelihood),
+            instruments=self.instruments,
             refit=self.refit,
             own_noise=cache(
                 lambda: JointParent(at_likelihood) if self.core.kind.is_operator else None

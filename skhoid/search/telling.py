@@ -156,8 +156,8 @@ def tell_candidates(found: SearchResult, step: int, n: int) -> list[Block]:
         blocks = [candidates_table(fitted.head(n), head)]
     if step == 1 and len(fitted):
         text = (
-            "gain: points of VAF on held-out rows. evidence: the least nats that any judge grants, "
-            "by which the search ranks; from 12.5 on an effect is added."
+            "gain: points of VAF on held-out rows. evidence: the least that any judge grants, in "
+            "nats, by which the search ranks; from 12.5 on an effect is added."
         )
         blocks.append(Paragraph(text))
     if len(fitted) and not (candidates["status"] == Status.ADDED).any():
@@ -342,11 +342,6 @@ def candidates_table(candidates: pd.DataFrame, caption: str) -> TextTable:
         "evidence": [f"{nats:.0f}" for nats in candidates["evidence"]],
         "by": candidates["judge"].tolist(),
     }
-    if candidates["gain_loop"].notna().any():
-        known = candidates["gain_loop"].map(
-            lambda gain: f"{gain:+.2f}" if np.isfinite(gain) else ""
-        )
-        cells["in the loop"] = known.tolist()
     cells["its numbers"] = [text or "" for text in candidates["parameters"]]
     rows = list(zip(*cells.values(), strict=True))
     return TextTable(caption, list(cells), rows, ("effect", "by", "its numbers"), "candidates")

@@ -78,10 +78,9 @@ def list_candidates(searches: list[EffectSearchCV]) -> list[Effect]:
         rows = search.ranking_
         last = rows[(rows["step"] == rows["step"].max()) & (rows["status"] != Status.REFUSED)]
         for _, row in last.iterrows():
-            known = row[["delta_bic", "delta_bic_joint", "delta_bic_loop"]].to_numpy(dtype=float)
-            known = known[np.isfinite(known)]
-            if known.size and row["effect"] not in search.best_effects_:
-                factor = log_factor(float(known.min()), float(row["vaf_gain"]))
+            known = np.isfinite(row["evidence"]) and row["effect"] not in search.best_effects_
+            if known:
+                factor = log_factor(float(row["evidence"]), float(row["vaf_gain"]))
                 total[row["effect"]] = total.get(row["effect"], 0.0) + factor
     suggested = {name for name, factor in total.items() if factor > 0.0}
     wanted = named | suggested
@@ -248,8 +247,8 @@ class GroupEffectSearch(BaseEstimator):
         One row per person and condition: subject, condition, effects (a tuple: named, with those
         that the group adds), verdict, vaf (held out, baseline), vaf_with, ceiling, failure.
     evidence_ : DataFrame
-        What was weighed: subject, condition, instead_of, effect, evidence (ΔBIC), vaf_gain,
-        delta_bic, joint, in_loop, reason.
+        What was weighed: subject, condition, instead_of, effect, evidence (nats), vaf_gain,
+        free_run, likelihood, instruments, reason.
     searches_ : dict
         The fitted search of each (subject, condition).
     identified_ : PeopleResult

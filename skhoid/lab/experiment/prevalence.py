@@ -19,7 +19,7 @@ from scipy.special import expit, logit
 
 # Nothing gives effects of the catalogue a ΔBIC up to about this, in the loop and with a noise model
 # estimated along: models are never exactly right.
-OF_NOTHING = 12.0
+OF_NOTHING = 6.0
 CAP = 6.0  # logarithm of the largest Bayes factor of one person: no record is beyond doubt
 LEAST_OF_NAMED = 3.0  # the same, the least of what a search named by all of its criteria
 LEAST_GAIN = 0.1  # points of VAF on held-out rows, below which nothing speaks for an effect
@@ -59,7 +59,7 @@ class PersonEvidence:
                 found.append((base - {out}, -max(log_factor(*known[out]), LEAST_OF_NAMED)))
                 for other, (evidence, gain) in known.items():
                     if other not in base and gain >= LEAST_GAIN:
-                        lead = float(np.clip((evidence - own) / 2, -CAP, CAP))
+                        lead = float(np.clip(evidence - own, -CAP, CAP))
                         found.append((base - {out} | {other}, lead))
         return found
 
@@ -69,12 +69,12 @@ class PersonEvidence:
 
 
 def log_factor(evidence: float, gain: float) -> float:
-    """Logarithm of the Bayes factor for an effect, from its ΔBIC and its gain on held-out rows.
+    """Logarithm of the Bayes factor for an effect, from its evidence and its gain on held-out rows.
 
     exp(ΔBIC / 2) is the usual approximation (Kass and Raftery, 1995); what nothing has as well is
     taken off before.
     """
-    found = float(np.clip((evidence - OF_NOTHING) / 2, -CAP, CAP))
+    found = float(np.clip(evidence - OF_NOTHING, -CAP, CAP))
     return found if gain >= LEAST_GAIN else min(found, 0.0)
 
 
@@ -172,7 +172,7 @@ def summed(
             factors = [_find_factor(cell, effect) for cell in cells if cell.knows(effect)]
             if factors:
                 total = float(np.sum(factors))
-                rows.append(("", effect, 2 * total + OF_NOTHING, np.inf))
+                rows.append(("", effect, total + OF_NOTHING, np.inf))
         table = pd.DataFrame(rows, columns=["instead_of", "effect", "evidence", "vaf_gain"])
         joined.append(PersonEvidence((), table))
     return joined

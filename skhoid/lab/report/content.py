@@ -44,7 +44,6 @@ from ...text import (
     counted,
     gap_text,
     number,
-    p_number,
 )
 from ..explore.payloads import pack_text
 from .page import advise, provenance
@@ -415,7 +414,6 @@ def _shape(shape: Shape | None, gallery: Gallery) -> dict[str, Any] | None:
 def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
     """The candidates of each step, with the reason why each was added or not."""
     for step, table in search.ranking_.groupby("step"):
-        asked_loop = bool(np.isfinite(table["gain_loop"]).any())
         refused = table["status"] == Status.REFUSED
         rows = [
             [
@@ -424,17 +422,16 @@ def _rankings(search: EffectSearchCV) -> Iterator[dict[str, Any]]:
                 _why(row),
                 _fixed(row["vaf_after"], ".2f"),
                 _fixed(row["vaf_gain"], "+.2f"),
-                *([_fixed(row["gain_loop"], "+.2f")] if asked_loop else []),
-                _fixed(row["delta_bic"], "+.0f"),
-                p_number(row["p_value"]),
+                _fixed(row["evidence"], ".0f"),
+                str(row["judge"]),
+                _fixed(100 * row["probability"], ".0f"),
                 f"{as_sentence(row['words'])} {row['parameters']}".rstrip(),
             ]
             for _, row in table[~refused].iterrows()
         ]
         header = ["rank", "effect", "outcome", "VAF, %", "gain, points"]
-        header += ["gain in the closed loop, points"] if asked_loop else []
-        header += ["ΔBIC", "p", "what it is"]
-        left = ["rank", "effect", "outcome", "what it is"]
+        header += ["evidence, nats", "granted by", "probability, %", "what it is"]
+        left = ["rank", "effect", "outcome", "granted by", "what it is"]
         yield {
             "step": str(step),
             "parent": _parent(search, int(step)),
@@ -459,9 +456,7 @@ def _why(row: pd.Series) -> str:
     """Why a candidate is ranked where it is."""
     if row["status"] != Status.ADDED:
         return as_sentence(row["reason"])
-    text = "Added: likelihood and held-out VAF agree"
-    if np.isfinite(row["gain_loop"]):
-        text += f", and it gains {row['gain_loop']:.2g} points in the closed loop"
+    text = "Added: all judges grant it"
     others = titles_of(row["confused_with"]) if row["confused_with"] else ""
     return f"{text}." + (f" As good on these runs: {others}." if others else "")
 
