@@ -93,7 +93,6 @@ class Reason(StrEnum):
     AT_BOUND = "at_bound"
     NOT_SEEN = "not_seen"  # nothing shows of it with the number at which it ended
     MAY_BE_ZERO = "may_be_zero"
-    LOSES = "loses"  # on held-out rows, where it is fitted without them
     REBUILDS = "rebuilds_output"  # from x, by the inverse of the controlled element
     REFUTED = "refuted"  # by the closed loop, or by a noise model that is estimated along
     SUPERFLUOUS = "superfluous"  # once later effects are there

@@ -1,0 +1,65 @@
+"""One judge: the least evidence decides, and a name is given if it is as probable as asked."""
+
+import numpy as np
+import pytest
+
+from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+from skhoid.effects import DeadZone
+from skhoid.search import Status, Verdict
+
+TRIED = ["dead_zone", "bias", "cubic_gain", "tv_gain"]
+THRESHOLD = 12.5  # nats of an effect that is added
+
+
+def searched(effects=None, confidence=0.9, seed=3):
+    X, y = make_tracking_runs(
+        "C1",
+        n_runs=3,
+        remnant_intensity=0.15,
+        sampling_rate=50,
+        effects=effects,
+        random_state=seed,
+    )
+    return EffectSearchCV(OperatorRegressor(), effects=TRIED, confidence=confidence).fit(X, y)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return searched(DeadZone(width=0.2))
+
+
+def test_evidence_is_half_of_the_least_delta_bic(found):
+    first = found.ranking_.iloc[0]
+    asked = first[["delta_bic", "delta_bic_joint"]].astype(float)
+    assert first["evidence"] == pytest.approx(np.nanmin(asked) / 2)
+    assert first["judge"] == ["free run", "likelihood"][int(np.nanargmin(asked))]
+
+
+def test_what_has_the_most_evidence_is_added_if_it_is_enough(found):
+    for _, rows in found.ranking_.groupby("step"):
+        assert rows["evidence"].dropna().is_monotonic_decreasing
+        added = rows["status"] == Status.ADDED
+        assert added.iloc[0] == (rows["evidence"].iloc[0] > THRESHOLD)
+        assert not added.iloc[1:].any()
+
+
+def test_what_has_evidence_is_probable_and_what_has_none_is_not(found):
+    chances = found.ranking_["probability"].dropna()
+    assert chances.between(0, 1).all()
+    assert chances.iloc[0] > 0.5
+    assert (found.ranking_.query("evidence < 0")["probability"] == 0).all()
+
+
+def test_a_name_that_is_less_probable_than_asked_is_a_possible_one():
+    sure = searched(DeadZone(width=0.2), confidence=1.0)
+    assert sure.verdict_ is Verdict.POSSIBLE
+    assert sure.best_effects_ == ["unknown"]
+    assert sure.stand_ins_ == ["dead_zone"]
+    assert "possibly dead zone" in sure.summary().splitlines()[0]
+    assert any(note.kind == "possible" for note in sure.notes_)
+
+
+def test_nothing_has_no_evidence():
+    plain = searched(seed=4)
+    assert plain.verdict_ is Verdict.NOTHING
+    assert (plain.ranking_["evidence"].dropna() < THRESHOLD).all()
