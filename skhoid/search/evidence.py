@@ -58,16 +58,9 @@ def _weighed(search: EffectSearchCV, kept: Effects, tried: list[Any], X: Any, y:
         data = asked.read_data(model, X, y)
         whole = Search(data.prepared.core, data.record, tried, data.folds)
         step = whole.step(model.first_fit(data.searched))
-        own = step.own_noise()
         for c in step.candidates:
-            if c.model is not None and own is not None and LIKELIHOOD not in c.evidence:
-                c.evidence[LIKELIHOOD] = own.weigh(c.model)
-            if (
-                c.model is not None
-                and step.instruments is not None
-                and INSTRUMENTS not in c.evidence
-            ):
-                c.evidence[INSTRUMENTS] = step.instruments.evidence(step.at_likelihood, c.model)
+            if c.model is not None:
+                step.ask_all(c)
     return step
 
 

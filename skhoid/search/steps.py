@@ -166,16 +166,27 @@ class SearchStep:
         c = candidate
         assert c.model is not None
         if not c.trace:
-            if c.passes and LIKELIHOOD not in c.evidence and (own := self.own_noise()) is not None:
-                c.evidence[LIKELIHOOD] = own.weigh(c.model)
-            if c.passes and INSTRUMENTS not in c.evidence and self.instruments is not None:
-                c.evidence[INSTRUMENTS] = self.instruments.evidence(self.at_likelihood, c.model)
+            self.ask_all(c, least=THRESHOLD)
             if c.passes:
                 c.refused = find_why_zero(c)
         if c.passes and not c.refit:
             if np.isnan(c.evidence.get(INSTRUMENTS, np.nan)):
                 c.refused = find_leak(test_leak(c.model))
             c.gain, c.refit = self.refit(c.model) - self.refitted_vaf, True
+
+    def ask_all(self, candidate: Candidate, least: float = -np.inf) -> None:
+        """Ask judges that were not asked yet, as long as there is more than the ``least``."""
+        c = candidate
+        assert c.model is not None
+        if c.least > least and LIKELIHOOD not in c.evidence:
+            own = self.own_noise()
+            c.evidence[LIKELIHOOD] = np.nan if own is None else own.weigh(c.model)
+        if c.least > least and INSTRUMENTS not in c.evidence:
+            c.evidence[INSTRUMENTS] = (
+                np.nan
+                if self.instruments is None
+                else self.instruments.evidence(self.at_likelihood, c.model)
+            )
 
     def _put_special_first(self) -> None:
         """Put a special case before the best, where that has nothing beyond it that counts."""
