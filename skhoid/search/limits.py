@@ -7,7 +7,8 @@ the likelihood of every size, with a simulation at each of a few sizes and no fu
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,9 @@ import pandas as pd
 from scipy.linalg import solve_toeplitz
 from scipy.stats import chi2, norm
 
+from ..effects.base import Effect
 from ..effects.composition import Effects
+from ..effects.record import Record
 from ..effects.registry import title_of
 from ..model.fitting import AR_ORDER, WHITE_FLOOR, Criterion, derivatives, scaled_inverse
 from ..model.model import Model
@@ -61,17 +64,17 @@ class Limit:
     reason: str = ""
 
 
-def find_limits(path: Path, units: dict[str, str | None]) -> pd.DataFrame:
-    """A row for each effect that was tried last and is not in the model, most allowed first."""
-    known, rows = {*path.ids}, []
-    tried = [c for c in path.steps[-1].candidates if c.model is not None]
-    beside = Beside(path.model) if tried else None
-    for candidate in tried:
-        effect = candidate.effect
-        if beside is None or effect.free_form or effect.name in known:
-            continue
-        known.add(effect.name)
-        rows.append(limit_effect(beside, candidate, units))
+def find_limits(
+    path: Path, effects: Sequence[Effect], units: dict[str, str | None]
+) -> pd.DataFrame:
+    """A row for each of the effects that was tried last and is not in the model, largest first.
+
+    By the points of VAF that are allowed.
+    """
+    tried = {c.effect.name: c for c in path.steps[-1].candidates if c.model is not None}
+    asked = [e for e in effects if e.name in tried and e.name not in path.ids]
+    beside = Beside(path.model) if asked else None
+    rows = [limit_effect(beside, tried[e.name], e, units) for e in asked if beside is not None]
     rows.sort(key=lambda row: (np.isnan(row.limit_points), -row.limit_points))
     return pd.DataFrame([vars(row) for row in rows], columns=[one.name for one in fields(Limit)])
 
@@ -300,19 +303,22 @@ def list_sides(
     ]
 
 
-def list_others(candidate: Candidate, simulator: Simulator, beside: Beside) -> list[np.ndarray]:
-    """Parameters with the effect's other numbers as they were fitted, and at some of its starts."""
-    name, fitted = candidate.name, candidate.model
-    assert fitted is not None
-    effect = dict(fitted.effects.steps)[name]
-    values = {**fitted.values(), **beside.model.values()}
-    others = [f"{name}__{p.name}" for p in effect.free if p.name not in effect.neutral]
-    tried = [{one: values[one] for one in others}]
-    for start in effect.starts(simulator.record):
-        one = {other: start[other.removeprefix(f"{name}__")] for other in others}
-        if one not in tried and len(tried) < TRIED:
-            tried.append(one)
-    return [np.array([{**values, **one}[n] for n in simulator.names]) for one in tried]
+def list_numbers(
+    fitted: Effect, values: dict[str, float], usual: Effect, record: Record
+) -> list[dict[str, float]]:
+    """Numbers of the usual form of an effect: as fitted, if it was, and some of its starts.
+
+    They differ in what is not its size.
+    """
+    alike = all(getattr(fitted, key, None) == getattr(usual, key, None) for key in usual.choices)
+    free = [p.name for p in usual.free]
+    tried = [{key: values[key] for key in free}] if alike else []
+    others = [key for key in free if key not in usual.neutral]
+    for start in usual.starts(record):
+        known = [[one[key] for key in others] for one in tried]
+        if [start[key] for key in others] not in known and len(tried) < TRIED:
+            tried.append({key: start[key] for key in free})
+    return tried
 
 
 class Solved(NamedTuple):
@@ -358,11 +364,15 @@ def solve_to_the_end(sides: list[Side], needed: float, least: float) -> list[Sol
     return found
 
 
-def limit_effect(beside: Beside, candidate: Candidate, units: dict[str, str | None]) -> Limit:
-    """The limit of an effect that was fitted beside a model."""
+def limit_effect(
+    beside: Beside, candidate: Candidate, template: Effect, units: dict[str, str | None]
+) -> Limit:
+    """The limit of an effect that was fitted beside a model, in the usual one of its forms."""
     fitted, name, parent = candidate.model, candidate.name, beside.model
     assert fitted is not None
-    effect = dict(fitted.effects.steps)[name]
+    record = replace(parent.simulator.record, prediction=beside.output)
+    effect = template.alternatives(record)[0].variants(record)[0]
+    own = {n.removeprefix(f"{name}__"): value for n, value in fitted.values().items()}
     row = Limit(effect.name, title_of(effect.name), reason=NO_SIZE)
     size = next((p.name for p in effect.free if p.name in effect.neutral), None)
     if size is None:
@@ -374,11 +384,13 @@ def limit_effect(beside: Beside, candidate: Candidate, units: dict[str, str | No
     inverse = np.isinf(zero)
     row.parameter, row.unit, row.reason = size, dimension.label(units), NOT_SEEN
     row.sense = "at least" if inverse else "at most"
-    more = fitted.n_parameters - parent.n_parameters
+    more = len(effect.free) + effect.n_hidden
     needed = THRESHOLD + more / 2 * float(np.log(beside.criterion.n))
     least = LEAST_GAIN * beside.criterion.power_about_mean / max(beside.criterion.power, 1e-300)
     found = []
-    for theta in list_others(candidate, simulator, beside):
+    for numbers in list_numbers(dict(fitted.effects.steps)[name], own, effect, record):
+        values = parent.values() | {f"{name}__{key}": value for key, value in numbers.items()}
+        theta = np.array([values[n] for n in simulator.names])
         sides = list_sides(beside, simulator, theta, name, size)
         if all(side.begin() for side in sides):
             found.append(solve_to_the_end(sides, needed, least))
