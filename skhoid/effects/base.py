@@ -72,7 +72,7 @@ class Effect(Composable, BaseEstimator):
         What it applies to and is tried on: ``"human"`` operators, ``"machine"``, or both.
     neutral, unseen_at : dict of str to float
         Values of parameters at which it does nothing; and those, which are bounds, at which nothing
-        shows of what its name says, so that a search does not name it there.
+        shows of what its name says (``inf``: the highest), so that a search does not name it there.
     free_form : bool
         Whether its shape is estimated: see :class:`FreeForm`.
     within : tuple of str

@@ -641,7 +641,7 @@ class Quantised(StaticMap):
     )
     unless_given = {"form": "sharp"}
 
-    unseen_at = {"remnant": HIDDEN}  # which leaves an offset
+    unseen_at = {"remnant": HIDDEN, "step": np.inf}  # an offset is left, or two levels
     softness = 0.0  # of corners, in steps
 
     @property
@@ -652,6 +652,19 @@ class Quantised(StaticMap):
         soft = self.with_choices()
         soft.softness = amount
         return soft
+
+    def limits(self, record: Record) -> dict[str, tuple[float, float]]:
+        """A step is as large at most as leaves three levels in use: fewer show no step.
+
+        Three levels of the output are two steps apart; the error passes them within one.
+        """
+        found = super().limits(record)
+        seen = record.input if self.place == "input" else record.y
+        if seen is not None and record.known.any():
+            low, high = found["step"]
+            most = float(np.ptp(seen[record.known])) / (1.0 if self.place == "input" else 2.0)
+            found["step"] = (low, max(low, min(high, most)))
+        return found
 
     def scanned(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
         """Steps as close as the minima of the squares, which are some percent wide."""

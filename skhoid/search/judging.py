@@ -111,9 +111,11 @@ def find_why_unnamed(candidate: Candidate) -> Against | None:
     effect = dict(model.effects.steps)[candidate.name]
     sizes = [p.name for p in effect.free if p.name in effect.neutral or not effect.neutral]
     values, ends, unknown = model.values(), model.at_bound(), model.undetermined()
+    highest = dict(zip(model.simulator.names, model.simulator.high.tolist(), strict=True))
     for name, value in effect.unseen_at.items():
-        if own + name in ends and np.isclose(values[own + name], value, rtol=AT_BOUND):
-            text = f"nothing shows of it with {name} = {value:g}"
+        at = min(value, highest.get(own + name, np.inf))
+        if own + name in ends and np.isclose(values[own + name], at, rtol=AT_BOUND):
+            text = f"nothing shows of it with {name} = {at:.3g}"
             return Against(Reason.NOT_SEEN, text)
     lost = [name for name in sizes if own + name in unknown]
     at_end = [n for n in sizes if own + n in ends and not is_natural_bound(values[own + n])]
