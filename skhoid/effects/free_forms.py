@@ -15,7 +15,7 @@ from .base import Effect
 from .derived import DERIVED, dimension_of, words_of
 from .entry import Argument
 from .error_scan import ErrorScan
-from .free_form import LEVEL, N_KNOTS, SLOPE, FreeForm, quantile_knots
+from .free_form import FEWEST, LEVEL, N_KNOTS, SLOPE, FreeForm, quantile_knots
 from .machines import cores_by_signs
 from .maps import PLACE_OF
 from .operator_signals import N_PLACES, Command, Gains
@@ -190,7 +190,10 @@ class FreeMap(FreeForm):
             size = float(np.abs(seen(record)[record.known]).max())
             return self.with_choices(knots=tuple(np.linspace(-size, size, N_KNOTS).tolist()))
         if self.knots is None and self.odd:
-            _, *above = quantile_knots(np.abs(self.watched(record)))
+            sizes = np.abs(self.watched(record))
+            _, *above = quantile_knots(sizes)
+            if len(above) < FEWEST - 1:  # a signal of one size, as of a relay
+                above = np.linspace(0.0, float(sizes.max()), FEWEST)[1:].tolist()
             return self.with_choices(knots=(0.0, *above))
         if self.knots is not None or self.where not in OPPOSING:
             return super().with_knots(record)

@@ -303,7 +303,7 @@ class Intermittent(Effect):
         both = core.get("K_edot", 0.0) * core.get("K_e", 0.0)
         if self.trigger == "clock" or self.fixed or not both > 0.0:
             return []
-        if error_of.explores:  # has other events
+        if error_of.explores or "omega_nm" not in core:  # has other events, or no limb
             return []
         of_error = self.trigger == "error"
         hold, threshold = values["hold_time"], values["threshold"]
