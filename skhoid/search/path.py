@@ -47,16 +47,17 @@ class Path:
 def forward(search: Search, baseline: Model, most: int) -> Path:
     """Add the best effect as long as one counts; where several do, begin with the second best too.
 
-    A given delay is freed first, so that no other effect makes up for one that is wrong; whether
-    it is, is judged at the end, as of any other effect.
+    A given delay is freed first where that counts, so that no other effect makes up for one that is
+    wrong; whether it is, is judged at the end, as of any other effect.
     """
     claim = find_claim(search, baseline) if most else None
     if claim is not None:
         search.remember(baseline)
         step = search.judge_candidates(baseline, [claim])
         assert claim.model is not None
-        freed = Path([step], output_error_fit(claim.model))
-        return drop_superfluous(search, follow(search, freed, most + 1), most)
+        if step.best is not None:  # else it would only imitate what is missing
+            freed = Path([step], output_error_fit(claim.model))
+            return drop_superfluous(search, follow(search, freed, most + 1), most)
     first = search.step(baseline)
     path = Path([first], first.at_likelihood)
     if first.best is None or not most:
