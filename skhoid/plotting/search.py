@@ -57,9 +57,9 @@ class SearchDisplay(Display):
         The measured output against held-out simulations before (greyer, dashed) and after effects
         are added; below, the residuals. The VAF in the legend is that of all held-out runs.
     ranking
-        Candidates of one step by the VAF points that they gain on held-out runs, beside ΔBIC
-        (larger is better) and, where it was asked, the points gained in the closed loop. Candidates
-        that these data cannot tell apart from the best are hatched; what was not added is faded.
+        Candidates of one step by the VAF points that they gain on held-out runs, beside evidence
+        in nats and the probability that the name is right. Candidates that these data cannot tell
+        apart from the best are hatched; what was not added is faded.
 
     Make it with :meth:`from_estimator`.
 
@@ -485,12 +485,12 @@ class SearchDisplay(Display):
         title = f"Step {self.step}: {title_of(best['effect'])} added"
         if second is None or not np.isfinite(best["vaf_gain"] - second["vaf_gain"]):
             return title
-        points, lead = (best[name] - second[name] for name in ("vaf_gain", "delta_bic"))
+        points, lead = (best[name] - second[name] for name in ("vaf_gain", "evidence"))
         name = title_of(second["effect"])
         if lead < 0:  # the second gains too little on held-out runs, or is less plain
-            title += f", though {name} has a ΔBIC that is {-lead:.0f} larger"
+            title += f", though {name} has {-lead:.0f} nats more"
         else:
-            behind = f"{points:.1f} points" if points > 0.05 else f"{lead:.0f} in ΔBIC"
+            behind = f"{points:.1f} points" if points > 0.05 else f"{lead:.0f} nats"
             title += f"; runner-up: {name}, {behind} behind"
         alike = second["effect"] in best["confused_with"]
         return f"{title}, which these data cannot tell apart" if alike else title

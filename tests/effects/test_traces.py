@@ -38,7 +38,7 @@ def test_samples_beyond_on_the_other_side_are_not_at_the_stop(seed):
     stop = find_stop(make_record(y))
     assert stop.share == pytest.approx(0.03, abs=0.002)
     assert stop.where == "144"
-    assert find_traces(make_record(y))["saturation"] == "3 % of the samples lie at 144"
+    assert find_traces(make_record(y))["saturation"][0] == "3 % of the samples lie at 144"
 
 
 def test_a_stop_that_is_hardly_reached_is_none():

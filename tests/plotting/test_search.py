@@ -66,7 +66,8 @@ def a_search(effects, vaf, ceiling=88.0, *, unknown=False, candidates=8):
                     "effect": name,
                     "form": "gap" if name == "dead_zone" else "",
                     "vaf_gain": gain,
-                    "delta_bic": 100.0 * gain,
+                    "evidence": 50.0 * gain,
+                    "probability": 0.9 if added and i == 0 else 0.0,
                     "confused_with": ["candidate_1", "gone"] if i == 0 and step == 1 else [],
                     "status": "added" if name == added else "not better",
                     "reason": "",
@@ -100,7 +101,6 @@ def in_loop(search):
     """The same search, with figures of the closed loop."""
     path = search.error_path_
     path["vaf_loop"] = path["vaf"] - np.linspace(0.5, 20.0, len(path))
-    search.ranking_["gain_loop"] = search.ranking_["vaf_gain"] / 2
     return search
 
 
@@ -261,10 +261,10 @@ def test_ranking_shows_the_candidates_of_a_step():
     assert list(few.lines_) == ["dead_zone", "candidate_0", "candidate_1"]
 
 
-def test_ranking_has_what_is_gained_in_the_closed_loop():
-    display = SearchDisplay.from_estimator(SEARCHES["in loop"], "ranking")
-    assert "in closed\nloop, points" in texts_in(display.ax_)
-    assert "+1.5" in texts_in(display.ax_)
+def test_ranking_has_evidence_and_probability():
+    display = SearchDisplay.from_estimator(SEARCHES["one"], "ranking")
+    for text in ("nats", "200", "probability", "90 %"):
+        assert text in texts_in(display.ax_)
     covers_nothing(display)
 
 
@@ -277,7 +277,7 @@ def test_title_of_the_ranking_compares_what_was_added_with_the_next():
     assert title_of_ranking(search) == f"{title}, which these data cannot tell apart"
     # What does not hold in the closed loop is not added, however good it is.
     search.ranking_.loc[:1, "status"] = ["not better", "added"]
-    start = "Step 1: candidate 0 added, though dead zone has a ΔBIC that is 100 larger"
+    start = "Step 1: candidate 0 added, though dead zone has 50 nats more"
     assert title_of_ranking(search).startswith(start)
     with pytest.raises(ValueError, match="step must be one of 1, 2; got 3"):
         SearchDisplay.from_estimator(search, "ranking", step=3)

@@ -211,8 +211,9 @@ def test_the_summary_tells_the_steps(found, two):
     text = said(found)
     path = found.error_path_
     before, after = path["vaf"]
-    told = f"Missing: dead zone; with it the held-out VAF rises from {before:.1f} to {after:.1f} %"
-    assert text.startswith(told)
+    chance = 100 * found.ranking_["probability"].iloc[0]
+    told = f"with it the held-out VAF rises from {before:.1f} to {after:.1f} %"
+    assert text.startswith(f"Missing: dead zone ({chance:.0f} %); {told}")
     assert f"Baseline: VAF {before:.1f} %" in text
     assert "Step 1, with dead zone: VAF" in text
     assert " (dead_zone: width = 0.29" in text
@@ -225,7 +226,7 @@ def test_the_summary_tells_the_steps(found, two):
 
 def test_the_short_ranking_is_of_texts(two):
     table = two.ranking_table(n=2)
-    assert list(table) == ["effect", "gain", "ΔBIC", "p", "outcome", "parameters"]
+    assert list(table) == ["effect", "gain", "evidence", "p", "outcome", "parameters"]
     assert table.index.names == ["step", "rank"]
     assert table.groupby("step").size().max() == 2
     assert (table["outcome"] == "added").sum() == 2

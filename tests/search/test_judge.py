@@ -28,11 +28,13 @@ def found():
     return searched(DeadZone(width=0.2))
 
 
-def test_evidence_is_half_of_the_least_delta_bic(found):
+def test_evidence_is_the_least_of_what_judges_grant(found):
     first = found.ranking_.iloc[0]
-    asked = first[["delta_bic", "delta_bic_joint"]].astype(float)
-    assert first["evidence"] == pytest.approx(np.nanmin(asked) / 2)
-    assert first["judge"] == ["free run", "likelihood"][int(np.nanargmin(asked))]
+    judges = ["free_run", "likelihood", "instruments"]
+    asked = first[judges].astype(float)
+    assert first["free_run"] == pytest.approx(first["delta_bic"] / 2)
+    assert first["evidence"] == np.nanmin(asked)
+    assert first["judge"].replace(" ", "_") == judges[int(np.nanargmin(asked))]
 
 
 def test_what_has_the_most_evidence_is_added_if_it_is_enough(found):

@@ -25,9 +25,9 @@ def test_sentences_say_place_gain_names_and_what_to_do():
 
 def test_a_delay_beside_it_is_free_and_not_called_wrong():
     wrong = ("wrong_delay", WrongDelay())
-    first = a_shape([wrong], gain_loop=5.84).sentences()[0]
+    first = a_shape([wrong]).sentences()[0]
     assert "of what the model with a free delay leaves" in first
-    first = a_shape([wrong, ("bias", Bias())], gain_loop=5.84).sentences()[0]
+    first = a_shape([wrong, ("bias", Bias())]).sentences()[0]
     assert "of what the model with bias and a free delay leaves" in first
 
 
@@ -73,7 +73,7 @@ def test_the_summary_has_the_curve_and_the_names_in_tables():
 
 
 def test_json_has_all_of_it():
-    found = json.loads(json.dumps(a_shape(gain_loop=5.8).as_dict()))
+    found = json.loads(json.dumps(a_shape().as_dict()))
     assert found["id"] == "free_map"
     assert found["closed"] == pytest.approx(0.984)
     assert found["curve"][0] == pytest.approx(

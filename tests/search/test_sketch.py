@@ -45,7 +45,6 @@ def shape(form, curve, *, half=0.1, table=False):
         y_label="departure, deg",
         dof=6.0,
         gain=5.0,
-        gain_loop=float("nan"),
         delta_bic=100.0,
         closed=0.9,
         effect=form,

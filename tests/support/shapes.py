@@ -63,7 +63,6 @@ def a_shape(beside=(), **given):
         "y_label": "departure from a straight line, deg",
         "dof": 9.66,
         "gain": 9.86,
-        "gain_loop": np.nan,
         "delta_bic": 4321.0,
         "closed": 0.984,
         "effect": effect,
