@@ -35,6 +35,7 @@ ROUNDS = 5  # of simulations at the sizes that the last ones lead to
 CLOSE = 1.25  # times a size that was simulated, for which it stands too
 FAR = 5.0  # times those that were simulated, to which they are extrapolated
 N_SIZES = 1000
+LEAST_START = 0.01  # of the parameter's scale
 TRIED = 3  # sets of the other numbers of an effect: as fitted, and starts
 FITTED = 6  # iterations of the model that imitates an effect
 WORTHWHILE = 0.95  # times what the last one leaves, at most, for another
@@ -199,7 +200,8 @@ class Side:
     """An effect beside a model, at sizes on one side of doing nothing.
 
     Sizes are distances from the ``neutral`` value of the parameter at ``position``, up to ``most``;
-    where that is infinite, they are the inverse of the parameter.
+    where that is infinite, they are the inverse of the parameter. The first is ``start``, of which
+    a fit found the share ``fitted``, less than zero on the other side; None is not fitted.
     """
 
     beside: Beside
@@ -210,6 +212,7 @@ class Side:
     sign: float
     most: float
     start: float
+    fitted: float | None
 
     def __post_init__(self) -> None:
         self.at: dict[float, list[float]] = {}
@@ -276,48 +279,54 @@ class Side:
             return np.exp(np.interp(ask, at, np.log(np.maximum(values, NONE))) + power * beyond)
 
         fits, spread = (np.interp(ask, at, values) for values in (fits, spread))
+        first = self.at.get(self.start)
+        if self.fitted is not None and first is not None:  # better than the slope at none
+            fits = np.full_like(fits, self.fitted * first[1])
         evidence, points = grow(evidence, 2), grow(points, 2)
         return asked, AtSizes(evidence, grow(seen, 1), fits, spread, points, grow(unsure, 1))
 
 
 def list_sides(
-    beside: Beside, simulator: Simulator, theta: np.ndarray, name: str, size: str
+    beside: Beside, simulator: Simulator, theta: np.ndarray, name: str, size: str, is_fitted: bool
 ) -> list[Side]:
     """The sides of an effect's size, both where it has a sign, beside other numbers of theta."""
     neutral = dict(simulator.effects.steps)[name].neutral
     full, zero = f"{name}__{size}", float(neutral[size])
     i = simulator.names.index(full)
     low, high, scale = simulator.low[i], simulator.high[i], float(simulator.scale[i])
-    own = [k for k, one in enumerate(simulator.names) if one.startswith(f"{name}__")]
-    start = max(abs(theta[i] - zero), 0.01 * scale)
+    value = float(theta[i])
     ends = [(1.0, high - zero), (-1.0, zero - low)]
+    start, shares = max(abs(value - zero), LEAST_START * scale), (1.0, -1.0)
     if np.isinf(zero):
-        ends, start = [(1.0, 1 / max(low, 1e-300))], 1 / theta[i]
+        ends, start = [(1.0, 1 / max(low, 1e-300))], 1 / value
+    else:
+        shares = (value - zero) / start, (zero - value) / start
     theta = theta.copy()
-    for k in own:  # other sizes do nothing
-        theta[k] = neutral.get(simulator.names[k].removeprefix(f"{name}__"), theta[k])
+    for k, one in enumerate(simulator.names):  # other sizes do nothing
+        if one.startswith(f"{name}__"):
+            theta[k] = neutral.get(one.removeprefix(f"{name}__"), theta[k])
     return [
-        Side(beside, simulator, theta, i, zero, sign, most, start)
-        for sign, most in ends
+        Side(beside, simulator, theta, i, zero, sign, most, start, share if is_fitted else None)
+        for (sign, most), share in zip(ends, shares, strict=False)
         if most > 0.0
     ]
 
 
 def list_numbers(
     fitted: Effect, values: dict[str, float], usual: Effect, record: Record
-) -> list[dict[str, float]]:
-    """Numbers of the usual form of an effect: as fitted, if it was, and some of its starts.
+) -> list[tuple[dict[str, float], bool]]:
+    """Numbers of the usual form of an effect, and whether they were fitted: these, and some starts.
 
-    They differ in what is not its size.
+    They differ in what is not its size. Where another form was fitted there are only starts.
     """
     alike = all(getattr(fitted, key, None) == getattr(usual, key, None) for key in usual.choices)
     free = [p.name for p in usual.free]
-    tried = [{key: values[key] for key in free}] if alike else []
+    tried = [({key: values[key] for key in free}, True)] if alike else []
     others = [key for key in free if key not in usual.neutral]
     for start in usual.starts(record):
-        known = [[one[key] for key in others] for one in tried]
+        known = [[one[key] for key in others] for one, _ in tried]
         if [start[key] for key in others] not in known and len(tried) < TRIED:
-            tried.append({key: start[key] for key in free})
+            tried.append(({key: start[key] for key in free}, False))
     return tried
 
 
@@ -388,10 +397,10 @@ def limit_effect(
     needed = THRESHOLD + more / 2 * float(np.log(beside.criterion.n))
     least = LEAST_GAIN * beside.criterion.power_about_mean / max(beside.criterion.power, 1e-300)
     found = []
-    for numbers in list_numbers(dict(fitted.effects.steps)[name], own, effect, record):
+    for numbers, is_fitted in list_numbers(dict(fitted.effects.steps)[name], own, effect, record):
         values = parent.values() | {f"{name}__{key}": value for key, value in numbers.items()}
         theta = np.array([values[n] for n in simulator.names])
-        sides = list_sides(beside, simulator, theta, name, size)
+        sides = list_sides(beside, simulator, theta, name, size, is_fitted)
         if all(side.begin() for side in sides):
             found.append(solve_to_the_end(sides, needed, least))
         elif not found:

@@ -8,6 +8,7 @@ import pytest
 from support.open_loop import recorded, searched
 
 from skhoid import EffectSearchCV, OperatorRegressor
+from skhoid.effects import DeadZone
 from skhoid.search import Verdict
 
 TRIED = ["dead_zone", "bias", "saturation", "extra_lag", "rectified"]
@@ -78,3 +79,26 @@ def test_an_output_that_has_nothing_to_do_with_the_input_is_too_little(seed):
     assert search.best_effects_ == []
     assert "explains too little to say" in search.summary()
     assert "missing is" not in search.summary()
+
+
+WEAK = {
+    "bias": lambda size: {"outer": lambda u: u + size},
+    "dead_zone": lambda size: {"inner": lambda e: e - np.clip(e, -size, size)},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(WEAK))
+def test_weak_effects_are_within_their_limits_and_what_would_be_shown_is(name):
+    tried = [DeadZone(form="gap", at="error") if name == "dead_zone" else name]
+    within, added = [], []
+    for seed in range(8):
+        shown = limits_of(searched(recorded(2, 30.0, seed=seed), tried)).loc[name, "shown_from"]
+        for share in (0.3, 0.6):
+            runs = recorded(2, 30.0, seed=100 + seed, **WEAK[name](share * shown))
+            limit = limits_of(searched(runs, tried, max_effects=0)).loc[name, "limit"]
+            within.append(limit > share * shown)
+        runs = recorded(2, 30.0, seed=200 + seed, **WEAK[name](shown))
+        added.append(name in searched(runs, tried).result_.added)
+    assert sum(within) >= 14
+    assert sum(added) >= 5
