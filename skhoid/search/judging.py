@@ -20,8 +20,10 @@ from .statuses import Against, Reason
 # (log 100 = 4.6), and model errors, which no likelihood knows, reach 8 nats in runs with nothing
 # hidden (both blind trials, development seeds).
 THRESHOLD = 12.5
+LEAST_GAIN_OF_DELAY = 0.6  # points: a given delay that is a little off makes up for much else
 LEAST_GAIN = 0.2  # points of VAF on held-out rows: what sensors and simulation are off by
 SURE = 3.0  # standard errors, by which an effect's size is off that at which it does nothing
+CLAIM = "wrong_delay"  # the effect by which a given delay is freed
 AT_ZERO = 1e-9  # rounding of a bound
 FREE_RUN, LIKELIHOOD, INSTRUMENTS = "free run", "likelihood", "instruments"
 TRACE = "trace"
@@ -58,9 +60,15 @@ class Candidate:
     def known(self) -> dict[str, float]:
         """Nats of the judges that can know it.
 
-        Rows that are held out, and the effect's numbers, have none to give, and may take all.
+        Instruments see less of one effect than of another, and may only refuse: what they grant
+        ranks nothing. Rows that are held out, and the effect's numbers, have no nats to give, and
+        may take all.
         """
-        known = {judge: nats for judge, nats in self.evidence.items() if not np.isnan(nats)}
+        known = {
+            judge: nats
+            for judge, nats in self.evidence.items()
+            if not np.isnan(nats) and (judge != INSTRUMENTS or nats <= THRESHOLD)
+        }
         if self.refused is not None:
             known[NUMBERS] = 0.0
         if self.gain < (-self.least_gain if self.trace else self.least_gain):

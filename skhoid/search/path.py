@@ -11,12 +11,11 @@ from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..model.extend import extended, refit_each_beside
 from ..model.fitting import Criterion, minimise
-from ..model.model import Model
+from ..model.model import Model, in_order
 from ..model.simulator import Simulator
-from .judging import Candidate
+from .judging import CLAIM, Candidate
 from .steps import Search, SearchStep, output_error_fit, unique_name
 
-CLAIM = "wrong_delay"  # the effect by which a given delay is freed
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
 RIVAL = 0.5  # of the best's evidence, for another that is followed as the first
 
@@ -53,11 +52,18 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     claim = find_claim(search, baseline) if most else None
     if claim is not None:
         search.remember(baseline)
-        step = search.judge_candidates(baseline, [claim])
-        assert claim.model is not None
+        with search.progress.step(2):  # fitted, and refined
+            name = unique_name(claim, baseline.effects)
+            model = extended(baseline, name, claim, search.criterion, search.coarse)
+            search.progress.done(1)
+            one = Candidate(name, dict(model.effects.steps)[name], model=model)
+            step = search.judge_candidates(baseline, [one])
         if step.best is not None:  # else it would only imitate what is missing
-            freed = Path([step], output_error_fit(claim.model))
-            return drop_superfluous(search, follow(search, freed, most + 1), most)
+            freed = Path([step], output_error_fit(model))
+            path = drop_superfluous(search, follow(search, freed, most + 1), most)
+            names = [name for name, effect in path.model.effects if effect.name != CLAIM]
+            last = [name for name in path.model.effects.names if name not in names]
+            return replace(path, model=in_order(path.model, [*names, *last]))
     first = search.step(baseline)
     path = Path([first], first.at_likelihood)
     if first.best is None or not most:
@@ -73,15 +79,13 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     return drop_superfluous(search, best, most)
 
 
-def find_claim(search: Search, baseline: Model) -> Candidate | None:
-    """The effect that frees a given delay, fitted; None where none was given or it is not asked."""
+def find_claim(search: Search, baseline: Model) -> Effect | None:
+    """The effect that frees a given delay; None where none was given or it is not asked."""
     claim = next((effect for effect in search.effects if effect.name == CLAIM), None)
     known = {effect.name for _, effect in baseline.effects}
     if claim is None or CLAIM in known or claim.refusal_in(search.record, search.core.kind):
         return None
-    name = unique_name(claim, baseline.effects)
-    model = extended(baseline, name, claim, search.criterion, search.coarse)
-    return Candidate(name, dict(model.effects.steps)[name], model=model)
+    return claim
 
 
 def follow(search: Search, path: Path, most: int) -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
 
 from .._machine import ended_by_signals
-from ..diagnosis.leaks import LeakTest
+from ..diagnosis.leaks import SLOPE, LeakTest
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
@@ -39,9 +39,11 @@ from .judges import (
     without_noise,
 )
 from .judging import (
+    CLAIM,
     FREE_RUN,
     INSTRUMENTS,
     LEAST_GAIN,
+    LEAST_GAIN_OF_DELAY,
     LIKELIHOOD,
     THRESHOLD,
     TRACE,
@@ -133,6 +135,10 @@ class SearchStep:
         first = self.candidates[0] if self.candidates else None
         return first if first is not None and first.passes else None
 
+    @cached_property
+    def _parent_leak(self) -> LeakTest | None:
+        return test_leak(self.at_likelihood)
+
     @property
     def tried(self) -> list[Alternative]:
         """The effects that apply, for their probabilities."""
@@ -170,8 +176,7 @@ class SearchStep:
             if c.passes:
                 c.refused = find_why_zero(c)
         if c.passes and not c.refit:
-            if np.isnan(c.evidence.get(INSTRUMENTS, np.nan)):
-                c.refused = find_leak(test_leak(c.model))
+            c.refused = find_leak(test_leak(c.model), self._parent_leak)
             c.gain, c.refit = self.refit(c.model) - self.refitted_vaf, True
 
     def ask_all(self, candidate: Candidate, least: float = -np.inf) -> None:
@@ -203,9 +208,12 @@ class SearchStep:
                 return
 
 
-def find_leak(leak: LeakTest | None) -> Against | None:
-    """What speaks against a model that rebuilds the output from x."""
-    return Against(Reason.REBUILDS, leak.reason) if leak is not None and leak.leaks else None
+def find_leak(leak: LeakTest | None, of_parent: LeakTest | None) -> Against | None:
+    """What speaks against a model that rebuilds the output from x, more than its parent does."""
+    if leak is None or not leak.leaks:
+        return None
+    known = of_parent.slope if of_parent is not None and of_parent.leaks else -np.inf
+    return None if leak.slope < known + SLOPE else Against(Reason.REBUILDS, leak.reason)
 
 
 class Search:
@@ -338,7 +346,8 @@ class Search:
             ratio = n * np.log(max(at_likelihood.sse, 1e-300) / max(c.model.sse, 1e-300))
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
-            c.least_gain = LEAST_GAIN * self.share
+            least = LEAST_GAIN_OF_DELAY if c.effect.name == CLAIM else LEAST_GAIN
+            c.least_gain = least * self.share
             c.refused = find_why_unnamed(c)
         step = SearchStep(
             at_likelihood=at_likelihood,

@@ -250,7 +250,7 @@ def test_ranking_shows_the_candidates_of_a_step():
     assert list(display.lines_) == tried["effect"].tolist()
     widths = [bar.get_width() for bar in display.lines_.values()]
     np.testing.assert_array_equal(widths, tried["vaf_gain"])
-    assert {"+4.0", "+400"} <= set(texts_in(display.ax_))
+    assert {"+4.0", "200"} <= set(texts_in(display.ax_))
     assert sum(text.startswith("X has no target") for text in texts_in(display.ax_)) == len(REFUSED)
     assert same_color(display.lines_["dead_zone"].get_facecolor(), BLUE)
     assert [n for n, bar in display.lines_.items() if bar.get_hatch()] == ["candidate_1"]
