@@ -8,7 +8,7 @@ folder of recordings that the package may not carry (its SOURCE.md files say whe
 and are skipped where it is missing. Exits with 1 if a claim below is not met:
 
 silverbox   the cubic spring alone is named, from multisines; free run of the louder arrow <= 2 mV
-hair_dryer  the delay alone is named from nk=1, and nothing is missing with nk=3
+hair_dryer  the delay alone is named from nk=1, and nothing is found with nk=3
 robot_arm   higher order is named first from ARX(2, 2); from ARX(4, 5) it is not
 tracking    something is missing that no effect explains (reported: there is no truth)
 bicycle     the pull force pays most of what a rider can feel (reported: there is no truth)
