@@ -3,7 +3,7 @@
     python -m benchmarks.calibrate collect --cases 300 --jobs 2
     python -m benchmarks.calibrate fit
 
-``collect`` runs searches on development cases of both trials and adds a line to
+``collect`` searches in development cases of both trials, as far as names go, and adds a line to
 ``calibration.jsonl`` for each: the evidence of every step, and which names are right. What the file
 has is not run again. ``fit`` reads it, fits the map of ``skhoid.search.probability``, and writes
 its table, with the figures of cases whose element or hidden form the fit never saw.
@@ -16,6 +16,8 @@ import json
 import sys
 import time
 import warnings
+from collections.abc import Sequence
+from dataclasses import replace
 from datetime import date
 from itertools import pairwise
 from pathlib import Path
@@ -27,20 +29,24 @@ from joblib import Parallel, delayed
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 from scipy.stats import binomtest
+from sklearn.base import clone
+from threadpoolctl import threadpool_limits
 
 from benchmarks.second.cases import DRAWN, build
 from benchmarks.second.judge import controlled_element, stops_reached
 from skhoid import ControlledElement, EffectSearchCV, OperatorRegressor
 from skhoid.effects.catalogue import BY_NAME, FREE_FORMS
-from skhoid.search import Status
+from skhoid.model.model import Model
+from skhoid.search.path import CLAIM, forward
 from skhoid.search.probability import (
     COEFFICIENTS,
     TABLE,
     Alternative,
-    describe_step,
+    describe_features,
     find_chances,
     name_probability,
 )
+from skhoid.search.steps import Search, SearchStep
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE / "blind"))
@@ -61,6 +67,8 @@ SAID = {NONE: NOTHING, UNKNOWN: ELSE}  # as the trials call them
 KNOWN = {name: kind() for name, kind in BY_NAME.items()} | {
     kind.name: kind() for kind in FREE_FORMS
 }
+LEAST_GAP = 1.0  # points of VAF, below which the trials ask for no name
+SD = 4.0  # wide: it keeps coefficients finite where a part of the cases is left out
 BINS = (0.5, 0.75, 0.9, 0.97, 1.0)
 FOLDS = 3
 
@@ -79,7 +87,7 @@ def collect_case(suite: str, number: int) -> dict[str, Any]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            search, truth = (search_second if trial else search_blind)(kind, number)
+            steps, truth = (search_second if trial else search_blind)(kind, number)
     except (HopelessError, RuntimeError) as reason:
         return {"suite": suite, "number": number, "error": f"not built: {reason}"}
     except Exception as reason:  # a search that breaks off is no reason to stop
@@ -88,31 +96,46 @@ def collect_case(suite: str, number: int) -> dict[str, Any]:
         "suite": suite,
         "number": number,
         **truth,
-        "named": search.best_effects_,
-        "verdict": search.verdict_.name,
-        "vaf": search.error_path_["vaf"].round(2).tolist(),
-        "steps": [describe_ranking(rows) for _, rows in search.ranking_.groupby("step")],
+        "steps": steps,
         "seconds": round(time.process_time() - started, 1),
     }
 
 
-def describe_ranking(rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """What the map needs of a step: effects that have evidence, or were added."""
-    added = rows["status"] == Status.ADDED
+def steps_of(hidden: Sequence[Any], number: int) -> int:
+    """How many effects may be added: in every other case one, which is what takes least time."""
+    return len(hidden) + 1 if number % 2 else 1
+
+
+def find_steps(search: EffectSearchCV, X: pd.DataFrame, y: pd.Series, most: int) -> list[Any]:
+    """What each step of a search finds, without what it makes of the end."""
+    model = clone(search.estimator)
+    with threadpool_limits(1):
+        data = search.read_data(model, X, y)
+        within = Search(data.prepared.core, data.record, search.list_effects(), data.folds)
+        parent = model.first_fit(data.searched)
+        calm = within.without_tremor(parent)
+        if calm is not None:
+            within, parent = calm, model.first_fit(replace(data.prepared, record=calm.record))
+        path = forward(within, parent, most)
+    after = [*(step.at_likelihood for step in path.steps[1:]), path.model]
+    return [describe_step(*one) for one in zip(path.steps, after, strict=True)]
+
+
+def describe_step(step: SearchStep, after: Model) -> list[dict[str, Any]]:
+    """What the map needs of a step: effects that have evidence, and which of them was added."""
     return [
         {
-            "effect": row.effect,
-            "evidence": None if np.isnan(row.evidence) else round(row.evidence, 2),
-            "judge": str(row.judge),
-            "asked": bool(np.isfinite(row.instruments)),
-            "gain": round(row.vaf_gain, 3),
-            "added": row.status == Status.ADDED,
+            "effect": c.effect.name,
+            "evidence": round(c.least, 2),
+            "judge": c.judge,
+            "added": c.name in after.effects.names,
         }
-        for row in rows[(rows["evidence"] > 0) | added].itertuples()
+        for c in step.candidates
+        if c.evidence and c.least > 0
     ]
 
 
-def search_blind(suite: str, number: int) -> tuple[EffectSearchCV, dict[str, Any]]:
+def search_blind(suite: str, number: int) -> tuple[list[Any], dict[str, Any]]:
     """A case of the first trial, searched in some of its runs."""
     case = make_case(suite, number * STRIDE, BLIND_SEED)
     first = case.X.index.get_level_values("run") <= 2 + number % 4
@@ -132,9 +155,10 @@ def search_blind(suite: str, number: int) -> tuple[EffectSearchCV, dict[str, Any
         effects=tried,
         display=case.display,
         controlled_element=element,
-    ).fit(case.X[first], case.y[first])
+    )
+    steps = find_steps(search, case.X[first], case.y[first], steps_of(names, number))
     form = "+".join(f"{name}/{case.truth['form'].get(name, '')}" for name in names)
-    return search, {
+    return steps, {
         "element": f"blind {case.truth['plant']}",
         "form": form or f"nothing, {case.truth['variant']}",
         "gap": round(gap, 2),
@@ -143,7 +167,7 @@ def search_blind(suite: str, number: int) -> tuple[EffectSearchCV, dict[str, Any
     }
 
 
-def search_second(suite: str, number: int) -> tuple[EffectSearchCV, dict[str, Any]]:
+def search_second(suite: str, number: int) -> tuple[list[Any], dict[str, Any]]:
     """A case of the second trial, searched."""
     case = build(suite, DRAWN, SECOND_SEED + number * STRIDE)
     X, y, _, _ = case.tables()
@@ -151,10 +175,11 @@ def search_second(suite: str, number: int) -> tuple[EffectSearchCV, dict[str, An
         OperatorRegressor(),
         display=case.world.display,
         controlled_element=controlled_element(case.world.element),
-    ).fit(X, y)
+    )
     hidden = case.hidden
+    steps = find_steps(search, X, y, steps_of([] if hidden is None else hidden.each, number))
     stops = ["saturation"] if suite == "leaks" and stops_reached(case) else []
-    return search, {
+    return steps, {
         "element": case.world.element.name,
         "form": "nothing" if hidden is None else f"{hidden.effect}/{hidden.name}",
         "gap": round(case.gap, 2),
@@ -163,10 +188,10 @@ def search_second(suite: str, number: int) -> tuple[EffectSearchCV, dict[str, An
     }
 
 
-def collect(cases: int, jobs: int, out: Path) -> None:
+def collect(keys: list[tuple[str, int]], jobs: int, out: Path) -> None:
     """Run what is not in the file yet."""
     known = {(one["suite"], one["number"]) for one in read_cases([out])}
-    left = [key for key in plan(cases) if key not in known]
+    left = [key for key in keys if key not in known]
     found = Parallel(jobs, return_as="generator_unordered")(
         delayed(collect_case)(*key) for key in left
     )
@@ -191,8 +216,8 @@ class Step(NamedTuple):
 
     @property
     def mask(self) -> np.ndarray:
-        """Which rows of ``describe_step`` are right."""
-        at, _ = describe_step(self.tried)
+        """Which rows of ``describe_features`` are right."""
+        at, _ = describe_features(self.tried)
         names = [self.tried[i].effect.name for i in at]
         if not self.right & {*names, NOTHING, ELSE}:  # it is there, and nobody sees it
             return np.array([*(False for _ in names), True, True])
@@ -207,35 +232,31 @@ def read_steps(cases: list[dict[str, Any]]) -> list[Step]:
             continue
         left, also = [{*one} for one in case["wanted"]], {*case["also"]}
         for number, rows in enumerate(case["steps"]):
-            right = set().union(*left) | also if left else also | {NOTHING}
-            if all(NOTHING in one for one in left):
-                right.add(NOTHING)
-            tried = [
-                Alternative(KNOWN[row["effect"]], row["evidence"], row["asked"])
-                for row in rows
-                if row["evidence"] is not None  # of a noise, which no input explains
-            ]
-            found.append(Step(case, number, tried, right))
             added = next((row["effect"] for row in rows if row["added"]), "")
+            alone = {row["effect"] for row in rows} <= {CLAIM} and number + 1 < len(case["steps"])
+            if alone and not added:  # a given delay, which is judged first
+                continue
+            right = set().union(*left) | also if left else also | {NOTHING}
+            if case["gap"] < LEAST_GAP or all(NOTHING in one for one in left):
+                right.add(NOTHING)
+            tried = [Alternative(KNOWN[r["effect"]], r["evidence"]) for r in rows]
+            found.append(Step(case, number, tried, right))
             served = next((one for one in left if added in one), None)
             if served is not None:
                 left.remove(served)
-                # An equal of what was struck may leave something, or not.
-                also |= {NOTHING, ELSE} & {
-                    *(served & {ELSE}),
-                    *([NOTHING] if ELSE in served else []),
-                }
+                if ELSE in served:  # an equal of what was struck may leave something, or not
+                    also |= {NOTHING, ELSE}
             elif added not in also:
                 break
     return found
 
 
 def fit_map(steps: list[Step]) -> np.ndarray:
-    """Coefficients at the most probable truth, with a standard normal prior, and their signs."""
-    parts = [(describe_step(step.tried)[1], step.mask) for step in steps]
+    """Coefficients at the largest posterior: normal priors of standard deviation SD, and signs."""
+    parts = [(describe_features(step.tried)[1], step.mask) for step in steps]
 
     def loss(theta: np.ndarray) -> tuple[float, np.ndarray]:
-        total, slope = theta @ theta / 2, theta.copy()
+        total, slope = theta @ theta / (2 * SD**2), theta / SD**2
         for features, mask in parts:
             utility = features @ theta
             of_all, of_right = logsumexp(utility), logsumexp(utility[mask])
@@ -250,7 +271,7 @@ def fit_map(steps: list[Step]) -> np.ndarray:
 
 
 class Given(NamedTuple):
-    """The likeliest name of a step, what it was given, and whether it is right."""
+    """The name with the most evidence, its probability, and whether it is right."""
 
     step: Step
     name: str
@@ -259,16 +280,16 @@ class Given(NamedTuple):
 
 
 def judge_names(steps: list[Step], theta: np.ndarray) -> tuple[list[Given], float]:
-    """The likeliest name of each step, and the sum of the log losses."""
+    """The first name of each step, and the sum of the log losses."""
     given, loss = [], 0.0
     for step in steps:
         chances = find_chances(step.tried, dict(zip(COEFFICIENTS, theta, strict=True)))
         each = [name_probability(step.tried, chances, i) for i in range(len(step.tried))]
         if each:
-            best = int(np.argmax(chances.names))
+            best = int(np.argmax([one.evidence for one in step.tried]))
             name = step.tried[best].effect.name
             given.append(Given(step, name, each[best], name in step.right))
-        at, _ = describe_step(step.tried)
+        at, _ = describe_features(step.tried)
         shares = [*(chances.names[i] for i in at), chances.nothing, chances.something_else]
         loss -= np.log(np.array(shares)[step.mask].sum())
     return given, loss
@@ -366,6 +387,7 @@ def main(argv: list[str] | None = None) -> None:
     commands = parser.add_subparsers(dest="command", required=True)
     collecting = commands.add_parser("collect", help="run searches")
     collecting.add_argument("--cases", type=int, default=300, help="in all")
+    collecting.add_argument("--first", type=int, default=0, help="which to begin with")
     collecting.add_argument("--jobs", type=int, default=1, help="cases at a time")
     collecting.add_argument("--out", type=Path, default=CASES, help="JSON lines to append to")
     fitting = commands.add_parser("fit", help="fit the map and write its table")
@@ -373,7 +395,7 @@ def main(argv: list[str] | None = None) -> None:
     fitting.add_argument("--folder", type=Path, default=HERE.parent, help="of the repository")
     options = parser.parse_args(argv)
     if options.command == "collect":
-        collect(options.cases, options.jobs, options.out)
+        collect(plan(options.cases)[options.first :], options.jobs, options.out)
     else:
         steps = read_steps(read_cases(options.files))
         print(write_table(steps, options.folder))

@@ -5,7 +5,8 @@ evidence, "nothing", and "something else". Its few coefficients are fitted to ca
 known, by ``python -m benchmarks.calibrate``, which writes them to ``probability.json``.
 
 Evidence of tens of nats would be certainty if models had no errors. So what counts is the logarithm
-of how far it leads the other names.
+of how far it leads the other names. Where an effect acts was tried beside it, and made the figures
+of forms that the fit had not seen worse.
 """
 
 from __future__ import annotations
@@ -23,18 +24,12 @@ from ..effects.base import Effect
 
 TABLE = "probability.json"
 MOST_TIMES = 10  # the runs there are: nobody records more for one name
-# Of places that data tell apart; all others are behind the delay.
-FAMILIES = {"delay": "in time", "gain": "in time", "input": "of the error"}
-FAMILIES |= {"path": "path", "sum": "path"}
-BEHIND = "behind the delay"
 # Each coefficient, and the sign that the fit must keep: more evidence is never less probable.
+# "Nothing" has utility 0 where there is no evidence at all.
 COEFFICIENTS = {
-    **dict.fromkeys(sorted({*FAMILIES.values(), BEHIND}), 0),  # an effect of this family
-    "loop could not be asked": 0,
-    "lead over all others": 1,  # signed log(1 + nats)
-    "lead over what is not easily taken for it": 1,
-    "nothing": 0,
-    "nothing: log evidence of the best": -1,
+    "a name": 0,
+    "a name: lead": 1,  # over what is not easily taken for it; sign and log(1 + nats)
+    "nothing: evidence of the best": -1,  # log(1 + nats)
     "something else": 0,
     "something else: lead of a shape": 1,
 }
@@ -44,12 +39,11 @@ COEFFICIENTS = {
 class Alternative:
     """An effect that a step tried, and the least evidence that any judge grants it, in nats.
 
-    A free form stands for "something else". ``asked``: whether the closed loop could judge it.
+    A free form stands for "something else".
     """
 
     effect: Effect
     evidence: float
-    asked: bool = True
 
 
 class Chances(NamedTuple):
@@ -64,7 +58,7 @@ def find_chances(
     tried: Sequence[Alternative], coefficients: Mapping[str, float] | None = None
 ) -> Chances:
     """Probabilities of all that a step tried; coefficients are those of the table unless given."""
-    at, features = describe_step(tried)
+    at, features = describe_features(tried)
     known = load_table()["coefficients"] if coefficients is None else coefficients
     utility = features @ np.array([known[name] for name in COEFFICIENTS])
     shares = np.exp(utility - utility.max())
@@ -113,36 +107,22 @@ def with_prior(probability: Any, share: float) -> Any:
     return name / (name + other)
 
 
-def describe_step(tried: Sequence[Alternative]) -> tuple[list[int], np.ndarray]:
+def describe_features(tried: Sequence[Alternative]) -> tuple[list[int], np.ndarray]:
     """Which names have evidence, and a row of features for each, nothing, something else."""
     evidence = np.array([one.evidence for one in tried])
     free = np.array([one.effect.free_form for one in tried], dtype=bool)
     at = [i for i in range(len(tried)) if evidence[i] > 0 and not free[i]]
     best = max((evidence[i] for i in at), default=0.0)
     shape = max(evidence[free & (evidence > 0)], default=0.0)
-    rows = []
+    rows: list[dict[str, float]] = []
     for i in at:
-        one = tried[i]
-        others = [other for j, other in enumerate(tried) if j != i]
-        told = [other for other in others if not alike(other.effect, one.effect)]
-        rows.append(
-            {
-                FAMILIES.get(one.effect.place, BEHIND): 1.0,
-                "loop could not be asked": float(not one.asked),
-                "lead over all others": find_log_lead(one, others),
-                "lead over what is not easily taken for it": find_log_lead(one, told),
-            }
-        )
-    rows.append({"nothing": 1.0, "nothing: log evidence of the best": np.log1p(best)})
+        others = [one.evidence for one in tried if not alike(one.effect, tried[i].effect)]
+        lead = evidence[i] - max([0.0, *others])
+        rows.append({"a name": 1.0, "a name: lead": np.sign(lead) * np.log1p(abs(lead))})
+    rows.append({"nothing: evidence of the best": np.log1p(best)})
     lead = np.log1p(max(shape - best, 0.0))
     rows.append({"something else": 1.0, "something else: lead of a shape": lead})
     return at, np.array([[row.get(name, 0.0) for name in COEFFICIENTS] for row in rows])
-
-
-def find_log_lead(one: Alternative, others: Sequence[Alternative]) -> float:
-    """Sign and log(1 + size) of the nats by which one leads the best of some others, or zero."""
-    lead = one.evidence - max([0.0, *(other.evidence for other in others)])
-    return float(np.sign(lead) * np.log1p(abs(lead)))
 
 
 def alike(one: Effect, other: Effect) -> bool:

@@ -142,11 +142,7 @@ class SearchStep:
     @property
     def tried(self) -> list[Alternative]:
         """The effects that apply, for their probabilities."""
-        return [
-            Alternative(c.effect, c.least, np.isfinite(c.evidence.get(INSTRUMENTS, np.nan)))
-            for c in self.candidates
-            if c.evidence
-        ]
+        return [Alternative(c.effect, c.least) for c in self.candidates if c.evidence]
 
     def rank(self) -> None:
         """Put the best first, by the least evidence of all judges; the next is judged as well.
