@@ -332,60 +332,89 @@ def held(x, watched, period, threshold, phase):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def events_scanned(position, slope, y, known, points, matrices, damping, of_error, thin):
+def events_scanned(
+    position, slope, y, known, points, matrices, damping, of_error, thin, window, phases
+):
     """Squares that commands held by events leave of y, at many points, as ``held`` and
     ``second_order`` would; what the answers should come earlier, in seconds; and a gain on them.
 
     The rows of ``points`` are period in samples, threshold, ratio of the gains and factor of the
     command ``factor (position + ratio slope)``; events are of that, or of ``position``.
     ``damping`` is 2 zeta omega. Of each answer the best sum with its rate counts, on every
-    ``thin``-th row.
+    ``thin``-th row. Runs are cut into windows of that many samples. Where there are ``phases``,
+    each begins with a command as large as y that may change at the best of that many shares of the
+    period, and its first quarter does not count.
     """
     n, runs = position.shape
     out = np.empty((len(points), 3))
     q = matrices[0]
+    sums = np.zeros(6)
+    own = np.zeros(6)
+    best = np.zeros(6)
     for p in range(len(points)):
         period, threshold, ratio, factor = points[p]
-        yy = yr = rr = ty = tr = tt = 0.0
+        sums[:] = 0.0
         for j in range(runs):
-            due, value, seen = 0.0, 0.0, 0.0
-            z = v = before = last = 0.0  # of two rows ago, and of the row before
-            x0 = factor * (position[0, j] + ratio * slope[0, j])
-            for k in range(n):
-                i = max(k - 1, 0)
-                x1 = factor * (position[k, j] + ratio * slope[k, j])
-                w0 = position[i, j] if of_error else x0
-                w1 = position[k, j] if of_error else x1
-                now, since = value, i + 0.0
-                while k >= due:
-                    at = max(due, since)
-                    away = w0 + (at - i) * (w1 - w0) - seen
-                    if not abs(away) >= threshold:
-                        if not abs(w1 - seen) > threshold:
-                            break
-                        level = threshold if w1 > seen else -threshold
-                        at = min(at + (level - away) / (w1 - w0), k)
-                    new = x0 + (at - i) * (x1 - x0)
-                    now += min(k - at + 0.5, 1.0) * (new - value)
-                    last += max(k - at - 0.5, 0.0) * (new - value)
-                    value = new
-                    seen = w0 + (at - i) * (w1 - w0)
-                    due, since = at + period, at
-                x0 = x1
-                if k >= 2:  # the row before is complete
-                    z, v = (
-                        q[0] * z + q[1] * v + q[4] * before + q[8] * last,
-                        q[2] * z + q[3] * v + q[6] * before + q[10] * last,
-                    )
-                if k >= 1 and (k - 1) % thin == 0 and known[(k - 1) // thin, j]:
-                    rate, target = v - damping * z, y[(k - 1) // thin, j]
-                    yy += z * z
-                    yr += z * rate
-                    rr += rate * rate
-                    ty += target * z
-                    tr += target * rate
-                    tt += target * target
-                before, last = last, now
+            for begin in range(0, n, window):
+                end = min(begin + window, n)
+                most = -1.0
+                best[:] = 0.0
+                for phase in range(max(phases, 1)):
+                    due, value, seen = begin + 0.0, 0.0, 0.0
+                    counts = begin
+                    if phases > 0:
+                        due += phase * period / phases
+                        counts += (end - begin) // 4
+                        value = y[begin // thin, j]
+                        seen = position[begin, j] if of_error else value
+                    z, v, before, last = value, damping * value, value, value
+                    own[:] = 0.0
+                    i = max(begin - 1, 0)
+                    x0 = factor * (position[i, j] + ratio * slope[i, j])
+                    for k in range(begin, end):
+                        i = max(k - 1, begin)
+                        x1 = factor * (position[k, j] + ratio * slope[k, j])
+                        w0 = position[i, j] if of_error else x0
+                        w1 = position[k, j] if of_error else x1
+                        if i == k:
+                            w0, x0 = w1, x1
+                        now, since = value, i + 0.0
+                        while k >= due:
+                            at = max(due, since)
+                            away = w0 + (at - i) * (w1 - w0) - seen
+                            if not abs(away) >= threshold:
+                                if not abs(w1 - seen) > threshold:
+                                    break
+                                level = threshold if w1 > seen else -threshold
+                                at = min(at + (level - away) / (w1 - w0), k)
+                            new = x0 + (at - i) * (x1 - x0)
+                            now += min(k - at + 0.5, 1.0) * (new - value)
+                            last += max(k - at - 0.5, 0.0) * (new - value)
+                            value = new
+                            seen = w0 + (at - i) * (w1 - w0)
+                            due, since = at + period, at
+                        x0 = x1
+                        if k >= begin + 2:  # the row before is complete
+                            z, v = (
+                                q[0] * z + q[1] * v + q[4] * before + q[8] * last,
+                                q[2] * z + q[3] * v + q[6] * before + q[10] * last,
+                            )
+                        row = (k - 1) // thin
+                        if k > counts and (k - 1) % thin == 0 and known[row, j]:
+                            rate, target = v - damping * z, y[row, j]
+                            own[0] += z * z
+                            own[1] += z * rate
+                            own[2] += rate * rate
+                            own[3] += target * z
+                            own[4] += target * rate
+                            own[5] += target * target
+                        before, last = last, now
+                    explained = max(own[3], 0.0) ** 2 / own[0] if own[0] > 0.0 else 0.0
+                    if explained > most:
+                        most = explained
+                        best[:] = own
+                sums += best
+        yy, yr, rr, ty, tr, tt = sums
         det = yy * rr - yr * yr
         gain, along = 0.0, 0.0
         if det > 1e-9 * yy * rr:

@@ -86,11 +86,22 @@ class ErrorScan(Protocol):
         ``ordinary``. Needs a core that responds as a second-order system: an operator.
         """
 
-    def left_by_events(self, points: np.ndarray, seconds: float, of_error: bool) -> np.ndarray:
+    def left_by_events(
+        self,
+        points: np.ndarray,
+        seconds: float,
+        of_error: bool,
+        *,
+        ahead: float = 0.0,
+        window: float = np.inf,
+    ) -> np.ndarray:
         """What commands held between events leave of the squares, for many at once.
 
         A point has refractory time (s), threshold, ratio of the gains on rate and position, and
-        factor on the command; with ``of_error`` events are changes of the error. Gives, for each,
+        factor on the command; with ``of_error`` events are changes of the error. ``ahead`` is how
+        much shorter the delay is, in seconds, where the core estimates one. Runs may be cut into
+        windows (s), each of which begins as suits it best: events off in one do not move those of
+        others. Gives, for each,
         squares, seconds by which an earlier response leaves these, and factor on the command.
         Needs a core that responds as a second-order system: an operator.
         """

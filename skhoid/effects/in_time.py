@@ -106,18 +106,24 @@ KEPT_HOLDS = 10
 STARTS_EVENT = (0.02, 0.1, 0.2, 0.3, 0.4)
 STARTS_THRESHOLD = tuple(np.geomspace(0.05, 1.2, 9).tolist())
 ON_EVENTS = ("event", "error")
-HOLDS_EVENT = (0.04, 0.07, 0.09, 0.11, 0.13, 0.155, 0.185, 0.22, 0.26, 0.31)
-THRESHOLDS = tuple(np.geomspace(0.15, 1.3, 36).tolist())  # standard deviations
-RATIOS = tuple(np.geomspace(0.95, 1.6, 10).tolist())  # of gains, relative to a model without it
-RATIOS_OF_ERROR = (0.8, 1.1, 1.6)
-LEAST_RATIO = 0.1  # s
+HOLDS_EVENT = tuple(np.geomspace(0.04, 1.1, 48).tolist())
+THRESHOLDS = tuple(np.geomspace(0.08, 1.3, 10).tolist())  # standard deviations
+LEADS = tuple(np.geomspace(0.06, 2.0, 7).tolist())  # s, the ratio of the gains
+FOLLOWED_EVENTS = 3  # of what is best in windows, and of what is best in whole runs
+AHEAD = (0.0, 0.35, 0.7)  # of the refractory time, by which the delay is shorter
+# Windows and seconds of the runs, how many are kept, and the relative step to what is tried beside
+# these: an event that is off moves all later ones, so windows grow as what is tried gets finer.
+SCANS_EVENT = (
+    (4.0, 12.0, 600, 0.012),
+    (8.0, 24.0, 200, 0.012),
+    (16.0, np.inf, 60, 0.006),
+    (32.0, np.inf, 30, 0.003),
+    (np.inf, np.inf, 3, 0.0),
+)
 LAG_STEP = 0.04  # s, in which a shorter delay is tried
-SCANS_EVENT = (20.0, np.inf, np.inf, np.inf)  # s of the runs
 NO_HOLD = np.array([0.5, 1e-9])  # samples, and standard deviations
 HOPEFUL_EVENTS = 0.97  # of what the continuous command leaves
 HOPEFUL_CLOCK = 0.975
-KEPT_EVENTS = (250, 12, 6, 4)
-FINER_EVENT = (0.0, 0.03, 0.015)  # of thresholds and ratios, twice as much of times
 BESIDE = np.array([-1.0, 0.0, 1.0])
 CLOCK_OFF = 0.04  # of the time between ticks
 LONGEST_REST = 0.6  # s, the refractory time
@@ -242,54 +248,65 @@ class Intermittent(Effect):
         return float(error_of.left([x[:, :, None] for x in error_of.commands(seconds)], seconds)[0])
 
     def _scanned_events(self, error_of: ErrorScan, record: Record) -> list[dict[str, float]]:
-        """Refractory times, thresholds and ratios of the gains on a grid, then around its best.
+        """Refractory times, thresholds, leads and delays on a grid, then around its best.
 
-        Ratios, because the events of a command depend on them.
+        In short windows first, as an event that is off moves all later ones. A lead,
+        because the events of a command depend on it; a shorter delay, because a model without holds
+        has theirs in its own.
         """
         of_error = self.trigger == "error"
         parent, ordinary = error_of.parameters, error_of.ordinary
-        if not parent["K_e"] > 0 or not ordinary["K_e"] > 0:
+        if not ordinary["K_e"] > 0:
             return []
-        ratio = max(parent["K_edot"] / parent["K_e"], LEAST_RATIO)
         scale = record.sd("e" if of_error else "u")
-        ratios = RATIOS_OF_ERROR if of_error else RATIOS
-        mesh = np.meshgrid(HOLDS_EVENT, THRESHOLDS, ratios, indexing="ij")
-        points = np.stack([m.ravel() for m in mesh], axis=1) * np.array([1.0, scale, ratio])
-        whole, slope = error_of.commands(SCANS_EVENT[-1])
+        whole, slope = error_of.commands(np.inf)
         powers = [np.mean(whole * whole), np.mean(whole * slope), np.mean(slope * slope)]
 
-        def factor(ratio: Any) -> Any:
+        def factor(lead: Any) -> Any:
             """Factor that makes the command as large as the output."""
-            square = powers[0] + 2 * ratio * powers[1] + ratio**2 * powers[2]
+            square = powers[0] + 2 * lead * powers[1] + lead**2 * powers[2]
             return record.sd("u") / np.sqrt(square)
 
-        for i, seconds in enumerate(SCANS_EVENT):
-            table = np.c_[points, factor(points[:, 2])]
+        def left_by(points: np.ndarray, seconds: float, window: float) -> np.ndarray:
+            table = np.c_[points[:, :3], factor(points[:, 2])]
             if of_error:
                 table[:, 1] *= abs(ordinary["K_e"])
-            left = error_of.left_by_events(table, seconds, of_error)
-            if i == 0:
-                often = np.c_[np.tile(NO_HOLD * np.r_[record.dt, scale], (len(ratios), 1)), ratios]
-                often[:, 2] *= ratio
-                rows = np.c_[often, factor(often[:, 2])]
-                continuous = error_of.left_by_events(rows, seconds, of_error)[:, 0].min()
-                if left[:, 0].min() > HOPEFUL_EVENTS * continuous:
+            left = np.empty((len(points), 3))
+            for ahead in np.unique(points[:, 3]):
+                same = points[:, 3] == ahead
+                left[same] = error_of.left_by_events(
+                    table[same], seconds, of_error, ahead=ahead, window=window
+                )
+            return left
+
+        mesh = np.meshgrid(HOLDS_EVENT, THRESHOLDS, LEADS, AHEAD, indexing="ij")
+        points = np.stack([m.ravel() for m in mesh], axis=1) * [1.0, scale, 1.0, 1.0]
+        points[:, 3] = LAG_STEP * np.round(points[:, 3] * points[:, 0] / LAG_STEP)
+        points = np.unique(points, axis=0)
+        kept_points, kept_left = [], []
+        for window, seconds, kept, step in SCANS_EVENT:
+            left = left_by(points, seconds, window)
+            if window == SCANS_EVENT[0][0]:
+                often = np.array([[*NO_HOLD, lead, 0.0] for lead in LEADS])
+                often *= [record.dt, scale, 1.0, 1.0]
+                if left[:, 0].min() > HOPEFUL_EVENTS * left_by(often, seconds, window)[:, 0].min():
                     return []
-            first = np.argsort(left[:, 0])[: KEPT_EVENTS[i]]
+            first = np.argsort(left[:, 0])[:kept]
             best = points[first]
-            if i + 1 == len(SCANS_EVENT):
-                break
-            step = FINER_EVENT[i]
-            by = np.meshgrid(1 + 2 * step * BESIDE, 1 + step * BESIDE, 1 + step * BESIDE)
-            finer = np.stack([m.ravel() for m in by], axis=1) if step else np.ones((1, 3))
-            points = (best[:, None, :] * finer).reshape(-1, 3)
+            if window >= SCANS_EVENT[-2][0]:  # the longest windows, and whole runs
+                kept_points.append(best[:FOLLOWED_EVENTS])
+                kept_left.append(left[first[:FOLLOWED_EVENTS]])
+            by = np.meshgrid(1 + step * BESIDE, 1 + 4 * step * BESIDE, 1 + 8 * step * BESIDE)
+            finer = np.stack([m.ravel() for m in by] + [np.ones(27)], axis=1)
+            points = (best[:, None, :] * finer).reshape(-1, 4)
+        best, of_best = np.concatenate(kept_points), np.concatenate(kept_left)
         found = []
-        for (hold, threshold, r), (_, early, more) in zip(best, left[first], strict=True):
+        for (hold, threshold, lead, ahead), (_, early, more) in zip(best, of_best, strict=True):
             more = float(np.clip(more, 0.5, 2.0))
-            gain = more * ordinary["K_e"] * float(factor(r))
-            core = ordinary | {"K_e": gain, "K_edot": r * gain}
+            gain = more * ordinary["K_e"] * float(factor(lead))
+            core = ordinary | {"K_e": gain, "K_edot": lead * gain}
             if "tau_e" in core:
-                core = core | {"tau_e": core["tau_e"] - early}
+                core = core | {"tau_e": core["tau_e"] - ahead - early}
             change = {f"+{name}": core[name] - parent[name] for name in core}
             threshold *= 1.0 if of_error else more
             found.append(error_of.fitted({**change, "hold_time": hold, "threshold": threshold}))
@@ -314,7 +331,7 @@ class Intermittent(Effect):
             by = [1 + step * np.arange(-count, count + 1) for step, count in steps]
             finer = np.stack([m.ravel() for m in np.meshgrid(*by)], axis=1)
             points = np.repeat(points, len(finer), axis=0) * np.c_[finer, np.ones(len(finer))]
-            left = error_of.left_by_events(points, SCANS_EVENT[-1], of_error)
+            left = error_of.left_by_events(points, np.inf, of_error)
             first = int(np.argmin(left[:, 0]))
             points = points[first : first + 1]
         hold, threshold, ratio = points[0, :3]

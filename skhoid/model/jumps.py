@@ -81,6 +81,7 @@ class Tied(Simulator):
         return replace(fit, theta=theta, normal=normal, gradient=by.T @ fit.gradient)
 
 
+PHASES = 4  # of a refractory time, at which the first event of a window is tried
 FOLLOWED = 3  # iterations from a value that is scanned
 
 
@@ -189,9 +190,17 @@ class Scan:
         omega, zeta = (np.array([value]) for value in found)
         return _kernels.greybox.held_linearly(omega, zeta, dt), float(2 * zeta[0] * omega[0])
 
-    def left_by_events(self, points: np.ndarray, seconds: float, of_error: bool) -> np.ndarray:
+    def left_by_events(
+        self,
+        points: np.ndarray,
+        seconds: float,
+        of_error: bool,
+        *,
+        ahead: float = 0.0,
+        window: float = np.inf,
+    ) -> np.ndarray:
         simulator, short = self.on_first(seconds)
-        position, slope = self.commands(seconds)
+        position, slope = self.commands(seconds, ahead)
         dt = simulator.record.dt
         matrices, damping = self.matrices(dt)
         return _kernels.greybox.events_scanned(
@@ -204,6 +213,8 @@ class Scan:
             damping,
             of_error,
             short.thin,
+            short.thin * round(min(window, simulator.record.duration + dt) / dt / short.thin + 1),
+            0 if np.isinf(window) else PHASES,
         )
 
     def left(self, columns: Sequence[np.ndarray], seconds: float) -> np.ndarray:

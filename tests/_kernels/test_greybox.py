@@ -201,7 +201,7 @@ def test_a_scan_of_events_leaves_what_the_held_command_leaves(of_error):
     y = rng.standard_normal((100, 2)) * known
     points = np.array([[3.7, 1.3, 0.8, 0.6], [0.0, 0.4, 0.2, 1.5]])
     matrices = greybox.held_linearly(np.array([omega]), np.array([zeta]), dt)
-    args = (position, slope, y, known, points, matrices, 2 * zeta * omega, of_error, 2)
+    args = (position, slope, y, known, points, matrices, 2 * zeta * omega, of_error, 2, 200, 0)
     left = greybox.events_scanned(*args)
     for (period, threshold, ratio, factor), row in zip(points, left, strict=True):
         command = factor * (position + ratio * slope)
@@ -216,6 +216,21 @@ def test_a_scan_of_events_leaves_what_the_held_command_leaves(of_error):
         at = int(np.flatnonzero(points[:, 0] == period)[0])
         assert abs(again[at, 0]) < 1e-9 * (answer**2).sum()
         np.testing.assert_allclose(again[at, 1:], [0.0, 1.0], atol=1e-6)
+
+
+def test_windows_of_a_scan_of_events_begin_as_suits_them():
+    rng = np.random.default_rng(3)
+    position = np.cumsum(rng.standard_normal((400, 3)), axis=0)
+    slope, dt, omega, zeta = np.gradient(position, axis=0), 0.04, 9.0, 0.4
+    matrices = greybox.held_linearly(np.array([omega]), np.array([zeta]), dt)
+    period, threshold = 12.0, 0.5
+    kept = greybox.held(position, position, period, threshold, 5.0)  # events begin late
+    y = greybox.second_order(kept, np.zeros_like(kept), matrices, 0.0, 0.0, 1e9)
+    points = np.array([[period, threshold, 0.0, 1.0], [0.7 * period, threshold, 0.0, 1.0]])
+    args = (position, slope, y, np.ones_like(y, dtype=bool), points, matrices, 2 * zeta * omega)
+    whole = greybox.events_scanned(*args, False, 1, 400, 0)[:, 0]
+    right, wrong = greybox.events_scanned(*args, False, 1, 100, 4)[:, 0]
+    assert right < min(wrong, whole[0]) / 2
 
 
 @given(x=signals(), step=st.floats(0.01, 3.0))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import Effects, ErrorScan, Intermittent
 from skhoid.effects.catalogue import CLASSES
 from skhoid.model.cores import ARXCore, OperatorCore
@@ -63,3 +64,23 @@ def test_effects_ask_nothing_else(operator):
             for start in variant.scanned(scan, record) + variant.scanned_beside(scan, first):
                 assert {name for name in start if name[0] != "+"} == first.keys()
                 assert np.isfinite(list(start.values())).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "hold", "threshold"), [(1, 0.36, 0.045), (2, 0.6, 0.035)])
+def test_long_holds_between_events_are_found(seed, hold, threshold):
+    hidden = Intermittent(trigger="event", hold_time=hold, threshold=threshold)
+    X, y = make_tracking_runs(
+        "C1",
+        4,
+        channels=["e", "x", "f_t"],
+        remnant_intensity=0.05,
+        sampling_rate=50.0,
+        duration=60.0,
+        effects=hidden,
+        random_state=seed,
+    )
+    model = OperatorRegressor(effects=[Intermittent(trigger="event")]).fit(X, y)
+    found = model.parameters_["value"]
+    assert found["intermittent__hold_time"] == pytest.approx(hold, rel=0.04)
+    assert found["intermittent__threshold"] == pytest.approx(threshold, rel=0.15)
