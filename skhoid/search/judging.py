@@ -60,15 +60,15 @@ class Candidate:
     def known(self) -> dict[str, float]:
         """Nats of the judges that can know it.
 
-        Instruments see less of one effect than of another, and may only refuse: what they grant
-        ranks nothing. Rows that are held out, and the effect's numbers, have no nats to give, and
-        may take all.
+        Neither instruments nor likelihood are misled by the remnant, but instruments see less of
+        what is not linear, and the noise model of a likelihood takes up a part of what is: what
+        instruments grant counts by the more of both. Rows that are held out, and the effect's
+        numbers, have no nats to give, and may take all.
         """
-        known = {
-            judge: nats
-            for judge, nats in self.evidence.items()
-            if not np.isnan(nats) and (judge != INSTRUMENTS or nats <= THRESHOLD)
-        }
+        known = {judge: nats for judge, nats in self.evidence.items() if not np.isnan(nats)}
+        if known.get(INSTRUMENTS, -np.inf) > THRESHOLD:
+            judge = max(known.keys() & {INSTRUMENTS, LIKELIHOOD}, key=lambda name: known[name])
+            known = {judge: known[judge]}
         if self.refused is not None:
             known[NUMBERS] = 0.0
         if self.gain < (-self.least_gain if self.trace else self.least_gain):

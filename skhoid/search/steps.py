@@ -179,15 +179,15 @@ class SearchStep:
         """Ask judges that were not asked yet, as long as there is more than the ``least``."""
         c = candidate
         assert c.model is not None
-        if c.least > least and LIKELIHOOD not in c.evidence:
-            own = self.own_noise()
-            c.evidence[LIKELIHOOD] = np.nan if own is None else own.weigh(c.model)
         if c.least > least and INSTRUMENTS not in c.evidence:
             c.evidence[INSTRUMENTS] = (
                 np.nan
                 if self.instruments is None
                 else self.instruments.evidence(self.at_likelihood, c.model)
             )
+        if c.least > least and LIKELIHOOD not in c.evidence:
+            own = self.own_noise()
+            c.evidence[LIKELIHOOD] = np.nan if own is None else own.weigh(c.model)
 
     def _put_special_first(self) -> None:
         """Put a special case before the best, where that has nothing beyond it that counts."""

@@ -41,3 +41,14 @@ def test_without_target_or_element_nothing_is_known():
     X, y, _ = pursued("1/s", 1, n_runs=2, duration=20.0)
     data = EffectSearchCV(OperatorRegressor()).read_data(OperatorRegressor(), X[["e"]], y)
     assert InstrumentJudge.of(data.record, ASKED) is None
+
+
+@pytest.mark.slow
+def test_what_instruments_grant_counts_whatever_a_noise_model_takes_up():
+    X, y, _ = pursued("1/(s(s+1))", 4, feedforward=0.6, early=-0.1, n_runs=3)
+    search = EffectSearchCV(
+        OperatorRegressor(), effects=["feedforward"], controlled_element="1/(s(s+1))"
+    ).fit(X, y)
+    first = search.ranking_.iloc[0]
+    assert first["instruments"] > ASKED
+    assert first["evidence"] == np.nanmax([first["instruments"], first["likelihood"]])
