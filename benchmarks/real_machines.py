@@ -3,12 +3,14 @@
     pip install -e .
     python benchmarks/real_machines.py [--data ../shared/data] [name ...]
 
-Names: emps, drives, ankle, hydraulic; all by default. They need the folder of recordings that the
-package may not carry (its SOURCE.md files say where they come from); one that is missing is
-skipped. Exits with 1 if a claim below is not met:
+Names: emps, controller, drives, ankle, hydraulic; all by default. They need the folder of
+recordings that the package may not carry (its SOURCE.md files say where they come from); one that
+is missing is skipped. Exits with 1 if a claim below is not met:
 
 emps        friction alone is named; Fc within 15 % of 20.4 N; pulses record <= 7 mm/s rms
-drives      the magnitude at the sensor is named; last 200 samples <= 0.20, 0.40, 0.125 V rms
+controller  the gains of the axis' own controller, from error, position and voltage: within 5 %
+drives      the magnitude at the sensor is named; last 200 samples <= 0.20, 0.40, 0.125 V rms;
+            named too in the three records together, with and without a constant; <= 0.25, 0.45, 0.2
 ankle       the reflex with its right side is named in 4 of 5 at least, the other side in none;
             variance of the second half accounted for >= 93, 85, 95, 93, 87 %
 hydraulic   second half <= 0.50 rms (0.467 for the neural networks of the literature)
@@ -26,10 +28,12 @@ import pandas as pd
 from recorded import Claims, judged, searched
 from scipy.signal import decimate
 
-from skhoid import ARXRegressor, EffectSearchCV, SimulatedARX
+from skhoid import ARXRegressor, EffectSearchCV, OperatorRegressor, SimulatedARX
 
 FORCE_PER_VOLT = 35.15  # N/V
 COULOMB = 20.4  # N, by inverse dynamics
+GAINS = {"K_edot": 243.45, "K_e / K_edot": 160.18}  # V s/m and 1/s, of the benchmark's controller
+TOGETHER = (0.25, 0.45, 0.2)  # V rms
 EARLY = 4  # samples by which the ankle's torque may come before its position
 
 
@@ -77,9 +81,26 @@ def emps(data: Path) -> Claims:
     return claims
 
 
+def controller(data: Path) -> Claims:
+    """What drives the axis of EMPS: position and speed fed back, without integral action."""
+    table = pd.read_parquet(data / "emps" / "DATA_EMPS.parquet")
+    index = pd.Index(0.001 * np.arange(len(table)), name="time")
+    place, wanted = table["qm"].to_numpy(), table["qg"].to_numpy()
+    X = pd.DataFrame({"e": wanted - place, "x": place, "f_t": wanted}, index)
+    y = pd.Series(table["vir"].to_numpy(), index, name="u")
+    model = OperatorRegressor(controller="any").fit(X, y)
+    gains = model.parameters_["value"]
+    found = {"K_edot": gains["K_edot"], "K_e / K_edot": gains["K_e"] / gains["K_edot"]}
+    print(f"{model.controller_}, VAF {model.vaf_:.2f} %\n{model.parameters_}\n")
+    return [(f"form {model.controller_}", model.controller_ == "pi-d")] + [
+        (f"{name}: {found[name]:.1f}, is {value}", abs(found[name] / value - 1) <= 0.05)
+        for name, value in GAINS.items()
+    ]
+
+
 def drives(data: Path) -> Claims:
     table = pd.read_csv(data / "coupled_electric_drives" / "DATAPRBS.csv")
-    claims = []
+    claims = together(table)
     for record, most in ((1, 0.20), (2, 0.40), (3, 0.125)):
         x, y = table[f"u{record}"].to_numpy(), table[f"z{record}"].to_numpy()
         X, output = run_of(("u", "z"), x, y, 0.02, ("V", "V"))
@@ -94,6 +115,34 @@ def drives(data: Path) -> Claims:
                 "sensor_magnitude" in search.best_effects_,
             ),
             (f"record {record}: {error:.3f} V <= {most}", error <= most),
+        ]
+    return claims
+
+
+def together(table: pd.DataFrame) -> Claims:
+    """The three records at once, with and without a constant: their amplitudes differ."""
+
+    def of_rows(rows: slice) -> Any:
+        runs = []
+        for record in (1, 2, 3):
+            x, y = (table[f"{name}{record}"].to_numpy()[rows] for name in "uz")
+            index = pd.MultiIndex.from_product(
+                [[record], 0.02 * np.arange(x.size)], names=["run", "time"]
+            )
+            runs.append(pd.DataFrame({"u": x, "z": y}, index))
+        both = pd.concat(runs)
+        return both[["u"]], both["z"]
+
+    claims = []
+    (X, y), (whole, measured) = of_rows(slice(0, 300)), of_rows(slice(None))
+    for fit_intercept in (False, True):
+        search = searched(ARXRegressor(3, 3, 1, fit_intercept=fit_intercept), X, y)
+        error = (measured - search.predict(whole)).to_numpy().reshape(3, -1)[:, 300:]
+        errors = [rms(of_record) for of_record in error]
+        print(f"together, last 200 samples: {np.round(errors, 3)}")
+        claims += [
+            (f"together: {search.best_effects_}", "sensor_magnitude" in search.best_effects_),
+            (f"together: {np.round(errors, 3)}", all(np.array(errors) <= TOGETHER)),
         ]
     return claims
 
@@ -136,10 +185,11 @@ def hydraulic(data: Path) -> Claims:
 
 
 RECORDINGS: dict[str, Callable[[Path], Claims]] = {
-    f.__name__: f for f in (emps, drives, ankle, hydraulic)
+    f.__name__: f for f in (emps, controller, drives, ankle, hydraulic)
 }
 FOLDERS = {
     "emps": "emps",
+    "controller": "emps",
     "drives": "coupled_electric_drives",
     "ankle": "ankle_stiffness_reklab",
     "hydraulic": "hydraulic_actuator",

@@ -293,7 +293,7 @@ def quantile_knots(signal: np.ndarray) -> tuple[float, ...]:
     least = 0.01 * (found[-1] - found[0])
     kept = [found[0]]
     for value in found[1:]:
-        if value - kept[-1] >= least:
+        if value - kept[-1] >= least > 0.0:
             kept.append(value)
     if len(kept) < FEWEST and found[-1] > found[0]:  # a channel of a few levels
         kept = np.linspace(found[0], found[-1], FEWEST).tolist()

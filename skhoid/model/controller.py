@@ -15,7 +15,7 @@ from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import CoreKind, E, Parameter, S, U
 from ..effects.record import Record
 from .cores import OPERATORS_MOVE, Core, Ratio, find_pace
-from .fitting import Criterion, take_some_runs
+from .fitting import Criterion, some_runs
 from .likelihood import likeliest
 from .model import Model, fit_core
 from .simulator import Simulator
@@ -143,7 +143,9 @@ class ControllerCore(Core):
                 f"controller={self.form!r} acts on the measurement: X needs a column of role x, or "
                 "the error and the target."
             )
-        record = self.add_to_record(take_some_runs(record) or record)
+        some = some_runs(record, MOST_ROWS)
+        record = record if some is None else record.part(some, 1)
+        record = self.add_to_record(record.beginning(MOST_ROWS * record.dt))
         record = replace(record, initial=ESTIMATE)
         delays = (0.0, None) if self.fixed_delay is None else (self.fixed_delay,)
         forms = list_forms(record) if self.form is None else [self.form]
@@ -186,6 +188,7 @@ def list_forms(record: Record) -> list[str]:
     ]
 
 
+MOST_ROWS = 10_000  # that decide on the form
 ROUNDING = 1e-12  # of the output's variance, which numbers of seven digits leave
 DELAYS = (0.0, 2.0, 6.0)  # samples, to start from
 FILTERS = (1.0, 10.0)  # samples, of the time constant of a rate's filter, the same

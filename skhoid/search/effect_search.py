@@ -677,9 +677,8 @@ def _note_controller(data: SearchData) -> list[Note]:
     core: Any = data.prepared.core
     if core.kind != CoreKind.CONTROLLER:
         return []
-    text = (
-        f"a controller answers, {core.form.upper()}, with integral action: it is the linear model"
-    )
+    form = core.form.upper()
+    text = f"a controller answers, {form}: the linear model, with K_i on the integral of the error"
     return [Note("controller", text, hint='domain="human" takes a person instead')]
 
 

@@ -13,7 +13,9 @@ from skhoid.effects import Quantised
 @pytest.mark.parametrize("at", ["output", "command", "error"])
 def test_step_is_within_the_range(at):
     X, y = make_tracking_runs("C1", 2, duration=10.24, random_state=1)
-    model = OperatorRegressor(effects=[Quantised(at=at, form="behind", offset=0.0)], settling=0.0).fit(X, y)
+    model = OperatorRegressor(
+        effects=[Quantised(at=at, form="behind", offset=0.0)], settling=0.0
+    ).fit(X, y)
     step = model.parameter_table_["quantised__step"]
     seen = X["e"] if at == "error" else y
     assert step.max <= np.ptp(seen) / (1 if at == "error" else 2) * (1 + 1e-9)
