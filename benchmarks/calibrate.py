@@ -376,7 +376,7 @@ def draw_reliability(frame: pd.DataFrame, file: Path) -> None:
             ax.annotate(f"{n}", (at, low), (0, -9), textcoords="offset points", ha="center", size=7)
     ax.set(xlabel="probability given", ylabel="share that is right", xlim=(0.48, 1.02))
     ax.set_ylim(0, 1.03)
-    ax.legend(frameon=False, loc="upper left")
+    ax.legend(frameon=False, loc="lower left")
     figure.savefig(file, dpi=160, metadata={"Software": None})
     plt.close(figure)
 
