@@ -97,6 +97,13 @@ class LoopSimulator:
         """All runs at once, as their loop is solved together."""
         yield slice(None), self
 
+    def with_soft_corners(self, amount: float, only: str | None = None) -> Any:
+        """The same loop, with soft corners of effects that jump."""
+        soft = self._open_loop.with_soft_corners(amount, only)
+        if soft is self._open_loop:
+            return self
+        return LoopSimulator(self.core, soft.effects, self.record, self.loop)
+
     def on_record(self, record: Record) -> Any:
         """The same loop on another record."""
         return LoopSimulator(self.core, self.effects, record, self.loop)

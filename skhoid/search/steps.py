@@ -145,10 +145,7 @@ class SearchStep:
         return [Alternative(c.effect, c.least) for c in self.candidates if c.evidence]
 
     def rank(self) -> None:
-        """Put the best first, by the least evidence of all judges; the next is judged as well.
-
-        Evidence only falls as judges are asked, so that those of the first two places decide.
-        """
+        """Put the best first, by the evidence of all judges; the next is judged as well."""
         while True:
             self.candidates.sort(key=rank)
             leading = find_likeliest_alternatives(self.candidates)[:N_JUDGED]
