@@ -153,7 +153,10 @@ class JointParent:
             self.found.append(likeliest(simulator, starts, rate))
 
     def weigh(self, model: Model) -> float:
-        """Nats of a model over the parent; NaN without a maximum."""
+        """Nats of a model over the parent; NaN where that has no maximum itself.
+
+        None is granted to a model without one: nobody who is not misled by the remnant knows it.
+        """
         found = np.inf
         for at_parent, rate in zip(self.found, RATES, strict=True):
             found = float(np.minimum(found, self._at_rate(model, at_parent, rate)))
@@ -171,10 +174,12 @@ class JointParent:
             starts.append(start)
         larger = likeliest(simulator, starts, rate)
         if larger is None:
-            return np.nan
+            return np.nan if found is None else 0.0
         fewer = likeliest(parent, [larger[1][shared]], rate, known=found)
-        if fewer is None or fewer[0] < larger[0] - LOST:
+        if fewer is None:
             return np.nan
+        if fewer[0] < larger[0] - LOST:
+            return 0.0
         n = Criterion(simulator.record, rate=rate).n
         added = model.n_parameters - self.parent.n_parameters
         return (fewer[0] - larger[0] - added * float(np.log(n))) / 2

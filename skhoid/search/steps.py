@@ -60,7 +60,7 @@ from .statuses import Against, Reason
 
 PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power: less than ``LEAST_GAIN`` on the rows of the fit
-N_JUDGED = 2  # of the best candidates: the first, and the one it has to be told from
+N_JUDGED = 3  # of the best candidates: the first, and those it has to be told from
 
 
 class Progress:
@@ -145,7 +145,7 @@ class SearchStep:
         return [Alternative(c.effect, c.least) for c in self.candidates if c.evidence]
 
     def rank(self) -> None:
-        """Put the best first, by the evidence of all judges; the next is judged as well."""
+        """Put the best first, by the evidence of all judges; the next two are judged as well."""
         while True:
             self.candidates.sort(key=rank)
             leading = find_likeliest_alternatives(self.candidates)[:N_JUDGED]
