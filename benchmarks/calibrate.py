@@ -42,6 +42,7 @@ from skhoid.search.probability import (
     COEFFICIENTS,
     TABLE,
     Alternative,
+    alike,
     describe_features,
     find_chances,
     name_probability,
@@ -271,7 +272,7 @@ def fit_map(steps: list[Step]) -> np.ndarray:
 
 
 class Given(NamedTuple):
-    """The name with the most evidence, its probability, and whether it is right."""
+    """The name with the most evidence, its probability, and whether it or one like it is right."""
 
     step: Step
     name: str
@@ -287,8 +288,9 @@ def judge_names(steps: list[Step], theta: np.ndarray) -> tuple[list[Given], floa
         each = [name_probability(step.tried, chances, i) for i in range(len(step.tried))]
         if each:
             best = int(np.argmax([one.evidence for one in step.tried]))
-            name = step.tried[best].effect.name
-            given.append(Given(step, name, each[best], name in step.right))
+            effect = step.tried[best].effect
+            right = any(alike(effect, KNOWN[n]) for n in step.right & KNOWN.keys())
+            given.append(Given(step, effect.name, each[best], right))
         at, _ = describe_features(step.tried)
         shares = [*(chances.names[i] for i in at), chances.nothing, chances.something_else]
         loss -= np.log(np.array(shares)[step.mask].sum())

@@ -38,7 +38,7 @@ from ..text import Note, Summary
 from .data import Held, SearchData, held_columns, prepare_data, refit_on_rows, split_data
 from .leftover import JudgedRecord, SearchNumbers, measure_path
 from .limits import end_explained, find_limits
-from .path import Path, forward
+from .path import Path, find_path
 from .results import (
     SearchResult,
     compare_models,
@@ -98,7 +98,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     controlled_element : ControlledElement, LinearElement, str, system or None, default=None
         What the operator controls: ``"1/(s(s+1))"``, say, or a transfer function of SciPy or
         python-control. None estimates it from u and x where both are measured.
-    confidence : float, default=0.9
+    confidence : float, default=0.75
         Least probability of a name that is given; effects that are less probable are possible ones,
         which stand in for what is missing.
     max_effects : int, default=4
@@ -240,7 +240,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         display: str | None = None,
         controlled_element: Any = None,
         *,
-        confidence: float = 0.9,
+        confidence: float = 0.75,
         max_effects: int = 4,
         n_jobs: int | None = None,
         domain: str | None = None,
@@ -593,7 +593,7 @@ def search_effects(
     measured = np.where(prepared.known, y, np.nan)
     others = None if search.record is prepared.record else held
     ends = Ends(estimators, measured, recorded, others)
-    numbers, best = ends.numbers(search, prepared, forward(search, baseline, most))
+    numbers, best = ends.numbers(search, prepared, find_path(search, baseline, most))
     ended = find_unnamed(search, numbers, tries_all=tries_all)
     shape = fit_shape(ended, estimators.model, prepared, measured)
     return Found(ended.found, ended.ending, best, shape)

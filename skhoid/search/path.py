@@ -43,6 +43,17 @@ class Path:
         return {n: v for n, v in self.steps[0].at_least_error.values().items() if "__" not in n}
 
 
+def find_path(search: Search, baseline: Model, most: int) -> Path:
+    """What a search does, with the probability of each effect that was added."""
+    path = forward(search, baseline, most)
+    for name in path.added:
+        steps = [s for s in path.steps for c in s.candidates if c.name == name and c.passes]
+        for step in steps[-1:]:
+            one = next(c for c in step.candidates if c.name == name)
+            step.tell_chance(one, path.added)
+    return path
+
+
 def forward(search: Search, baseline: Model, most: int) -> Path:
     """Add the best effect as long as one counts; where several do, begin with the second best too.
 

@@ -23,13 +23,14 @@ import numpy as np
 from ..effects.base import Effect
 
 TABLE = "probability.json"
+CERTAIN = 25.0  # nats, twice what is asked: behind it errors of models count, and forms left out
 MOST_TIMES = 10  # the runs there are: nobody records more for one name
 # Each coefficient, and the sign that the fit must keep: more evidence is never less probable.
 # "Nothing" has utility 0 where there is no evidence at all.
 COEFFICIENTS = {
     "a name": 0,
     "a name: lead": 1,  # over what is not easily taken for it; sign and log(1 + nats)
-    "nothing: evidence of the best": -1,  # log(1 + nats)
+    "nothing: evidence of the best": -1,  # nats, up to ``CERTAIN``
     "something else": 0,
     "something else: lead of a shape": 1,
 }
@@ -119,7 +120,7 @@ def describe_features(tried: Sequence[Alternative]) -> tuple[list[int], np.ndarr
         others = [one.evidence for one in tried if not alike(one.effect, tried[i].effect)]
         lead = evidence[i] - max([0.0, *others])
         rows.append({"a name": 1.0, "a name: lead": np.sign(lead) * np.log1p(abs(lead))})
-    rows.append({"nothing: evidence of the best": np.log1p(best)})
+    rows.append({"nothing: evidence of the best": min(best, CERTAIN)})
     lead = np.log1p(max(shape - best, 0.0))
     rows.append({"something else": 1.0, "something else: lead of a shape": lead})
     return at, np.array([[row.get(name, 0.0) for name in COEFFICIENTS] for row in rows])

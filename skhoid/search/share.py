@@ -20,7 +20,7 @@ class Share(NamedTuple):
     Where the noise ceiling is not known, the gap reaches at least to what effects and free forms
     explain: the share is at most ``value``, and ``low`` is 0.
 
-    Attributes
+    Parameters
     ----------
     value, low, high : float
         From 0 to 1; NaN where no effect was added.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -138,6 +138,14 @@ class SearchStep:
     @cached_property
     def _parent_leak(self) -> LeakTest | None:
         return test_leak(self.at_likelihood)
+
+    def tell_chance(self, candidate: Candidate, found: Container[str]) -> None:
+        """Find the probability of a name beside others that are ``found``: they are no rivals."""
+        rivals = [
+            c for c in self.candidates if c.evidence and c is not candidate and c.name not in found
+        ]
+        tried = [Alternative(c.effect, c.least) for c in [candidate, *rivals]]
+        candidate.probability = name_probability(tried, find_chances(tried), 0)
 
     @property
     def tried(self) -> list[Alternative]:
