@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -17,15 +18,20 @@ from .judging import CLAIM, Candidate
 from .steps import Search, SearchStep, output_error_fit, unique_name
 
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
+ADDED = ("path", "sum")  # places where the order of effects changes nothing
 RIVAL = 0.5  # of the best's evidence, for another that is followed as the first
 
 
 @dataclass
 class Path:
-    """What a search did: its steps, and the model and effects it ended with."""
+    """What a search did: its steps, and the model and effects it ended with.
+
+    ``beside`` is the evidence of effects by their names beside all others, where it was asked.
+    """
 
     steps: list[SearchStep]
     model: Model
+    beside: dict[str, float] = field(default_factory=dict)
 
     @property
     def ids(self) -> list[str]:
@@ -45,13 +51,35 @@ class Path:
 
 def find_path(search: Search, baseline: Model, most: int) -> Path:
     """What a search does, with the probability of each effect that was added."""
-    path = forward(search, baseline, most)
+    path = order_by_worth(search, forward(search, baseline, most))
     for name in path.added:
         steps = [s for s in path.steps for c in s.candidates if c.name == name and c.passes]
         for step in steps[-1:]:
             one = next(c for c in step.candidates if c.name == name)
-            step.tell_chance(one, path.added)
+            step.tell_chance(one, path.added, path.beside.get(name, -np.inf))
     return path
+
+
+def order_by_worth(search: Search, path: Path) -> Path:
+    """The path with its effects in an order in which what costs held-out rows least comes last."""
+    names, model, last = path.added, path.model, []
+    while len(names) > 1:
+        fewer = {n: output_error_fit(search.fewer(model, n, path.core)) for n in names}
+        least = max(names, key=lambda name: search.refit(fewer[name]))
+        names, model, last = [n for n in names if n != least], fewer[least], [least, *last]
+    given = [name for name in path.model.effects.names if name not in path.added]
+    return replace(path, model=put_in_order(path.model, [*given, *names, *last]))
+
+
+def put_in_order(model: Model, names: Sequence[str]) -> Model:
+    """The same model, its effects in an order; maps of one place keep theirs, as signals pass."""
+    by_name = dict(model.effects.steps)
+    of_place: dict[str, list[str]] = {}
+    for name, effect in model.effects.steps:
+        of_place.setdefault(effect.place, []).append(name)
+    for place in ADDED:
+        of_place[place] = [name for name in names if by_name[name].place == place]
+    return in_order(model, [of_place[by_name[name].place].pop(0) for name in names])
 
 
 def forward(search: Search, baseline: Model, most: int) -> Path:
@@ -71,10 +99,7 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
             step = search.judge_candidates(baseline, [one])
         if step.best is not None:  # else it would only imitate what is missing
             freed = Path([step], output_error_fit(model))
-            path = drop_superfluous(search, follow(search, freed, most + 1), most)
-            names = [name for name, effect in path.model.effects if effect.name != CLAIM]
-            last = [name for name in path.model.effects.names if name not in names]
-            return replace(path, model=in_order(path.model, [*names, *last]))
+            return drop_superfluous(search, follow(search, freed, most + 1), most)
     first = search.step(baseline)
     path = Path([first], first.at_likelihood)
     if first.best is None or not most:
@@ -147,6 +172,7 @@ def drop_least(search: Search, path: Path) -> Path | None:
         fewer = output_error_fit(search.fewer(model, name, path.core))
         one = Candidate(name, effect, model=output_error_fit(model))
         step = search.judge_candidates(fewer, [one])
+        path.beside[name] = one.least
         if not one.passes:
             judged.append((one.least, one.gain, step.at_likelihood))
     if not judged:

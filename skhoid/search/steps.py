@@ -139,12 +139,16 @@ class SearchStep:
     def _parent_leak(self) -> LeakTest | None:
         return test_leak(self.at_likelihood)
 
-    def tell_chance(self, candidate: Candidate, found: Container[str]) -> None:
-        """Find the probability of a name beside others that are ``found``: they are no rivals."""
+    def tell_chance(self, candidate: Candidate, found: Container[str], beside: float) -> None:
+        """Find the probability of a name beside others that are ``found``: they are no rivals.
+
+        They may have hidden a part of it in this step; ``beside`` them it has other evidence.
+        """
         rivals = [
             c for c in self.candidates if c.evidence and c is not candidate and c.name not in found
         ]
-        tried = [Alternative(c.effect, c.least) for c in [candidate, *rivals]]
+        own = Alternative(candidate.effect, max(candidate.least, beside))
+        tried = [own, *(Alternative(c.effect, c.least) for c in rivals)]
         candidate.probability = name_probability(tried, find_chances(tried), 0)
 
     @property

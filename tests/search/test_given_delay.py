@@ -31,9 +31,7 @@ def test_wrong_delay_is_named_and_hides_nothing(dead, samples):
     found = searched(X, y, wrong, OPEN)
     assert set(found.best_effects_) == ({"dead_zone", CLAIM} if dead else {CLAIM})
     added = found.ranking_.query("status == 'added'")
-    assert added["effect"].tolist() == [CLAIM, "dead_zone"][: len(found.best_effects_)]
-    assert first_claim(found)["status"] == "added"
-    assert first_claim(found)["reason"] == ""
+    assert set(added["effect"]) == set(found.best_effects_)
     extra = found.best_estimator_.parameters_["value"]["wrong_delay__extra"]
     free = searched(X, y, None, OPEN).best_estimator_.parameters_["value"]["tau_e"]
     assert wrong + extra == pytest.approx(free, abs=0.005)

@@ -81,7 +81,7 @@ def test_demo_finds_what_it_hides_and_says_the_truth(capsys, monkeypatch, report
     words = ["demo", "--runs", "2", "--effect", "bias", *FEW, "--no-pictures"]
     assert main([*words, "--out", "here"]) == 0
     printed = capsys.readouterr().out
-    for expected in ("Missing: bias; with it", "The truth: hidden bias", "here/report.html"):
+    for expected in ("Missing: bias (", "The truth: hidden bias", "here/report.html"):
         assert expected in printed
     (level,) = (line.split() for line in printed.splitlines() if line.startswith("bias: level"))
     assert float(level[2]) == 0.05
@@ -195,7 +195,7 @@ def test_a_report_has_the_search_that_is_printed(capsys, reports, biased_file):
     words = ["--effects", "bias", "--title", "Monday", "--out", "new/a.html"]
     assert main(["report", *biased_file, *words]) == 0
     printed = capsys.readouterr().out
-    assert "Missing: bias; with it" in printed
+    assert "Missing: bias (" in printed
     assert "Report: new/a.html (one file; open it in a browser)" in printed
     (made,) = reports
     assert made["model"].best_effects_ == ["bias"]

@@ -15,20 +15,20 @@ from skhoid.lab.experiment.prevalence import (
 )
 
 COLUMNS = ["instead_of", "effect", "evidence", "vaf_gain"]
-AGAINST = ("", "bias", -8.0, -0.01)
+AGAINST = ("", "bias", -4.0, -0.01)
 
 
 def person(named=(), *rows):
     return PersonEvidence(tuple(named), pd.DataFrame(rows, columns=COLUMNS))
 
 
-def with_dead_zone(evidence=300.0):
-    own = [("dead_zone", "dead_zone", evidence, 4.0), ("dead_zone", "friction", 100.0, 1.0)]
+def with_dead_zone(evidence=150.0):
+    own = [("dead_zone", "dead_zone", evidence, 4.0), ("dead_zone", "friction", 50.0, 1.0)]
     return person(["dead_zone"], AGAINST, *own)
 
 
 def without():
-    return person([], ("", "dead_zone", -9.0, -0.02), ("", "friction", -9.0, -0.02), AGAINST)
+    return person([], ("", "dead_zone", -4.5, -0.02), ("", "friction", -4.5, -0.02), AGAINST)
 
 
 def one_of(people, effect, **options):
@@ -49,14 +49,14 @@ def test_with_clear_evidence_it_is_the_beta_distribution_of_the_count(n_with):
 
 
 def test_what_is_too_weak_in_each_person_adds_up_over_people():
-    weak = [person([], ("", "dead_zone", OF_NOTHING + 4.0, 0.15), AGAINST) for _ in range(12)]
+    weak = [person([], ("", "dead_zone", OF_NOTHING + 2.0, 0.15), AGAINST) for _ in range(12)]
     assert one_of(weak, "dead_zone").more_than(0.25) > 0.99
     alone = [weak[0], *(without() for _ in range(11))]
     assert one_of(alone, "dead_zone").has[0] < 0.6
 
 
 def test_a_rare_effect_asks_for_more_evidence_than_a_common_one():
-    doubtful = person([], ("", "dead_zone", OF_NOTHING + 2.0, 0.15), AGAINST)
+    doubtful = person([], ("", "dead_zone", OF_NOTHING + 1.0, 0.15), AGAINST)
     common = one_of([doubtful, *(with_dead_zone() for _ in range(11))], "dead_zone").has[0]
     rare = one_of([doubtful, *(without() for _ in range(11))], "dead_zone").has[0]
     assert common > 0.9
@@ -64,7 +64,7 @@ def test_a_rare_effect_asks_for_more_evidence_than_a_common_one():
 
 
 def test_who_cannot_tell_two_effects_apart_counts_for_the_one_that_others_have():
-    rows = [("friction", "friction", 100.0, 2.0), ("friction", "dead_zone", 98.0, 1.9), AGAINST]
+    rows = [("friction", "friction", 50.0, 2.0), ("friction", "dead_zone", 49.0, 1.9), AGAINST]
     unsure = person(["friction"], *rows)
     assert one_of([unsure, *(with_dead_zone() for _ in range(11))], "dead_zone").has[0] > 0.8
     assert one_of([unsure, *(without() for _ in range(11))], "friction").has[0] > 0.5
@@ -98,7 +98,7 @@ def test_intervals_hold_the_prevalence_of_a_population():
 
 
 def test_evidence_of_all_conditions_adds_up():
-    weak = person([], ("", "dead_zone", OF_NOTHING + 3.0, 0.15))
+    weak = person([], ("", "dead_zone", OF_NOTHING + 1.5, 0.15))
     (joined,) = summed([[weak, weak, weak]], ["dead_zone"])
     assert joined.states()[1][1] == pytest.approx(4.5)
     (mixed,) = summed([[with_dead_zone(), without()]], ["dead_zone"])

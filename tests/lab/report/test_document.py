@@ -88,7 +88,7 @@ def test_steps_show_the_error_path(made: Report, page: Node) -> None:
 def test_ranking_holds_each_candidate_with_a_reason(made: Report, page: Node) -> None:
     ranking = made.search.ranking_
     ranked = section(page, "ranking")
-    rows = [row for table in ranked.all("table") for row in table.rows]
+    rows = [row for table in ranked.all("table") for row in table.rows if len(row) == 9]
     tried = ranking[ranking["status"] != "does not apply"]
     assert len(rows) == len(tried)
     for cells, (_, row) in zip(rows, tried.iterrows(), strict=True):
@@ -166,7 +166,9 @@ def test_data_verdict_and_how_it_was_made(
 ) -> None:
     X, y = runs
     headline = page.one("p", class_="headline").text
-    assert headline.startswith("Missing: bias and dead zone; with them the held-out VAF rises from")
+    assert re.match(
+        r"Missing: bias( \(\d+ %\))? and dead zone( \(\d+ %\))?; with them the", headline
+    )
     (ceiling,) = [
         fact for fact in page.one("dl", class_="facts").all("div") if "noise ceiling" in fact.text
     ]
