@@ -135,7 +135,7 @@ class Shape(Told):
     ... )
     >>> search = EffectSearchCV(OperatorRegressor(), effects=["bias"]).fit(X, y)
     >>> search.shape_.sentence
-    'it acts on the error, as a function of its size and sign'
+    'it acts on the gains, as a function of the size of the error'
     """
 
     sentence: str
