@@ -170,7 +170,7 @@ class SearchStep:
         mark_confused(self.candidates)
         chances = find_chances(self.tried)
         for i, c in enumerate(c for c in self.candidates if c.evidence):
-            c.probability = name_probability(self.tried, chances, i)
+            c.probability = name_probability(self.tried, chances, i) if c.least > 0 else 0.0
 
     def judge(self, candidate: Candidate) -> None:
         """Ask all judges of a candidate, until one of them is against it."""
