@@ -60,15 +60,18 @@ class Candidate:
     def known(self) -> dict[str, float]:
         """Nats of the judges that can know it.
 
-        Neither instruments nor likelihood are misled by the remnant, but instruments see less of
-        what is not linear, and the noise model of a likelihood takes up a part of what is: what
-        instruments grant counts by the more of both. Rows that are held out, and the effect's
-        numbers, have no nats to give, and may take all.
+        Neither instruments nor likelihood are misled by the remnant, but the noise model of a
+        likelihood takes up a part of what is linear: what instruments grant counts by the more of
+        both. Of what jumps they see too little, and may only refuse. Rows that are held out, and
+        the effect's numbers, have no nats to give, and may take all.
         """
         known = {judge: nats for judge, nats in self.evidence.items() if not np.isnan(nats)}
         if known.get(INSTRUMENTS, -np.inf) > THRESHOLD:
-            judge = max(known.keys() & {INSTRUMENTS, LIKELIHOOD}, key=lambda name: known[name])
-            known = {judge: known[judge]}
+            judges = {INSTRUMENTS, LIKELIHOOD} if self.effect.smooth else {FREE_RUN, LIKELIHOOD}
+            granted = {name: known[name] for name in judges & known.keys()}
+            choose = max if self.effect.smooth else min
+            judge = choose(granted, key=lambda name: granted[name])
+            known = {judge: granted[judge]}
         if self.refused is not None:
             known[NUMBERS] = 0.0
         if self.gain < (-self.least_gain if self.trace else self.least_gain):

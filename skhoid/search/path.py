@@ -62,7 +62,8 @@ def find_path(search: Search, baseline: Model, most: int) -> Path:
 
 def order_by_worth(search: Search, path: Path) -> Path:
     """The path with its effects in an order in which what costs held-out rows least comes last."""
-    names, model, last = path.added, path.model, []
+    last: list[str] = []
+    names, model = path.added, path.model
     while len(names) > 1:
         fewer = {n: output_error_fit(search.fewer(model, n, path.core)) for n in names}
         least = max(names, key=lambda name: search.refit(fewer[name]))
