@@ -53,9 +53,11 @@ def find_path(search: Search, baseline: Model, most: int) -> Path:
     """What a search does, with the probability of each effect that was added."""
     path = order_by_worth(search, forward(search, baseline, most))
     for name in path.added:
-        steps = [s for s in path.steps for c in s.candidates if c.name == name and c.passes]
-        for step in steps[-1:]:
-            one = next(c for c in step.candidates if c.name == name)
+        passing = [
+            (step, c) for step in path.steps for c in step.candidates if c.name == name and c.passes
+        ]
+        if passing:
+            step, one = passing[-1]
             step.tell_chance(one, path.added, path.beside.get(name, -np.inf))
     return path
 

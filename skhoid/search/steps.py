@@ -168,9 +168,10 @@ class SearchStep:
         self.candidates = sorted(find_likeliest_alternatives(self.candidates), key=rank)
         self._put_special_first()
         mark_confused(self.candidates)
-        chances = find_chances(self.tried)
+        tried = self.tried
+        chances = find_chances(tried)
         for i, c in enumerate(c for c in self.candidates if c.evidence):
-            c.probability = name_probability(self.tried, chances, i) if c.least > 0 else 0.0
+            c.probability = name_probability(tried, chances, i) if c.least > 0 else 0.0
 
     def judge(self, candidate: Candidate) -> None:
         """Ask all judges of a candidate, until one of them is against it."""
@@ -204,7 +205,8 @@ class SearchStep:
         if general is None or general.trace:
             return
         for special in [c for c in self.candidates if general.effect.name in c.effect.within]:
-            self.judge(special) if special.passes else None
+            if special.passes:
+                self.judge(special)
             more = general.gain - special.gain
             as_good = find_lead(general, special) <= THRESHOLD or more < special.least_gain
             if special.passes and as_good:

@@ -32,6 +32,7 @@ from ..text import (
     p_text,
     quantity,
 )
+from .judging import THRESHOLD
 from .likeness import experiment_between
 from .path import Path
 from .probability import runs_to_decide
@@ -157,7 +158,7 @@ def tell_candidates(found: SearchResult, step: int, n: int) -> list[Block]:
     if step == 1 and len(fitted):
         text = (
             "gain: points of VAF on held-out rows. evidence: the least that any judge grants, in "
-            "nats, by which the search ranks; from 12.5 on an effect is added."
+            f"nats, by which the search ranks; from {THRESHOLD:g} on an effect is added."
         )
         blocks.append(Paragraph(text))
     if len(fitted) and not (candidates["status"] == Status.ADDED).any():
