@@ -170,8 +170,10 @@ def compare_models(result: SearchResult, best_effects: Any) -> dict[str, Any]:
     params: list[Any] = [{"effects": names} for names in models]
     params[-1] = {"effects": best_effects}
     tried = result.tried
-    for _, row in tried[tried["status"] != Status.ADDED].iterrows():
-        params.append({"effects": [*added[: row["step"] - 1], row["effect"]]})
+    in_step = tried["effect"].where(tried["status"] == Status.ADDED)
+    for _, row in tried[in_step.isna()].iterrows():
+        before = in_step[tried["step"] < row["step"]].dropna()
+        params.append({"effects": [*before, row["effect"]]})
         scores.append(row["vaf_after"])
         steps.append(row["step"])
     mean = np.array(scores, dtype=float)

@@ -179,12 +179,13 @@ class Found:
     def of(cls, search: EffectSearchCV, runs: Sequence[int]) -> Found:
         """What a fitted search says."""
         begun = [e.name for _, e in Effects.of(search.baseline_.effects)]
-        added = list(search.error_path_["effect"].iloc[1:])
+        parent = begun
         steps = []
-        for number, table in search.ranking_.groupby("step"):
-            before = [name.split("-")[0] for name in added[: int(number) - 1]]
+        for _, table in search.ranking_.groupby("step"):
             cards = [_card(row, search) for _, row in table.iterrows()]
-            steps.append(SearchStepKept([*begun, *before], cards))
+            steps.append(SearchStepKept(parent, cards))
+            added = table["effect"][table["status"] == Status.ADDED]
+            parent = [*parent, *(name.split("-")[0] for name in added)]
         ceiling = float(search.error_path_["ceiling"].iloc[-1])
         best = Effects.of(search.best_estimator_.effects)
         return cls(
