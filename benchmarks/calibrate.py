@@ -17,7 +17,6 @@ import sys
 import time
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import date
 from itertools import pairwise
 from pathlib import Path
@@ -37,7 +36,8 @@ from benchmarks.second.judge import controlled_element, stops_reached
 from skhoid import ControlledElement, EffectSearchCV, OperatorRegressor
 from skhoid.effects.catalogue import BY_NAME, FREE_FORMS
 from skhoid.model.model import Model
-from skhoid.search.path import CLAIM, forward
+from skhoid.search.effect_search import Estimators, search_effects
+from skhoid.search.judging import CLAIM
 from skhoid.search.probability import (
     COEFFICIENTS,
     TABLE,
@@ -108,23 +108,21 @@ def steps_of(hidden: Sequence[Any], number: int) -> int:
 
 
 def find_steps(search: EffectSearchCV, X: pd.DataFrame, y: pd.Series, most: int) -> list[Any]:
-    """What each step of a search finds, without what it makes of the end."""
+    """What each step of a search finds."""
     model = clone(search.estimator)
     with threadpool_limits(1):
         data = search.read_data(model, X, y)
         within = Search(data.prepared.core, data.record, search.list_effects(), data.folds)
-        parent = model.first_fit(data.searched)
-        calm = within.without_tremor(parent)
-        if calm is not None:
-            within, parent = calm, model.first_fit(replace(data.prepared, record=calm.record))
-        path = forward(within, parent, most)
+        estimators, output = Estimators(model), y.to_numpy(float)
+        found = search_effects(within, estimators, data, output, most, search.tries_all)
+    path = found.numbers.path
     after = [*(step.at_likelihood for step in path.steps[1:]), path.model]
     return [describe_step(*one) for one in zip(path.steps, after, strict=True)]
 
 
 def describe_step(step: SearchStep, after: Model) -> list[dict[str, Any]]:
-    """What the map needs of a step: effects that have evidence, and which of them was added."""
-    return [
+    """What the map needs of a step: what has evidence, a shape too, and which effect was added."""
+    names = [
         {
             "effect": c.effect.name,
             "evidence": round(c.least, 2),
@@ -134,6 +132,8 @@ def describe_step(step: SearchStep, after: Model) -> list[dict[str, Any]]:
         for c in step.candidates
         if c.evidence and c.least > 0
     ]
+    shapes = [(one.effect.name, round(one.evidence, 2)) for one in step.shape if one.evidence > 0]
+    return [*names, *({"effect": a, "evidence": b, "judge": "", "added": False} for a, b in shapes)]
 
 
 def search_blind(suite: str, number: int) -> tuple[list[Any], dict[str, Any]]:

@@ -15,6 +15,7 @@ from ..model.fitting import Criterion, minimise
 from ..model.model import Model, in_order
 from ..model.simulator import Simulator
 from .judging import CLAIM, Candidate
+from .probability import Alternative
 from .steps import Search, SearchStep, output_error_fit, unique_name
 
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
@@ -50,8 +51,19 @@ class Path:
 
 
 def find_path(search: Search, baseline: Model, most: int) -> Path:
-    """What a search does, with the probability of each effect that was added."""
-    path = order_by_worth(search, forward(search, baseline, most))
+    """What a search does."""
+    return order_by_worth(search, forward(search, baseline, most))
+
+
+def tell_chances(path: Path, shape: Effect | None, lead: float) -> None:
+    """Find the probability of each name beside a shape that leads the effects found by ``lead``.
+
+    Where nothing was found, ``lead`` is all its evidence, in nats.
+    """
+    for step in path.steps:
+        ahead = lead + (step.best.least if step.best else 0.0)
+        step.shape = [Alternative(shape, ahead)] if shape and (step.best or not path.added) else []
+        step.tell_chances()
     for name in path.added:
         passing = [
             (step, c) for step in path.steps for c in step.candidates if c.name == name and c.passes
@@ -59,7 +71,6 @@ def find_path(search: Search, baseline: Model, most: int) -> Path:
         if passing:
             step, one = passing[-1]
             step.tell_chance(one, path.added, path.beside.get(name, -np.inf))
-    return path
 
 
 def order_by_worth(search: Search, path: Path) -> Path:

@@ -32,7 +32,7 @@ COEFFICIENTS = {
     "a name: lead": 1,  # over what is not easily taken for it; sign and log(1 + nats)
     "nothing: evidence of the best": -1,  # nats, up to ``CERTAIN``
     "something else": 0,
-    "something else: lead of a shape": 1,
+    "something else: lead of a shape": 1,  # over the best name
 }
 
 
@@ -119,11 +119,15 @@ def describe_features(tried: Sequence[Alternative]) -> tuple[list[int], np.ndarr
     for i in at:
         others = [one.evidence for one in tried if not alike(one.effect, tried[i].effect)]
         lead = evidence[i] - max([0.0, *others])
-        rows.append({"a name": 1.0, "a name: lead": np.sign(lead) * np.log1p(abs(lead))})
+        rows.append({"a name": 1.0, "a name: lead": of_lead(lead)})
     rows.append({"nothing: evidence of the best": min(best, CERTAIN)})
-    lead = np.log1p(max(shape - best, 0.0))
-    rows.append({"something else": 1.0, "something else: lead of a shape": lead})
+    rows.append({"something else": 1.0, "something else: lead of a shape": of_lead(shape - best)})
     return at, np.array([[row.get(name, 0.0) for name in COEFFICIENTS] for row in rows])
+
+
+def of_lead(nats: float) -> float:
+    """A lead as it counts: tens of nats would be certainty if models had no errors."""
+    return float(np.sign(nats) * np.log1p(abs(nats)))
 
 
 def alike(one: Effect, other: Effect) -> bool:

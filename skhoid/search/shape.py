@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -41,7 +41,7 @@ from .judges import HeldOutRows, held_out
 from .judging import LEAST_GAIN, THRESHOLD, Candidate, find_lead
 from .leftover import SearchNumbers, find_gap, leftovers, points_gained
 from .likeness import acts_where, nearest_effects, nearest_table, recordings_for
-from .path import CLAIM
+from .path import CLAIM, tell_chances
 from .statuses import Ending, Verdict
 from .steps import Search, SearchStep, output_error_fit
 
@@ -579,13 +579,13 @@ def find_unnamed(search: Search, found: SearchNumbers, *, tries_all: bool) -> Un
     if found.path.steps[-1].best is not None:
         unknown = Verdict.CUT_SHORT
     ids = found.ids
-    rival, family = find_rival(search, found)
-    if rival is not None:
-        return Unnamed(found, Ending(unknown, [], ids), search, rival, family)
-    if found.added:
-        rival = find_beside(search, found)
-    if rival is not None:
-        return Unnamed(found, Ending(unknown, ids, []), search, rival)
+    rival = find_rival(search, found)
+    tell_chances(found.path, rival.form and rival.form.effect, rival.lead)
+    if rival.wins is not None:
+        return Unnamed(found, Ending(unknown, [], ids), search, rival.wins, rival.family)
+    further = find_beside(search, found) if found.added else None
+    if further is not None:
+        return Unnamed(found, Ending(unknown, ids, []), search, further)
     repeats = max([item.points for item in found.left if item.where == "repeats"], default=0.0)
     if counts(repeats, found):
         return Unnamed(found, Ending(unknown, ids, []), search)
@@ -597,8 +597,21 @@ def counts(points: float, found: SearchNumbers) -> bool:
     return points >= max(FLOOR * found.share, MISFIT * (points + found.gained))
 
 
-def find_rival(search: Search, found: SearchNumbers) -> tuple[Candidate | None, str | None]:
-    """The form that explains data better than the effects found; and the effect at its place."""
+class Rival(NamedTuple):
+    """The form that leads, and by how many nats over the effects found, or over nothing.
+
+    ``wins`` is the form that explains the data better than they do, if one does, and ``family`` the
+    effect at its place.
+    """
+
+    wins: Candidate | None = None
+    family: str | None = None
+    form: Candidate | None = None
+    lead: float = -np.inf
+
+
+def find_rival(search: Search, found: SearchNumbers) -> Rival:
+    """The form that rivals the effects found."""
     baseline = found.steps[0].at_least_error
     named = named_candidate(found)
     hints = [h for h in find_hints(search, baseline) if h.points > HOPEFUL * found.gained]
@@ -607,17 +620,18 @@ def find_rival(search: Search, found: SearchNumbers) -> tuple[Candidate | None, 
         there = [hint for hint in hints if acts_like(hint.effect, named, baseline)][:1]
         tried += [hint for hint in there if hint not in tried]
     if not tried:
-        return None, None
+        return Rival()
     forms = list_candidates(search, baseline, tried)
     step = judge_forms(search, baseline, [*forms, *([named] if named else [])])
     best = find_best(search, step, named)
     if best is None or not counts(best.gain, found):
-        return None, None
+        return Rival()
     if named is None:
-        return best, None
+        return Rival(best, None, best, best.least)
     judge_refitted(search, step, named)
-    if lead(best, named) <= THRESHOLD:
-        return None, None
+    by = lead(best, named)
+    if by <= THRESHOLD:
+        return Rival(None, None, best, by)
     own = [
         one
         for one in step.candidates
@@ -626,9 +640,9 @@ def find_rival(search: Search, found: SearchNumbers) -> tuple[Candidate | None, 
     for one in own[:1]:
         judge_refitted(search, step, one)
         if lead(best, one) <= THRESHOLD:
-            missed = one.gain - named.gain
-            return (one, named.effect.name) if missed > MISFIT * one.gain else (None, None)
-    return best, None
+            fails = one.gain - named.gain > MISFIT * one.gain
+            return Rival(one, named.effect.name, best, by) if fails else Rival(None, None, best, by)
+    return Rival(best, None, best, by)
 
 
 def find_best(search: Search, step: SearchStep, named: Candidate | None = None) -> Candidate | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import Any
 
@@ -124,6 +124,7 @@ class SearchStep:
     instruments: InstrumentJudge | None
     refit: Callable[[Model], float]
     own_noise: Callable[[], JointParent | None]
+    shape: list[Alternative] = field(default_factory=list)
 
     @property
     def refitted_vaf(self) -> float:
@@ -139,6 +140,12 @@ class SearchStep:
     def _parent_leak(self) -> LeakTest | None:
         return test_leak(self.at_likelihood)
 
+    def tell_chances(self) -> None:
+        """Find the probability of each name, as if nothing else were found."""
+        chances = find_chances(self.tried)
+        for i, c in enumerate(c for c in self.candidates if c.evidence):
+            c.probability = name_probability(self.tried, chances, i) if c.least > 0 else 0.0
+
     def tell_chance(self, candidate: Candidate, found: Container[str], beside: float) -> None:
         """Find the probability of a name beside others that are ``found``: they are no rivals.
 
@@ -148,13 +155,14 @@ class SearchStep:
             c for c in self.candidates if c.evidence and c is not candidate and c.name not in found
         ]
         own = Alternative(candidate.effect, max(candidate.least, beside))
-        tried = [own, *(Alternative(c.effect, c.least) for c in rivals)]
+        tried = [own, *(Alternative(c.effect, c.least) for c in rivals), *self.shape]
         candidate.probability = name_probability(tried, find_chances(tried), 0)
 
     @property
     def tried(self) -> list[Alternative]:
-        """The effects that apply, for their probabilities."""
-        return [Alternative(c.effect, c.least) for c in self.candidates if c.evidence]
+        """The effects that apply and the shape, for their probabilities."""
+        applying = [Alternative(c.effect, c.least) for c in self.candidates if c.evidence]
+        return [*applying, *self.shape]
 
     def rank(self) -> None:
         """Put the best first, by the evidence of all judges; the next two are judged as well."""
@@ -168,10 +176,7 @@ class SearchStep:
         self.candidates = sorted(find_likeliest_alternatives(self.candidates), key=rank)
         self._put_special_first()
         mark_confused(self.candidates)
-        tried = self.tried
-        chances = find_chances(tried)
-        for i, c in enumerate(c for c in self.candidates if c.evidence):
-            c.probability = name_probability(tried, chances, i) if c.least > 0 else 0.0
+        self.tell_chances()
 
     def judge(self, candidate: Candidate) -> None:
         """Ask all judges of a candidate, until one of them is against it."""

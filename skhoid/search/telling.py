@@ -303,8 +303,8 @@ def note_more_runs(path: Path, names: Sequence[str], n_runs: int, confidence: fl
     """How many more runs like these would make possible names probable enough, if they are."""
     notes = []
     for step in path.steps:
-        for i, one in enumerate(step.tried):
-            if one.effect.name not in names or not step.candidates[i].passes:
+        for i, one in enumerate(c for c in step.candidates if c.evidence):
+            if one.effect.name not in names or not one.passes:
                 continue
             more = runs_to_decide(step.tried, i, n_runs, confidence)
             runs = (
@@ -312,7 +312,7 @@ def note_more_runs(path: Path, names: Sequence[str], n_runs: int, confidence: fl
                 if more is None
                 else (f"about {counted(more, 'more run')} like these would decide")
             )
-            chance = f"{100 * step.candidates[i].probability:.0f} %"
+            chance = f"{100 * one.probability:.0f} %"
             text = f"{title_of(one.effect.name)} is possible ({chance})"
             notes.append(Note("possible", f"{text}: {runs}"))
     return notes
