@@ -188,6 +188,7 @@ class SearchStep:
                 c.refused = find_why_zero(c)
         if c.passes and not c.refit:
             c.refused = find_leak(test_leak(c.model), self._parent_leak)
+        if c.passes and not c.refit:
             c.gain, c.refit = self.refit(c.model) - self.refitted_vaf, True
 
     def ask_all(self, candidate: Candidate, least: float = -np.inf) -> None:
