@@ -36,6 +36,7 @@ from ..regression import units_of
 from ..runs import fingerprint_of
 from ..text import Note, Summary
 from .data import Held, SearchData, held_columns, prepare_data, refit_on_rows, split_data
+from .judging import LEAST_GAIN
 from .leftover import JudgedRecord, SearchNumbers, measure_path
 from .limits import end_explained, find_limits
 from .path import Path, find_path
@@ -359,7 +360,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         ranking = ranking_table(numbers, prepared, self.display)
         path = error_path(numbers, prepared)
         last = path.iloc[-1]
-        ending = name_if_sure(found.ending, numbers.path, self.confidence)
+        ending = name_if_sure(found.ending, numbers, self.confidence)
         ending = end_explained(ending, last["vaf"], last["ceiling"], numbers.share)
         notes = [*_note_searched(data), *_note_controller(data), *note_changes(numbers.changes)]
         n_runs = len(data.searched_runs)
@@ -599,16 +600,23 @@ def search_effects(
     return Found(ended.found, ended.ending, best, shape)
 
 
-def name_if_sure(ending: Ending, path: Path, confidence: float) -> Ending:
-    """The end of a search whose names are given only where they are as probable as asked."""
-    tried = [c for step in path.steps for c in step.candidates if c.passes]
+def name_if_sure(ending: Ending, numbers: SearchNumbers, confidence: float) -> Ending:
+    """The end of a search whose names are given only where they are as probable as asked.
+
+    What gains nothing before another is added is no surer than that.
+    """
+    tried = [c for step in numbers.path.steps for c in step.candidates if c.passes]
     chances = {c.effect.name: c.probability for c in tried}
-    sure = [name for name in ending.named if not chances.get(name, 1.0) < confidence]
-    if len(sure) == len(ending.named):
+    unsure = [name for name in ending.named if chances.get(name, 1.0) < confidence]
+    if not unsure:
         return ending
-    unsure = [name for name in ending.named if name not in sure]
+    gains = np.diff([step.vaf for step in numbers.steps])
+    for i in reversed(range(len(gains))):
+        if gains[i] < LEAST_GAIN * numbers.share and {*numbers.ids[i + 1 :]} & {*unsure}:
+            unsure.append(numbers.ids[i])
+    sure = [name for name in ending.named if name not in unsure]
     verdict = Verdict.POSSIBLE if ending.verdict is Verdict.FOUND else ending.verdict
-    return Ending(verdict, sure, [*unsure, *ending.stand_ins])
+    return Ending(verdict, sure, [n for n in (*ending.named, *ending.stand_ins) if n not in sure])
 
 
 @dataclass(frozen=True)
