@@ -20,8 +20,10 @@ from .statuses import Against, Reason
 # (log 100 = 4.6), and model errors, which no likelihood knows, reach 8 nats in runs with nothing
 # hidden (both blind trials, development seeds).
 THRESHOLD = 12.5
-LEAST_GAIN_OF_DELAY = 0.6  # points: a given delay that is a little off makes up for much else
 LEAST_GAIN = 0.2  # points of VAF on held-out rows: what sensors and simulation are off by
+# Points by which simulations with other steps and filters differ, at most: a given delay that is a
+# little off makes up for as much, and so does a free shape.
+FLOOR = 0.6
 SURE = 3.0  # standard errors, by which an effect's size is off that at which it does nothing
 CLAIM = "wrong_delay"  # the effect by which a given delay is freed
 AT_ZERO = 1e-9  # rounding of a bound

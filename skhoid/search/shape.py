@@ -38,7 +38,7 @@ from ..text import Document, Paragraph, TextTable, Told, number
 from .data import refit_on_rows
 from .formulas import Fitted, find_formula
 from .judges import HeldOutRows, held_out
-from .judging import LEAST_GAIN, THRESHOLD, Candidate, find_lead
+from .judging import FLOOR, LEAST_GAIN, THRESHOLD, Candidate, find_lead
 from .leftover import SearchNumbers, find_gap, leftovers, points_gained
 from .likeness import acts_where, nearest_effects, nearest_table, recordings_for
 from .path import CLAIM, tell_chances
@@ -64,7 +64,6 @@ AS_GOOD = 0.05  # points, by which held-out rows hardly speak against more knots
 APART = 3.0  # nats, odds of 20 to 1, by which forms are told apart
 HOPEFUL = 0.5  # of what the effects found gain: at least what a form explains, linearised
 MISFIT = 0.1  # share of what is explained, that a name may miss of its own form
-FLOOR = 0.6  # points of VAF, that simulations with other steps and filters differ by
 N_POINTS = 101  # of a curve
 N_DRAWS = 4000
 LEVEL = 0.95  # of the band

@@ -40,10 +40,10 @@ from .judges import (
 )
 from .judging import (
     CLAIM,
+    FLOOR,
     FREE_RUN,
     INSTRUMENTS,
     LEAST_GAIN,
-    LEAST_GAIN_OF_DELAY,
     LIKELIHOOD,
     THRESHOLD,
     TRACE,
@@ -359,7 +359,7 @@ class Search:
             ratio = n * np.log(max(at_likelihood.sse, 1e-300) / max(c.model.sse, 1e-300))
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
-            least = LEAST_GAIN_OF_DELAY if c.effect.name == CLAIM else LEAST_GAIN
+            least = FLOOR if c.effect.name == CLAIM else LEAST_GAIN
             c.least_gain = least * self.share
             c.refused = find_why_unnamed(c)
         step = SearchStep(
