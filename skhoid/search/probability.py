@@ -117,8 +117,8 @@ def describe_features(tried: Sequence[Alternative]) -> tuple[list[int], np.ndarr
     shape = max(evidence[free & (evidence > 0)], default=0.0)
     rows: list[dict[str, float]] = []
     for i in at:
-        others = [one.evidence for one in tried if not alike(one.effect, tried[i].effect)]
-        lead = evidence[i] - max([0.0, *others])
+        rivals = [evidence[j] for j in at if not alike(tried[j].effect, tried[i].effect)]
+        lead = evidence[i] - max([0.0, *rivals])
         rows.append({"a name": 1.0, "a name: lead": of_lead(lead)})
     rows.append({"nothing: evidence of the best": min(best, CERTAIN)})
     rows.append({"something else": 1.0, "something else: lead of a shape": of_lead(shape - best)})

@@ -599,6 +599,8 @@ def counts(points: float, found: SearchNumbers) -> bool:
 class Rival(NamedTuple):
     """The form that leads, and by how many nats over the effects found, or over nothing.
 
+    A form at the place of the first of them leads only if that one's own form fails.
+
     ``wins`` is the form that explains the data better than they do, if one does, and ``family`` the
     effect at its place.
     """
@@ -629,19 +631,19 @@ def find_rival(search: Search, found: SearchNumbers) -> Rival:
         return Rival(best, None, best, best.least)
     judge_refitted(search, step, named)
     by = lead(best, named)
-    if by <= THRESHOLD:
-        return Rival(None, None, best, by)
     own = [
         one
         for one in step.candidates
-        if one is not named and acts_like(one.effect, named, baseline)
+        if by > 0.0 and one is not named and acts_like(one.effect, named, baseline)
     ]
     for one in own[:1]:
         judge_refitted(search, step, one)
-        if lead(best, one) <= THRESHOLD:
-            fails = one.gain - named.gain > MISFIT * one.gain
-            return Rival(one, named.effect.name, best, by) if fails else Rival(None, None, best, by)
-    return Rival(best, None, best, by)
+        elsewhere = lead(best, one)
+        fails = one.gain - named.gain > MISFIT * one.gain
+        if fails and elsewhere <= THRESHOLD < by:
+            return Rival(one, named.effect.name, best, by)
+        by = min(by, elsewhere)  # of what is as good at the same place the name is one
+    return Rival(best if by > THRESHOLD else None, None, best, by)
 
 
 def find_best(search: Search, step: SearchStep, named: Candidate | None = None) -> Candidate | None:
