@@ -24,6 +24,8 @@ from ..effects.base import Effect
 
 TABLE = "probability.json"
 CERTAIN = 25.0  # nats, twice what is asked: behind it errors of models count, and forms left out
+LITTLE = 1e-9  # nats, in the place of none: names with none are not weighed
+MOST_ASKED = 1e4  # nats: what strong effects in long records have
 MOST_TIMES = 10  # the runs there are: nobody records more for one name
 # Each coefficient, and the sign that the fit must keep: more evidence is never less probable.
 # "Nothing" has utility 0 where there is no evidence at all.
@@ -89,23 +91,29 @@ def runs_to_decide(
     return None
 
 
-def with_prior(probability: Any, share: float) -> Any:
-    """Probability of a name, where an effect is missing in another share of recordings.
+def find_needed(effect: Effect, confidence: float) -> float:
+    """Nats from which an effect without rivals is as probable as asked; infinite where none are."""
+    nats = np.geomspace(1.0, MOST_ASKED, 100)
+    found = [find_chances([Alternative(effect, one)]).names[0] for one in nats.tolist()]
+    return float(np.append(nats, np.inf)[np.searchsorted(found, confidence)])
 
-    Parameters
-    ----------
-    probability : float or array
-        As ``ranking_`` has it, which implies the share in the cases of the table.
-    share : float
-        In recordings like yours.
 
-    Returns
-    -------
-    probability : float or array
+def log_factor(effect: Effect, evidence: float) -> float:
+    """Logarithm of the Bayes factor of an effect with so many nats against nothing.
+
+    The probabilities without the odds that they begin with, the shares of the cases of the table.
     """
-    usual = load_table()["shares"]["name"]
-    name, other = probability * share / usual, (1 - probability) * (1 - share) / (1 - usual)
-    return name / (name + other)
+    chances = find_chances([Alternative(effect, max(evidence, LITTLE))])
+    shares = load_table()["shares"]
+    odds = chances.names[0] / chances.nothing
+    return float(np.log(odds * shares["nothing"] / shares["name"]))
+
+
+def log_lead(one: tuple[Effect, float], other: tuple[Effect, float]) -> float:
+    """Logarithm of the odds of an effect with its evidence against another in its place."""
+    tried = [Alternative(effect, max(evidence, LITTLE)) for effect, evidence in (one, other)]
+    names = find_chances(tried).names
+    return float(np.log(names[0] / names[1]))
 
 
 def describe_features(tried: Sequence[Alternative]) -> tuple[list[int], np.ndarray]:

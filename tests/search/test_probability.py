@@ -15,9 +15,10 @@ from skhoid.search.probability import (
     Alternative,
     find_chances,
     load_table,
+    log_factor,
+    log_lead,
     name_probability,
     runs_to_decide,
-    with_prior,
 )
 
 TRIED = [effects.DeadZone(), effects.Feedforward(), effects.Backlash(), effects.Stiction()]
@@ -76,12 +77,20 @@ def test_more_runs_decide_what_few_leave_open():
     assert runs_to_decide(step, 0, n_runs=3, confidence=1.0) is None
 
 
-def test_the_prior_changes_the_odds():
-    usual = load_table()["shares"]["name"]
-    assert with_prior(0.8, usual) == pytest.approx(0.8)
-    odds = with_prior(0.8, 0.1) / (1 - with_prior(0.8, 0.1))
-    assert odds == pytest.approx(4 * (0.1 / 0.9) / (usual / (1 - usual)))
-    assert np.all(np.diff([with_prior(0.8, share) for share in (0.1, 0.5, 0.9)]) > 0)
+def test_the_factor_is_what_evidence_makes_of_the_odds_against_nothing():
+    chances = find_chances([Alternative(TRIED[0], 40.0)])
+    shares = load_table()["shares"]
+    odds = chances.names[0] / chances.nothing / (shares["name"] / shares["nothing"])
+    assert log_factor(TRIED[0], 40.0) == pytest.approx(np.log(odds))
+    found = [log_factor(TRIED[0], nats) for nats in (-5.0, 0.0, 5.0, 20.0, 200.0)]
+    assert found[0] == found[1] < 0 < found[3]
+    assert np.all(np.diff(found[1:]) > 0)
+
+
+def test_the_lead_is_of_one_over_the_other_in_its_place():
+    one, other = (TRIED[0], 60.0), (TRIED[1], 50.0)
+    assert log_lead(one, other) > 0
+    assert log_lead(one, other) == pytest.approx(-log_lead(other, one))
 
 
 def test_the_table_says_where_it_comes_from():

@@ -22,7 +22,7 @@ from ..._sklearn import Interval, fit_context
 from ...effects import Effect, Effects, title_of, titles_of
 from ...model import simulated_model
 from ...pipelines import taken_apart
-from ...search import EVIDENCE_COLUMNS, Status, evidence_of
+from ...search import EVIDENCE_COLUMNS, Status, evidence_of, log_factor
 from ...text import Document, Item, Items, Note, Notes, Paragraph, Summary, counted, p_text
 from ..studies.identity import described
 from ..studies.store import Store, uniform
@@ -31,7 +31,7 @@ from .groups import ALL, Group, listed, read_groups
 from .identify import identify_people
 from .mixed import holm
 from .people import COLUMNS as PEOPLE_COLUMNS
-from .prevalence import PersonEvidence, Prevalence, log_factor, prevalences, summed
+from .prevalence import PersonEvidence, Prevalence, prevalences, summed
 
 STANDS_IN = "unknown"
 
@@ -74,17 +74,18 @@ def list_candidates(searches: list[EffectSearchCV]) -> list[Effect]:
     """
     named = {name for search in searches for name in search.best_effects_} - {STANDS_IN}
     total: dict[str, float] = {}
+    tried = {one.name: one for one in searches[0].list_effects()}
     for search in searches:
         rows = search.ranking_
         last = rows[(rows["step"] == rows["step"].max()) & (rows["status"] != Status.REFUSED)]
         for _, row in last.iterrows():
             known = np.isfinite(row["evidence"]) and row["effect"] not in search.best_effects_
             if known:
-                factor = log_factor(float(row["evidence"]), float(row["vaf_gain"]))
+                factor = log_factor(tried[row["effect"]], float(row["evidence"]))
                 total[row["effect"]] = total.get(row["effect"], 0.0) + factor
     suggested = {name for name, factor in total.items() if factor > 0.0}
     wanted = named | suggested
-    return [one for one in searches[0].list_effects() if one.name in wanted and not one.noise]
+    return [one for one in tried.values() if one.name in wanted and not one.noise]
 
 
 def weigh(
@@ -256,16 +257,15 @@ class GroupEffectSearch(BaseEstimator):
 
     Notes
     -----
-    The Bayes factor of a person for an effect is exp((ΔBIC - 12) / 2), at most exp(6), and not
-    above 1 where the effect gains less than 0.1 points of VAF on held-out rows. With the prevalence
-    r, the likelihood is the product over people of r B + 1 - r, and the prior of r is uniform. Sets
-    of effects (what was named, with one more, without one, with one replaced) are weighed with the
-    prevalences of all as prior odds, until nothing changes.
+    The Bayes factor B of a person for an effect is that of the map which gives names in
+    ``ranking_`` their probability, against nothing, without the odds that the map begins with. With
+    the prevalence r, the likelihood is the product over people of r B + 1 - r, and the prior of r
+    is uniform. Sets of effects (what was named, with one more, without one, with one replaced) are
+    weighed with the prevalences of all as prior odds, until nothing changes.
 
     References
     ----------
-    Kass and Raftery, Bayes factors, J. Am. Stat. Assoc. 90, 1995. Stephan et al., Bayesian model
-    selection for group studies, NeuroImage 46, 2009.
+    Stephan et al., Bayesian model selection for group studies, NeuroImage 46, 2009.
 
     Examples
     --------
@@ -376,6 +376,7 @@ class GroupEffectSearch(BaseEstimator):
         searches = [self.searches_[group.subject, group.condition] for group in groups]
         effects = list_candidates(searches)
         self._effects = [effect.name for effect in effects]
+        by_id = {effect.name: effect for effect in searches[0].list_effects()}
         jobs = [
             EvidenceJob(clone(self.search), named_by(search), effects, group)
             for search, group in zip(searches, groups, strict=True)
@@ -387,7 +388,7 @@ class GroupEffectSearch(BaseEstimator):
         self.evidence_ = pd.concat(tables, ignore_index=True)
         self._known = {
             (group.subject, group.condition): PersonEvidence(
-                tuple(effect.name for _, effect in named_by(search)), table
+                tuple(effect.name for _, effect in named_by(search)), table, by_id
             )
             for group, search, table in zip(groups, searches, tables, strict=True)
         }

@@ -2,14 +2,14 @@
 
 Random-effects model selection (Stephan et al., 2009, doi 10.1016/j.neuroimage.2009.03.025; for
 single effects that are there or not, as in the prevalence of Donhauser et al., 2018): the data of
-a person are more likely with some effects than with others, and how many people of the population
-have an effect is estimated along. Evidence adds up over people, and what is rare in the group asks
-for more evidence in one.
+a person are more likely with some effects than with others, by the map that gives a name its
+probability, and how many people of the population have an effect is estimated along. Evidence adds
+up over people, and what is rare in the group asks for more evidence in one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,31 +17,33 @@ import numpy as np
 import pandas as pd
 from scipy.special import expit, logit
 
-# Nothing gives effects of the catalogue a ΔBIC up to about this, in the loop and with a noise model
-# estimated along: models are never exactly right.
-OF_NOTHING = 6.0
-CAP = 6.0  # logarithm of the largest Bayes factor of one person: no record is beyond doubt
-LEAST_OF_NAMED = 3.0  # the same, the least of what a search named by all of its criteria
-LEAST_GAIN = 0.1  # points of VAF on held-out rows, below which nothing speaks for an effect
+from ...effects import Effect
+from ...search import log_factor, log_lead
+
+CAP = 6.0  # logarithm of the odds of one person, at most: no record is beyond doubt
 GRID = (np.arange(400) + 0.5) / 400  # prevalence
 ROUNDS, TOLERANCE = 200, 1e-4  # of the logarithm of odds
 
 
 @dataclass(frozen=True)
 class PersonEvidence:
-    """What is known of one person: the effects that a search named, and the table of evidence."""
+    """What is known of one person: the effects that a search named, and the table of evidence.
+
+    ``effects`` has all of them by id.
+    """
 
     named: tuple[str, ...]
     table: pd.DataFrame
+    effects: Mapping[str, Effect]
 
     @cached_property
-    def known(self) -> dict[str, dict[str, tuple[float, float]]]:
-        """Evidence and gain of each effect, by what it would stand in place of (or ``""``)."""
-        found: dict[str, dict[str, tuple[float, float]]] = {}
-        columns = (self.table[name] for name in ("instead_of", "effect", "evidence", "vaf_gain"))
-        for out, effect, evidence, gain in zip(*columns, strict=True):
+    def known(self) -> dict[str, dict[str, float]]:
+        """Evidence of each effect, by what it would stand in place of (or ``""``)."""
+        found: dict[str, dict[str, float]] = {}
+        columns = (self.table[name] for name in ("instead_of", "effect", "evidence"))
+        for out, effect, evidence in zip(*columns, strict=True):
             if np.isfinite(evidence):
-                found.setdefault(str(out), {})[str(effect)] = float(evidence), float(gain)
+                found.setdefault(str(out), {})[str(effect)] = float(evidence)
         return found
 
     def states(self) -> list[tuple[frozenset[str], float]]:
@@ -49,18 +51,16 @@ class PersonEvidence:
 
         What was named, with one effect more, without one, or with one in place of another.
         """
-        base = frozenset(self.named)
+        base, effects = frozenset(self.named), self.effects
         found = [(base, 0.0)]
         for out, known in self.known.items():
+            more = {e: (effects[e], nats) for e, nats in known.items() if e not in base}
             if not out:
-                found += [(base | {e}, log_factor(*known[e])) for e in known if e not in base]
+                found += [(base | {e}, log_factor(*one)) for e, one in more.items()]
             elif out in base and out in known:
-                own = known[out][0]
-                found.append((base - {out}, -max(log_factor(*known[out]), LEAST_OF_NAMED)))
-                for other, (evidence, gain) in known.items():
-                    if other not in base and gain >= LEAST_GAIN:
-                        lead = float(np.clip(evidence - own, -CAP, CAP))
-                        found.append((base - {out} | {other}, lead))
+                own, rest = (effects[out], known[out]), base - {out}
+                found.append((rest, -log_factor(*own)))
+                found += [(rest | {e}, log_lead(one, own)) for e, one in more.items()]
         return found
 
     def knows(self, effect: str) -> bool:
@@ -68,14 +68,19 @@ class PersonEvidence:
         return effect in self.named or any(effect in known for known in self.known.values())
 
 
-def log_factor(evidence: float, gain: float) -> float:
-    """Logarithm of the Bayes factor for an effect, from its evidence and its gain on held-out rows.
+@dataclass(frozen=True)
+class JoinedEvidence:
+    """What all conditions together say of one person: log Bayes factors of effects."""
 
-    exp(ΔBIC / 2) is the usual approximation (Kass and Raftery, 1995); what nothing has as well is
-    taken off before.
-    """
-    found = float(np.clip(evidence - OF_NOTHING, -CAP, CAP))
-    return found if gain >= LEAST_GAIN else min(found, 0.0)
+    factors: Mapping[str, float]
+
+    def states(self) -> list[tuple[frozenset[str], float]]:
+        """No effect, or one, with log Bayes factors over none."""
+        return [(frozenset(), 0.0), *((frozenset({e}), f) for e, f in self.factors.items())]
+
+    def knows(self, effect: str) -> bool:
+        """Whether the person's data can tell anything about an effect."""
+        return effect in self.factors
 
 
 @dataclass(frozen=True)
@@ -106,7 +111,9 @@ class Prevalence:
         return float(self.posterior[share < GRID].sum())
 
 
-def prevalences(people: Sequence[PersonEvidence], effects: Sequence[str]) -> list[Prevalence]:
+def prevalences(
+    people: Sequence[PersonEvidence | JoinedEvidence], effects: Sequence[str]
+) -> list[Prevalence]:
     """The prevalence of each effect, in their order, all estimated together."""
     states = [person.states() for person in people]
     members = [
@@ -160,22 +167,23 @@ def _interval(posterior: np.ndarray) -> tuple[float, float]:
 
 def summed(
     people: Sequence[Sequence[PersonEvidence]], effects: Sequence[str]
-) -> list[PersonEvidence]:
+) -> list[JoinedEvidence]:
     """Each person over all conditions, as if the effects were the same in all of them.
 
-    Evidence of an effect adds up over the conditions; it is named where most of them do.
+    Evidence of an effect adds up over the conditions.
     """
-    joined = []
-    for cells in people:
-        rows = []
-        for effect in effects:
-            factors = [_find_factor(cell, effect) for cell in cells if cell.knows(effect)]
-            if factors:
-                total = float(np.sum(factors))
-                rows.append(("", effect, total + OF_NOTHING, np.inf))
-        table = pd.DataFrame(rows, columns=["instead_of", "effect", "evidence", "vaf_gain"])
-        joined.append(PersonEvidence((), table))
-    return joined
+    return [
+        JoinedEvidence(
+            {
+                effect: float(
+                    sum(_find_factor(cell, effect) for cell in cells if cell.knows(effect))
+                )
+                for effect in effects
+                if any(cell.knows(effect) for cell in cells)
+            }
+        )
+        for cells in people
+    ]
 
 
 def _find_factor(cell: PersonEvidence, effect: str) -> float:
