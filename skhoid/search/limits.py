@@ -41,12 +41,15 @@ TRIED = 3  # sets of the other numbers of an effect: as fitted, and starts
 FITTED = 6  # iterations of the model that imitates an effect
 WORTHWHILE = 0.95  # times what the last one leaves, at most, for another
 EXACT = 1e-9  # of the output, below which a residual is rounding
+# Of a change that a model may imitate so far: what is left then hangs on how well it was fitted. Of
+# a lag it leaves .04 to .13, of other effects at their limits .2 to 1 (runs of C1 and C2).
+IMITATED = 0.15
 NONE = 1e-12  # in the place of nothing, which has no logarithm
 HALF = 0.5  # of the ceiling, which a model explains that can tell what it is missing
 BY_CHANCE = 5.0  # % of VAF: of five parameters fitted to 100 rows that have nothing to do with them
 BEGUN = (1.0, 4.0, 0.25, 16.0, 64.0)  # times the first size, until the output shows something
 NO_SIZE = "there is no size at which it does nothing"
-NOT_SEEN = "these runs say nothing of its size"
+NOT_SEEN = "these runs say nothing of its size, or the model imitates it"
 BEGUN_BEFORE = "a search begins it at rest, and nobody knows how these runs began"
 ANY_SIZE = "these runs allow it at any size, or would not have shown it at any"
 
@@ -251,10 +254,11 @@ class Side:
         seen = beside.whitened(thin)
         plain = thin - np.tensordot(beside.imitated(thin), beside.rows, 1)
         plain = np.where(criterion.weight > 0.0, plain, 0.0)  # not where a run begins
-        if not np.linalg.norm(seen) > EXACT * beside.sigma:
+        length = float(np.linalg.norm(seen))
+        whole = np.linalg.norm(criterion.whitened(beside.thinned(change)[None]))
+        if not length > max(EXACT * beside.sigma, IMITATED * whole):
             self.at[size] = [NONE, NONE, 0.0, 1.0, NONE, NONE]
             return False
-        length = float(np.linalg.norm(seen))
         fits = float(seen @ beside.noise) / length
         scores = seen / length * (beside.noise - fits * seen / length)
         by_blocks = np.bincount(beside.blocks, scores / beside.sigma)
