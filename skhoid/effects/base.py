@@ -61,6 +61,9 @@ class Effect(Composable, BaseEstimator):
     runs_apart : bool
         Whether its result for a run depends on that run alone: the runs of a large record are then
         simulated a few at a time.
+    lasts : bool
+        Whether what preceded a run lasts in it, such as an integral: limits of its size do without
+        its mean over a run.
     n_hidden : int
         How many numbers it finds in the data besides its parameters, such as the ends of intervals.
         The BIC counts them as parameters.
@@ -133,6 +136,7 @@ class Effect(Composable, BaseEstimator):
     kinks: ClassVar[bool] = False
     shades: ClassVar[bool] = False
     runs_apart: ClassVar[bool] = True
+    lasts: ClassVar[bool] = False
     n_hidden: int = 0
     noise: ClassVar[str] = ""
     neutral: Mapping[str, float] = {}

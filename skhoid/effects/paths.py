@@ -144,6 +144,7 @@ class Integral(Effect):
     formula = "command + gain * integral of e(t - tau_e)"
     tex = r"c' = c + \mathrm{gain} \int e(t - \tau_e)\,\mathrm{d}t"
     source = "McRuer and Krendel (1974)"
+    lasts = True
     neutral = {"gain": 0.0}
     within = ("higher_order",)  # with a slow pole and a zero; its other pair cancels
     choices = {"form": ("pure", "leaky")}

@@ -380,7 +380,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
             best_effects=ending.best_effects,
             stand_ins=ending.stand_ins,
             ranking=ranking,
-            limits=find_limits(numbers.path, self.list_effects(), prepared.units),
+            limits=find_limits(numbers.path, self.list_effects(), prepared.units, self.confidence),
             error_path=path,
             predictions=predictions,
             unexplained=unexplained_table(numbers.left),

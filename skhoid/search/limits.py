@@ -13,19 +13,20 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.linalg import solve_toeplitz
 from scipy.stats import chi2, norm
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
 from ..effects.registry import title_of
-from ..model.fitting import AR_ORDER, WHITE_FLOOR, Criterion, derivatives, scaled_inverse
+from ..model.fitting import AR_ORDER, Criterion, derivatives, scaled_inverse
+from ..model.likelihood import fit_autoregression, likeliest
 from ..model.model import Model
 from ..model.simulator import Simulator
 from .judges import RATES
 from .judging import LEAST_GAIN, THRESHOLD, Candidate
 from .path import Path
+from .probability import find_needed
 from .statuses import Ending, Verdict
 
 ALLOWED = float(chi2.ppf(0.9, 1)) / 2  # nats below the likeliest size: 95 % on one side
@@ -40,12 +41,16 @@ TRIED = 3  # sets of the other numbers of an effect: as fitted, and starts
 FITTED = 6  # iterations of the model that imitates an effect
 WORTHWHILE = 0.95  # times what the last one leaves, at most, for another
 EXACT = 1e-9  # of the output, below which a residual is rounding
+# Of a change that a model may imitate so far: what is left then hangs on how well it was fitted. Of
+# a lag it leaves .04 to .13, of other effects at their limits .2 to 1 (runs of C1 and C2).
+IMITATED = 0.15
 NONE = 1e-12  # in the place of nothing, which has no logarithm
 HALF = 0.5  # of the ceiling, which a model explains that can tell what it is missing
 BY_CHANCE = 5.0  # % of VAF: of five parameters fitted to 100 rows that have nothing to do with them
 BEGUN = (1.0, 4.0, 0.25, 16.0, 64.0)  # times the first size, until the output shows something
 NO_SIZE = "there is no size at which it does nothing"
-NOT_SEEN = "these runs say nothing of its size"
+NOT_SEEN = "these runs say nothing of its size, or the model imitates it"
+BEGUN_BEFORE = "a search begins it at rest, and nobody knows how these runs began"
 ANY_SIZE = "these runs allow it at any size, or would not have shown it at any"
 
 
@@ -66,16 +71,19 @@ class Limit:
 
 
 def find_limits(
-    path: Path, effects: Sequence[Effect], units: dict[str, str | None]
+    path: Path, effects: Sequence[Effect], units: dict[str, str | None], confidence: float
 ) -> pd.DataFrame:
     """A row for each of the effects that was tried last and is not in the model, largest first.
 
-    By the points of VAF that are allowed.
+    By the points of VAF that are allowed. Shown is what is named with a ``confidence``.
     """
     tried = {c.effect.name: c for c in path.steps[-1].candidates if c.model is not None}
     asked = [e for e in effects if e.name in tried and e.name not in path.ids]
-    beside = Beside(path.model) if asked else None
-    rows = [limit_effect(beside, tried[e.name], e, units) for e in asked if beside is not None]
+    rows: list[Limit] = []
+    if asked:
+        beside = Beside(path.model)
+        needed = max(find_needed(asked[0], confidence), THRESHOLD)
+        rows = [limit_effect(beside, tried[e.name], e, units, needed) for e in asked]
     rows.sort(key=lambda row: (np.isnan(row.limit_points), -row.limit_points))
     return pd.DataFrame([vars(row) for row in rows], columns=[one.name for one in fields(Limit)])
 
@@ -97,67 +105,75 @@ def end_explained(ending: Ending, vaf: float, ceiling: float, share: float) -> E
 
 
 class View:
-    """A model at a rate, under the noise model of its residual, and what its parameters move."""
+    """A model at a rate, at its likeliest parameters and noise model, and what both can imitate.
+
+    In a closed loop an effect holds earlier remnant, which a noise model may take it for: lags of
+    the residual are what its numbers move.
+    """
 
     def __init__(self, model: Model, rate: float | None = None):
         self.criterion = criterion = Criterion(model.simulator.record, rate=rate)
+        if model.simulator.core.kind.is_operator:
+            found = likeliest(model.simulator, [model.theta], criterion.rate)
+            model = model if found is None else model.at(found[1])
+        else:
+            criterion.set_noise(criterion.remnant_model(model.output))
+            model = model.refined(criterion, max_iter=4)
         self.model, self.output = model, model.output
-        criterion.set_noise(criterion.remnant_model(self.output))
-        self.rows = derivatives(model.simulator, criterion, model.theta)[:-1]
-        self.white = criterion.whitened(self.rows)
-        self.inverse = scaled_inverse(self.white @ self.white.T)
         self.residual = criterion.residual(self.output)
-        self.lags = self._lags_of(self.residual)
-        self.unpredicted = find_unpredicted(self.lags)
+        noise = fit_autoregression(self.residual, criterion.known)
+        criterion.set_noise(noise or criterion.remnant_model(self.output))
+        self.rows = derivatives(model.simulator, criterion, model.theta)[:-1]
+        self.table = np.concatenate([criterion.whitened(self.rows), self.lags_of(self.residual)])
+        self.inverse = scaled_inverse(self.table @ self.table.T)
+        self.noise = self.whitened(self.residual)
+        freedom = max(criterion.n - len(self.table), 1)
+        rounding = EXACT * np.sqrt(criterion.power / max(criterion.n, 1)) + 1e-300
+        self.sigma = max(float(np.linalg.norm(self.noise) / np.sqrt(freedom)), rounding)
 
     def thinned(self, change: np.ndarray) -> np.ndarray:
         """A change of the output on the rows of the criterion."""
         return np.where(self.criterion.known, change[:: self.criterion.thin], 0.0)
 
     def imitated(self, change: np.ndarray) -> np.ndarray:
-        """Steps of the parameters that imitate a change best."""
-        return np.asarray(self.inverse @ (self.white @ self.criterion.whitened(change[None])[0]))
+        """Steps of the parameters that imitate a change best, beside the noise model."""
+        steps = self.inverse @ (self.table @ self.criterion.whitened(change[None])[0])
+        return np.asarray(steps[: len(self.rows)])
 
     def whitened(self, change: np.ndarray) -> np.ndarray:
-        """A whitened change, without what the parameters imitate."""
+        """A whitened change, without what the parameters and the noise model imitate."""
         white = self.criterion.whitened(change[None])[0]
-        return white - (self.inverse @ (self.white @ white)) @ self.white
+        return white - (self.inverse @ (self.table @ white)) @ self.table
 
     def evidence_of(self, change: np.ndarray) -> float:
         """Nats by which a model that lacks a change is less likely, if it is there.
 
-        Each has a noise model of its own: the one that lacks it takes it for noise.
+        Its noise model is then one of remnant and change.
         """
-        change = self.thinned(change)
-        change = change - np.tensordot(self.imitated(change), self.rows, 1)
-        lacking = find_unpredicted(self.lags + self._lags_of(change))
-        return self.criterion.n / 2 * float(np.log(max(lacking / self.unpredicted, 1.0)))
+        thin = self.thinned(change)
+        table = np.concatenate([self.table[: len(self.rows)], self.lags_of(self.residual + thin)])
+        white = self.criterion.whitened(thin[None])[0]
+        left = white - (scaled_inverse(table @ table.T) @ (table @ white)) @ table
+        n = self.criterion.n
+        return n / 2 * float(np.log1p(left @ left / self.sigma**2 / n))
 
-    def _lags_of(self, signal: np.ndarray) -> np.ndarray:
-        n = len(signal)
-        return np.array([np.sum(signal[k:] * signal[: n - k]) for k in range(AR_ORDER + 1)])
-
-
-def find_unpredicted(lags: np.ndarray) -> float:
-    """Power of a signal that an autoregression does not predict, from its autocovariance."""
-    lags = lags * np.r_[1 + WHITE_FLOOR, np.ones(AR_ORDER)] + 1e-300 * (np.arange(lags.size) == 0)
-    return float(lags[0] - lags[1:] @ solve_toeplitz(lags[:-1], lags[1:]))
+    def lags_of(self, signal: np.ndarray) -> np.ndarray:
+        """Past values of a signal, on the rows that count."""
+        late = np.zeros((AR_ORDER, *signal.shape))
+        for k in range(AR_ORDER):
+            late[k, k + 1 :] = signal[: -k - 1]
+        return (late * self.criterion.weight).reshape(AR_ORDER, -1)
 
 
 class Beside(View):
     """A model beside which effects are tried, and how the judges see it."""
 
     def __init__(self, model: Model):
-        criterion = Criterion(model.simulator.record)
-        criterion.set_noise(criterion.remnant_model(model.output))
-        super().__init__(model.refined(criterion, max_iter=4))
-        record, criterion = model.simulator.record, self.criterion
         kind = model.simulator.core.kind
-        self.judges = [View(self.model, rate) for rate in RATES if kind.is_operator]
-        self.noise = self.whitened(self.residual)
-        freedom = max(criterion.n - len(self.rows), 1)
-        rounding = EXACT * np.sqrt(criterion.power / max(criterion.n, 1)) + 1e-300
-        self.sigma = max(float(np.linalg.norm(self.noise) / np.sqrt(freedom)), rounding)
+        first, *others = RATES if kind.is_operator else (None,)
+        super().__init__(model, first)
+        self.judges = [self, *(View(model, rate) for rate in others)]
+        record, criterion = model.simulator.record, self.criterion
         length = max(round(BLOCK * record.time_unit / (record.dt * criterion.thin)), 1)
         n, n_runs = criterion.y.shape
         self.blocks = (np.arange(n)[:, None] // length * n_runs + np.arange(n_runs)).ravel()
@@ -201,7 +217,8 @@ class Side:
 
     Sizes are distances from the ``neutral`` value of the parameter at ``position``, up to ``most``;
     where that is infinite, they are the inverse of the parameter. The first is ``start``, of which
-    a fit found the share ``fitted``, less than zero on the other side; None is not fitted.
+    a fit found the share ``fitted``, less than zero on the other side; None is not fitted. Of an
+    effect that ``lasts`` nobody knows how a run began: its mean over a run says nothing.
     """
 
     beside: Beside
@@ -213,6 +230,7 @@ class Side:
     most: float
     start: float
     fitted: float | None
+    lasts: bool
 
     def __post_init__(self) -> None:
         self.at: dict[float, list[float]] = {}
@@ -229,21 +247,23 @@ class Side:
         change = self.simulator.run(theta) - beside.output
         if not np.isfinite(change).all():
             return False
+        if self.lasts:
+            change = change - change.mean(axis=0)
         left = beside.left_of(change)
         thin = beside.thinned(left)
         seen = beside.whitened(thin)
         plain = thin - np.tensordot(beside.imitated(thin), beside.rows, 1)
         plain = np.where(criterion.weight > 0.0, plain, 0.0)  # not where a run begins
-        if not np.linalg.norm(seen) > EXACT * beside.sigma:
+        length = float(np.linalg.norm(seen))
+        whole = np.linalg.norm(criterion.whitened(beside.thinned(change)[None]))
+        if not length > max(EXACT * beside.sigma, IMITATED * whole):
             self.at[size] = [NONE, NONE, 0.0, 1.0, NONE, NONE]
             return False
-        length = float(np.linalg.norm(seen))
         fits = float(seen @ beside.noise) / length
         scores = seen / length * (beside.noise - fits * seen / length)
         by_blocks = np.bincount(beside.blocks, scores / beside.sigma)
         shaken = np.bincount(beside.blocks, (plain * beside.residual).ravel())
-        evidence = [(length / beside.sigma) ** 2 / 2]
-        evidence += [judge.evidence_of(left) for judge in beside.judges]
+        evidence = [judge.evidence_of(left) for judge in beside.judges]
         self.at[size] = [
             max(min(evidence), NONE),
             length / beside.sigma,
@@ -290,7 +310,8 @@ def list_sides(
     beside: Beside, simulator: Simulator, theta: np.ndarray, name: str, size: str, is_fitted: bool
 ) -> list[Side]:
     """The sides of an effect's size, both where it has a sign, beside other numbers of theta."""
-    neutral = dict(simulator.effects.steps)[name].neutral
+    effect = dict(simulator.effects.steps)[name]
+    neutral, lasts = effect.neutral, effect.lasts
     full, zero = f"{name}__{size}", float(neutral[size])
     i = simulator.names.index(full)
     low, high, scale = simulator.low[i], simulator.high[i], float(simulator.scale[i])
@@ -305,9 +326,10 @@ def list_sides(
     for k, one in enumerate(simulator.names):  # other sizes do nothing
         if one.startswith(f"{name}__"):
             theta[k] = neutral.get(one.removeprefix(f"{name}__"), theta[k])
+    trusted = is_fitted and not lasts
     return [
-        Side(beside, simulator, theta, i, zero, sign, most, start, share if is_fitted else None)
-        for (sign, most), share in zip(ends, shares, strict=False)
+        Side(beside, simulator, theta, i, zero, sign, most, start, share, lasts)
+        for (sign, most), share in zip(ends, shares if trusted else (None, None), strict=False)
         if most > 0.0
     ]
 
@@ -337,6 +359,13 @@ class Solved(NamedTuple):
     limit_points: float
     shown: float
     shown_points: float
+
+    def within(self, most: float) -> Solved:
+        """The same, infinite where it is beyond the sizes that were simulated."""
+        limit, shown = (
+            (*pair,) if pair[0] <= most else (np.inf, np.inf) for pair in (self[:2], self[2:])
+        )
+        return Solved(*limit, *shown)
 
 
 def solve(sides: list[Side], needed: float, least: float) -> list[Solved]:
@@ -370,13 +399,20 @@ def solve_to_the_end(sides: list[Side], needed: float, least: float) -> list[Sol
         if True not in [side.go_on(one.limit, one.shown) for side, one in pairs]:
             break
         found = solve(sides, needed, least)
-    return found
+    return [one.within(CLOSE * max(side.at)) for side, one in zip(sides, found, strict=True)]
 
 
 def limit_effect(
-    beside: Beside, candidate: Candidate, template: Effect, units: dict[str, str | None]
+    beside: Beside,
+    candidate: Candidate,
+    template: Effect,
+    units: dict[str, str | None],
+    needed: float,
 ) -> Limit:
-    """The limit of an effect that was fitted beside a model, in the usual one of its forms."""
+    """The limit of an effect that was fitted beside a model, in the usual one of its forms.
+
+    It is shown with the nats that are ``needed``.
+    """
     fitted, name, parent = candidate.model, candidate.name, beside.model
     assert fitted is not None
     record = replace(parent.simulator.record, prediction=beside.output)
@@ -394,7 +430,7 @@ def limit_effect(
     row.parameter, row.unit, row.reason = size, dimension.label(units), NOT_SEEN
     row.sense = "at least" if inverse else "at most"
     more = len(effect.free) + effect.n_hidden
-    needed = THRESHOLD + more / 2 * float(np.log(beside.criterion.n))
+    needed += more / 2 * float(np.log(beside.criterion.n))
     least = LEAST_GAIN * beside.criterion.power_about_mean / max(beside.criterion.power, 1e-300)
     found = []
     for numbers, is_fitted in list_numbers(dict(fitted.effects.steps)[name], own, effect, record):
@@ -416,5 +452,8 @@ def limit_effect(
 
     row.limit, row.limit_points = told(*limit)
     row.shown_from, row.shown_points = told(*shown)
+    if effect.lasts:
+        row.shown_from = row.shown_points = np.nan
     row.reason = ANY_SIZE if np.isnan([row.limit, row.shown_from]).any() else ""
+    row.reason = BEGUN_BEFORE if effect.lasts and not np.isnan(row.limit) else row.reason
     return row

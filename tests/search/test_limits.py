@@ -27,13 +27,15 @@ def test_nothing_found_says_what_could_have_been_found(plain):
     assert plain.verdict_ is Verdict.NOTHING
     found = limits_of(plain)
     assert set(found.index) == set(TRIED)
-    sized = found.drop(index="rectified")
+    sized = found.drop(index=["rectified", "extra_lag"])
     numbers = ["limit", "limit_points", "shown_from", "shown_points"]
     assert np.isfinite(sized[numbers].to_numpy()).all()
     assert (sized["limit_points"] < sized["shown_points"]).all()
     assert found.loc["dead_zone", ["parameter", "unit"]].tolist() == ["width", "deg"]
     assert np.isnan(found.loc["rectified", "limit"])
     assert "no size" in found.loc["rectified", "reason"]
+    assert np.isnan(found.loc["extra_lag", "limit"])
+    assert "imitates it" in found.loc["extra_lag", "reason"]
 
 
 def test_a_stop_is_limited_from_below(plain):
@@ -46,7 +48,7 @@ def test_a_stop_is_limited_from_below(plain):
 
 def test_the_summary_and_json_tell_limits(plain):
     said = " ".join(plain.summary().split())
-    assert "these runs would have shown 4 of 5 effects from" in said
+    assert "these runs would have shown 3 of 5 effects from" in said
     assert "dead zone: width at most 0." in said
     rows = json.loads(json.dumps(plain.result_.as_dict()))["limits"]
     assert {row["effect"] for row in rows} == set(TRIED)
@@ -58,7 +60,8 @@ def test_more_remnant_allows_more(seed):
         limits_of(searched(recorded(2, 30.0, seed=seed, remnant=remnant), ["bias", "dead_zone"]))
         for remnant in (0.02, 0.4)
     )
-    assert (quiet["shown_from"] < loud["shown_from"]).all()
+    assert (quiet["limit"] < loud["limit"]).all()
+    assert not (loud["shown_from"] < quiet["shown_from"]).any()  # NaN: not at any size
 
 
 def test_what_is_named_has_no_limit():

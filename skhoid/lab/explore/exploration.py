@@ -247,6 +247,7 @@ class Exploration:
             "cards_of": cards_of,
             **self._verdict(here),
             "findings": self.figures.findings(here, self.found),
+            "limits": self.found.limits if self.found.is_of(here.train) else [],
             "search": self._progress,
         }
 

@@ -53,7 +53,7 @@ def payload_of(
     exploration.history = History(Position(uses, Effects.of(search.best_estimator_.effects)))
     payload = payload_of_exploration(exploration, Effects.of(search.baseline_.effects).names)
     for state in payload["states"].values():  # the page around it says these
-        state |= {"verdict": "", "verdict_kind": ""}
+        state |= {"verdict": "", "verdict_kind": "", "limits": []}
     payload["view"]["title"] = ""
     return payload
 
@@ -117,6 +117,7 @@ def payload_of_comparison(found: Comparison) -> dict[str, Any]:
         "verdict": "",
         "verdict_kind": "",
         "findings": [{"what": f.title, "why": f.meaning} for f in found.findings],
+        "limits": [],
         "search": None,
     }
     view = {

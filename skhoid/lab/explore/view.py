@@ -17,7 +17,7 @@ from ... import EffectSearchCV, compare
 from ...effects import Effect, Effects, title_of
 from ...effects import effect as effect_of
 from ...model import ModelParameter, effect_curves
-from ...search import Reason, Status, tell_headline, with_effects
+from ...search import Reason, Status, limits_table, tell_headline, with_effects
 from ...text import as_sentence
 from .models import Models, Position
 
@@ -162,7 +162,8 @@ class Found:
     """What a search found, as far as an exploration needs it; all of it may go to JSON.
 
     ``effects`` are those of the best model (name, id and choices), ``named`` the ids that the
-    verdict names; ``vaf`` is its VAF on the rows fitted, those of ``runs``.
+    verdict names; ``vaf`` is its VAF on the rows fitted, those of ``runs``; ``limits`` are headings
+    and rows of what these runs allow.
     """
 
     verdict: str = ""
@@ -174,6 +175,7 @@ class Found:
     vaf: float = -np.inf
     runs: list[int] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    limits: list[list[str]] = field(default_factory=list)
 
     @classmethod
     def of(cls, search: EffectSearchCV, runs: Sequence[int]) -> Found:
@@ -188,6 +190,7 @@ class Found:
             parent = [*parent, *(name.split("-")[0] for name in added)]
         ceiling = float(search.error_path_["ceiling"].iloc[-1])
         best = Effects.of(search.best_estimator_.effects)
+        limits = limits_table(search.result_)
         return cls(
             verdict=tell_headline(search.result_),
             kind=search.verdict_.kind,
@@ -198,6 +201,7 @@ class Found:
             vaf=float(search.error_path_["vaf_train"].iloc[-1]),
             runs=list(runs),
             notes=[str(note) for note in search.notes_],
+            limits=[] if limits is None else [list(row) for row in (limits.header, *limits.rows)],
         )
 
     def as_dict(self) -> dict[str, Any]:

@@ -16,6 +16,7 @@ function candidatesPart(bench) {
   const groups = GROUPS.map(([key, words, statuses]) =>
     candidateGroup(bench, key, words, statuses),
   );
+  const limits = limitsPart();
   const node = el(
     "div",
     {
@@ -29,6 +30,7 @@ function candidatesPart(bench) {
     of,
     search.node,
     ...groups.map((group) => group.node),
+    limits.node,
   );
   let before = "";
   const update = () => {
@@ -42,6 +44,7 @@ function candidatesPart(bench) {
     const kinds = groups.map((group) => group.size > 0).join();
     if (kinds !== before) openFirst(groups);
     before = kinds;
+    limits.update(bench.state.limits);
   };
   return { node, update };
 }
@@ -50,6 +53,27 @@ function candidatesPart(bench) {
 function openFirst(groups) {
   const first = groups.slice(0, 3).find((group) => group.size > 0);
   for (const group of groups) group.node.open = group === first;
+}
+
+// How large effects may be that were not named.
+function limitsPart() {
+  const summary = el("summary", { "data-sk-key": "limits" }, "What these runs allow");
+  const table = el("table");
+  const node = el("details", { class: "sk-group" }, summary, table);
+  const update = ([headings, ...rows]) => {
+    node.hidden = rows.length === 0;
+    const row = (cells, tag, given) =>
+      el("tr", {}, ...cells.map((cell, i) => el(i ? tag : "th", i ? given : { scope: "row" }, named(cell))));
+    table.replaceChildren(
+      ...(rows.length
+        ? [
+            el("thead", {}, row(headings, "th", { scope: "col" })),
+            el("tbody", {}, ...rows.map((cells) => row(cells, "td", {}))),
+          ]
+        : []),
+    );
+  };
+  return { node, update };
 }
 
 function candidateGroup(bench, key, words, statuses) {
