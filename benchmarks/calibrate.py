@@ -285,13 +285,13 @@ def judge_names(steps: list[Step], theta: np.ndarray) -> tuple[list[Given], floa
     given, loss = [], 0.0
     for step in steps:
         chances = find_chances(step.tried, dict(zip(COEFFICIENTS, theta, strict=True)))
-        each = [name_probability(step.tried, chances, i) for i in range(len(step.tried))]
-        if each:
-            best = int(np.argmax([one.evidence for one in step.tried]))
+        at, _ = describe_features(step.tried)
+        if at:
+            best = max(at, key=lambda i: step.tried[i].evidence)
             effect = step.tried[best].effect
             right = any(alike(effect, KNOWN[n]) for n in step.right & KNOWN.keys())
-            given.append(Given(step, effect.name, each[best], right))
-        at, _ = describe_features(step.tried)
+            chance = name_probability(step.tried, chances, best)
+            given.append(Given(step, effect.name, chance, right))
         shares = [*(chances.names[i] for i in at), chances.nothing, chances.something_else]
         loss -= np.log(np.array(shares)[step.mask].sum())
     return given, loss
