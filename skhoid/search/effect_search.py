@@ -132,8 +132,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         How large effects may be that were tried and are not named, one row each: effect (its id),
         title, parameter, unit, sense ("at most", or "at least" where it does nothing at infinity),
         limit (95 %, one-sided), limit_points (of VAF, what that size would gain), shown_from (the
-        smallest size that such runs show in 90 % of cases), shown_points, and reason (where a
-        number is NaN).
+        smallest size that such runs would have named in 90 % of cases), shown_points, and reason
+        (why a number is NaN).
     best_effects_ : list of str
         Ids in the order added. ``"unknown"`` at the end means structure that none of the effects
         tried explains.

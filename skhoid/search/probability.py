@@ -134,7 +134,7 @@ def describe_features(tried: Sequence[Alternative]) -> tuple[list[int], np.ndarr
     return at, np.array([[row.get(name, 0.0) for name in COEFFICIENTS] for row in rows])
 
 
-def alike(one: Effect, other: Effect) -> bool:
+def alike(one: Effect | type[Effect], other: Effect | type[Effect]) -> bool:
     """Whether two effects are the same or known to be easily taken for each other."""
     return one.name == other.name or any(
         b.name in (*a.within, *a.told_apart) for a, b in ((one, other), (other, one))
