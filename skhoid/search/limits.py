@@ -234,6 +234,7 @@ class Side:
 
     def __post_init__(self) -> None:
         self.at: dict[float, list[float]] = {}
+        self.imitated = False
 
     def value(self, size: float) -> float:
         """The parameter at a size."""
@@ -255,8 +256,9 @@ class Side:
         plain = thin - np.tensordot(beside.imitated(thin), beside.rows, 1)
         plain = np.where(criterion.weight > 0.0, plain, 0.0)  # not where a run begins
         length = float(np.linalg.norm(seen))
-        whole = np.linalg.norm(criterion.whitened(beside.thinned(change)[None]))
-        if not length > max(EXACT * beside.sigma, IMITATED * whole):
+        whole = float(np.linalg.norm(criterion.whitened(beside.thinned(change)[None])))
+        self.imitated |= EXACT * beside.sigma < length < IMITATED * whole
+        if self.imitated or not length > EXACT * beside.sigma:
             self.at[size] = [NONE, NONE, 0.0, 1.0, NONE, NONE]
             return False
         fits = float(seen @ beside.noise) / length
@@ -276,7 +278,8 @@ class Side:
 
     def begin(self) -> bool:
         """Simulate a first size that shows something; whether there is one."""
-        return any(self.simulate(min(times * self.start, self.most)) for times in BEGUN)
+        begun = any(self.simulate(min(times * self.start, self.most)) for times in BEGUN)
+        return begun and not self.imitated
 
     def go_on(self, *sizes: float) -> bool:
         """Simulate sizes that are not near another, not too far at once; whether there were any."""
