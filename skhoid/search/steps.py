@@ -28,8 +28,6 @@ from .instruments import InstrumentJudge
 from .judges import (
     HeldOutRows,
     JointParent,
-    LoopFit,
-    LoopJudge,
     find_traces,
     held_out,
     refitted_prediction,
@@ -120,10 +118,10 @@ class SearchStep:
     vaf: float
     prediction: np.ndarray
     candidates: list[Candidate]
-    loop: LoopFit | None
     instruments: InstrumentJudge | None
     refit: Callable[[Model], float]
     own_noise: Callable[[], JointParent | None]
+    vaf_loop: float = np.nan
 
     @property
     def refitted_vaf(self) -> float:
@@ -237,7 +235,6 @@ class Search:
     ):
         self.progress = Progress() if progress is None else progress
         self.core, self.record, self.folds = core, record, folds
-        self.loop = LoopJudge.of(core, record, folds)
         self.instruments = InstrumentJudge.of(record, THRESHOLD) if core.kind.is_operator else None
         self.effects = [e for e in effects if not e.noise]
         self.noises = [e for e in effects if e.noise]  # which no input explains
@@ -362,7 +359,6 @@ class Search:
             vaf=vaf_before,
             prediction=prediction_before,
             candidates=candidates,
-            loop=None if self.loop is None else self.loop.around(at_likelihood),
             instruments=self.instruments,
             refit=self.refit,
             own_noise=cache(
