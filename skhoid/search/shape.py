@@ -449,12 +449,10 @@ def is_far(form: Any, record: Record) -> bool:
     return any(form.starts(record)[0].values())
 
 
-def list_candidates(
-    search: Search, parent: Model, hints: Sequence[Hint], first: int = 0
-) -> list[Candidate]:
-    """Free forms, fitted beside a parent; the ``first`` of their numbers."""
+def list_candidates(search: Search, parent: Model, hints: Sequence[Hint]) -> list[Candidate]:
+    """Free forms, fitted beside a parent."""
     candidates = []
-    for which, hint in enumerate(hints, first):
+    for which, hint in enumerate(hints):
         name = f"{NAME}_{which}"
         model = extended(parent, name, hint.effect, search.criterion, search.coarse)
         candidates.append(Candidate(name, dict(model.effects.steps)[name], model=model))
@@ -615,22 +613,24 @@ def with_forms(
     gained, granted = (0.0, 0.0) if named is None else (named.gain, named.delta_bic)
     left = list(found.left)
     for one in step.candidates:
-        if one is named or not (one.passes and one.refit):
-            continue
-        form: Any = one.effect
-        channel, over = getattr(form, "channel", None), form.over
-        at = channel or (
-            form.place if over == TIME else record.inputs[0] if over in ("e", "lag") else over
-        )
-        where = "time" if over == TIME else "amplitude"
-        if channel in record.channels:
-            where = "channel"
-        elif over == "lag":
-            where = "frequency"
-        told = form.sentence_in(record.domain)
-        left.append(Leftover(where, at, told, one.gain - gained, one.delta_bic - granted))
+        if one is not named and one.passes and one.refit:
+            form: Any = one.effect
+            told = *locate_form(form, record), form.sentence_in(record.domain)
+            left.append(Leftover(*told, one.gain - gained, one.delta_bic - granted))
     least = LEAST_GAIN * found.share
     return replace(found, left=[item for item in left if item.points >= least])
+
+
+def locate_form(form: FreeForm, record: Record) -> tuple[str, str]:
+    """Where a form acts, and at what, as ``unexplained_`` has it."""
+    channel = getattr(form, "channel", None)
+    if channel in record.channels:
+        return "channel", str(channel)
+    if form.over == TIME:
+        return "time", form.place
+    if form.over == "lag":
+        return "frequency", record.inputs[0]
+    return "amplitude", record.inputs[0] if form.over == "e" else form.over
 
 
 def counts(points: float, found: SearchNumbers) -> bool:
