@@ -111,7 +111,10 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     found = []
     for start in [c for c in first.candidates[:2] if c.passes and c.least >= least]:
         assert start.model is not None
-        found.append(follow(search, Path([first], start.model), most))
+        if found and start.name in found[0].added:
+            break
+        known = [first.best.name] if found else []
+        found.append(follow(search, Path([first], start.model), most, known))
         if len(found[0].ids) < len(baseline.effects) + 2:
             break
     best = min(found, key=lambda one: find_cost(search, one.model))
@@ -127,13 +130,13 @@ def find_claim(search: Search, baseline: Model) -> Effect | None:
     return claim
 
 
-def follow(search: Search, path: Path, most: int) -> Path:
-    """Add the best of each step."""
+def follow(search: Search, path: Path, most: int, known: Sequence[str] = ()) -> Path:
+    """Add the best of each step, until it is one that is ``known`` from another path."""
     steps, model = list(path.steps), path.model
     while len(model.effects) < most:
         steps.append(search.step(output_error_fit(model)))
         best = steps[-1].best
-        if best is None or best.model is None:
+        if best is None or best.model is None or best.name in known:
             break
         model = best.model
     return Path(steps, model)
