@@ -108,7 +108,7 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     if first.best is None or not most:
         return path
     least = RIVAL * first.best.least
-    found = []
+    found: list[Path] = []
     for start in [c for c in first.candidates[:2] if c.passes and c.least >= least]:
         assert start.model is not None
         if found and start.name in found[0].added:

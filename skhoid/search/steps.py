@@ -244,6 +244,7 @@ class Search:
         # Of the output's power that is not its mean: what points of VAF have to count in.
         self.share = self.criterion.power_about_mean / max(self.criterion.power, 1e-300)
         self.n_jobs = n_jobs
+        self._stepped = False
         self._refits: dict[tuple, np.ndarray] = {}
         self._parts: dict[tuple, list[Model]] = {}
         self._parents: dict[frozenset[str], Model] = {}
@@ -302,17 +303,18 @@ class Search:
         added = [(c.name, c.effect) for c in tried]
         with self.progress.step(2 * len(tried)):  # fitted, and refined
             rough = explored_from(parent, self.coarse)
-            done = self._each(self._extended, added, parent, rough)
+            done = self._each(self._extended, added, parent, rough, self._stepped)
+            self._stepped = True
             for c, found in zip(tried, done, strict=True):
                 c.model = self._model(found, parent)
             return self.judge_candidates(parent, candidates)
 
     def _extended(
-        self, added: tuple[str, Effect], parent: Model, rough: Model
+        self, added: tuple[str, Effect], parent: Model, rough: Model, again: bool
     ) -> tuple[Effects, Fit]:
         worth = HOPELESS / 2 * self.share
         criteria = self.criterion, self.coarse
-        model = extended(parent, *added, *criteria, worth=worth, rough=rough)
+        model = extended(parent, *added, *criteria, worth=worth, rough=rough, again=again)
         return model.effects, model.fit
 
     def _model(self, found: tuple[Effects, Fit], parent: Model) -> Model:
