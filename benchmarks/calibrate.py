@@ -36,7 +36,7 @@ from benchmarks.second.judge import controlled_element, stops_reached
 from skhoid import ControlledElement, EffectSearchCV, OperatorRegressor
 from skhoid.effects.catalogue import BY_NAME, FREE_FORMS
 from skhoid.model.model import Model
-from skhoid.search.effect_search import Estimators, search_effects
+from skhoid.search.effect_search import search_effects
 from skhoid.search.judging import CLAIM
 from skhoid.search.probability import (
     COEFFICIENTS,
@@ -113,8 +113,8 @@ def find_steps(search: EffectSearchCV, X: pd.DataFrame, y: pd.Series, most: int)
     with threadpool_limits(1):
         data = search.read_data(model, X, y)
         within = Search(data.prepared.core, data.record, search.list_effects(), data.folds)
-        estimators, output = Estimators(model), y.to_numpy(float)
-        found = search_effects(within, estimators, data, output, most, search.tries_all)
+        output = y.to_numpy(float)
+        found = search_effects(within, model, data, output, most, search.tries_all)
     path = found.numbers.path
     after = [*(step.at_likelihood for step in path.steps[1:]), path.model]
     return [describe_step(*one) for one in zip(path.steps, after, strict=True)]

@@ -53,6 +53,10 @@ class ErrorScan(Protocol):
     def explores(self) -> bool:
         """Whether fewer rows count than in the fit; what depends on single rows differs then."""
 
+    @property
+    def again(self) -> bool:
+        """Whether it was scanned beside a smaller model before, and need not be as closely."""
+
     def __call__(self, values: dict[str, float], seconds: float) -> float:
         """Sum of squares that the best multiple of the output simulated at values leaves."""
 

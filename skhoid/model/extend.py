@@ -40,6 +40,7 @@ def extended(
     start: Mapping[str, float] | None = None,
     worth: float = 0.0,
     rough: Model | None = None,
+    again: bool = False,
 ) -> Model:
     """A fitted model with one more effect, from the best of its variants and starts.
 
@@ -47,7 +48,8 @@ def extended(
     gains more than twice the share ``worth`` of the power there, or more than that share after a
     few iterations under ``criterion``.
     In a search, ``rough`` is what :func:`explored_from` returned for the parent: without it, what
-    other parameters gain on the rows of ``coarse`` counts as gain of the effect.
+    other parameters gain on the rows of ``coarse`` counts as gain of the effect. ``again`` says
+    that the effect was added to a smaller parent before: it is scanned less closely.
     """
     record = replace(parent.simulator.record, prediction=parent.output)
     core = parent.simulator.core
@@ -58,7 +60,7 @@ def extended(
     last: dict[tuple[str, Dimension], float] = {}
     enough = LEAST_COARSE_GAIN * coarse.power
     below = before - min(enough, worth * coarse.power) if worth else np.inf
-    scan = Scan(rough, name, effect, coarse)
+    scan = Scan(rough, name, effect, coarse, again=again)
 
     def with_(variant: Effect, record: Record) -> Simulator:
         return Simulator(core, Effects([*parent.effects.steps, (name, variant)]), record)
@@ -79,8 +81,8 @@ def extended(
             starts += [make_start(rough, simulator, name, v, other) for v in values]
         if last:  # what the last variant found, where its parameters have the same units
             known = [(last.get(key), i) for i, key in enumerate(_keys(simulator))]
-            again = [np.array([s[i] if v is None else v for v, i in known]) for s in starts]
-            starts = [*np.unique(np.clip(again, simulator.low, simulator.high), axis=0), *starts]
+            same = [np.array([s[i] if v is None else v for v, i in known]) for s in starts]
+            starts = [*np.unique(np.clip(same, simulator.low, simulator.high), axis=0), *starts]
         fit = find_best(simulator, coarse, starts, explore=True, below=below).fit
         if effect.place == "output" and before > HIDDEN * coarse.power_about_mean:
             # It hides the output from least squares, so the parent is far off.

@@ -88,14 +88,22 @@ FOLLOWED = 3  # iterations from a value that is scanned
 class Scan:
     """The :class:`~skhoid.effects.ErrorScan` of an effect added to a parent model.
 
-    ``bent`` says whether missing effects may have distorted the parent.
+    ``bent`` says whether missing effects may have distorted the parent, ``again`` whether the
+    effect was scanned beside a smaller one.
     """
 
     def __init__(
-        self, parent: Model, name: str, variant: Effect, coarse: Criterion, *, bent: bool = True
+        self,
+        parent: Model,
+        name: str,
+        variant: Effect,
+        coarse: Criterion,
+        *,
+        bent: bool = True,
+        again: bool = False,
     ):
         self.parent, self.name, self.variant, self.coarse = parent, name, variant, coarse
-        self.bent = bent
+        self.bent, self.again = bent, again
         self.parameters = parent.values()
         self.explores = coarse.rate < coarse.record.criterion_rate
         self.by_seconds: dict[float, tuple[Simulator, Criterion]] = {}

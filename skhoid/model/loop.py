@@ -254,11 +254,6 @@ class LoopSimulator:
         return inside
 
     @property
-    def record_inside(self) -> Record:
-        """The record with the error and the controlled output of the last ``run``."""
-        return move_channels(self.record, self._mean(self._inside), self._follow)
-
-    @property
     def last_state(self) -> Any:
         """Signals of the last run."""
         return self._last.last_state

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from numbers import Integral, Real
 from typing import Any, NamedTuple
 
@@ -35,11 +35,11 @@ from ..recordings.loss_of_control import CHOICES, LEAVE_OUT, notes_of_lost
 from ..regression import units_of
 from ..runs import fingerprint_of
 from ..text import Note, Summary
-from .data import Held, SearchData, held_columns, prepare_data, refit_on_rows, split_data
+from .data import SearchData, held_columns, prepare_data, refit_on_rows, split_data
 from .judging import LEAST_GAIN
-from .leftover import JudgedRecord, SearchNumbers, measure_path
+from .leftover import SearchNumbers, measure_path
 from .limits import end_explained, find_limits
-from .path import Path, find_path
+from .path import find_path
 from .results import (
     SearchResult,
     compare_models,
@@ -133,8 +133,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         How large effects may be that were tried and are not named, one row each: effect (its id),
         title, parameter, unit, sense ("at most", or "at least" where it does nothing at infinity),
         limit (95 %, one-sided), limit_points (of VAF, what that size would gain), shown_from (the
-        smallest size that such runs show in 90 % of cases), shown_points, and reason (where a
-        number is NaN).
+        smallest size that such runs would have named in 90 % of cases), shown_points, and reason
+        (why a number is NaN).
     best_effects_ : list of str
         Ids in the order added. ``"unknown"`` at the end means structure that none of the effects
         tried explains.
@@ -178,7 +178,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         gap reaches up to the noise ceiling (``of_ceiling``).
     unexplained_ : DataFrame
         Structure left at the end: where (time, frequency, amplitude, channel, or "repeats" for what
-        is the same in all runs), at, description, points, delta_bic.
+        is the same in all runs), at, description, points, delta_bic. Rows of free forms, which
+        passed the judges as effects do, may be one and the same: each was added alone.
     ceiling_note_ : str
         Why the ceiling is not known; empty if it is.
     experiments_ : list of str
@@ -298,14 +299,9 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
             core, effects = data.prepared.core, self.list_effects()
             progress = Progress(self, context)
             search = Search(core, data.record, effects, data.folds, self.n_jobs, progress)
-            estimators = Estimators(model)
             most, tries_all = int(self.max_effects), self.tries_all
-            found = search_effects(search, estimators, data, as_output(y), most, tries_all)
-            path = found.numbers.path
-            if len(path.model.effects):  # choices made, numbers to be estimated
-                found.best.set_params(effects=path.model.effects)
-            self.best_estimator_ = found.best
-            self.baseline_ = estimators.of(data.prepared, path.steps[0].at_least_error)
+            found = search_effects(search, model, data, as_output(y), most, tries_all)
+            self.best_estimator_, self.baseline_ = found.best, found.baseline
             self.control_ = data.control
             self._keep(self._result(found, data, X, y), len(data.folds))
         self._fingerprint = fingerprint_of(X)
@@ -388,7 +384,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
             parameters=best.parameters_,
             shape=found.shape,
             explainable_gap=numbers.explainable_gap,
-            closed=find_share(numbers, prepared.record, found.shape),
+            closed=find_share(numbers, prepared.record),
             ceiling_note=numbers.no_ceiling if np.isnan(numbers.ceiling) else "",
             experiments=experiments_for(ranking),
             notes=notes,
@@ -566,38 +562,47 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
 
 
 class Found(NamedTuple):
-    """What a search finds, how it ends, the best model, and the shape of what has no name."""
+    """What a search finds, how it ends, both models, and the shape of what has no name."""
 
     numbers: SearchNumbers
     ending: Ending
+    baseline: Any
     best: Any
     shape: Shape | None
 
 
 def search_effects(
-    search: Search,
-    estimators: Estimators,
-    data: SearchData,
-    y: np.ndarray,
-    most: int,
-    tries_all: bool,
+    search: Search, model: GreyBox, data: SearchData, y: np.ndarray, most: int, tries_all: bool
 ) -> Found:
     """Search, on the output without a tremor that shows; what is found is told of all rows."""
-    prepared, held = data.prepared, data.held
-    baseline = estimators.model.first_fit(replace(prepared, record=search.record))
-    recorded = search.record.y
+    prepared, held, recorded = data.prepared, data.held, search.record.y
+    baseline = model.first_fit(replace(prepared, record=search.record))
     calm = search.without_tremor(baseline) if most else None
     if calm is not None:
         held = held or [held_columns(fold.test) for fold in search.folds]
         search = calm
-        baseline = estimators.model.first_fit(replace(prepared, record=calm.record))
+        baseline = model.first_fit(replace(prepared, record=calm.record))
+    path = find_path(search, baseline, most)
+    before = fit_likeliest(prepared, path.steps[0].at_least_error)
+    best = model.with_fit(
+        prepared, *(fit_likeliest(prepared, path.model) if path.added else before)
+    )
     measured = np.where(prepared.known, y, np.nan)
-    others = None if search.record is prepared.record else held
-    ends = Ends(estimators, measured, recorded, others)
-    numbers, best = ends.numbers(search, prepared, find_path(search, baseline, most))
+    numbers = measure_path(search, path, best, prepared, measured, recorded, held)
     ended = find_unnamed(search, numbers, tries_all=tries_all)
-    shape = fit_shape(ended, estimators.model, prepared, measured)
-    return Found(ended.found, ended.ending, best, shape)
+    shape = fit_shape(ended, model, prepared, measured)
+    if len(path.model.effects):  # choices made, numbers to be estimated
+        best.set_params(effects=path.model.effects)
+    return Found(ended.found, ended.ending, model.with_fit(prepared, *before), best, shape)
+
+
+def fit_likeliest(prepared: Prepared, fitted: Model) -> tuple[Model, RemnantModel]:
+    """A model at its largest likelihood on all rows."""
+    start = refit_on_rows(prepared.record, fitted)
+    # An ARX model has few rounds of noise models: it begins where its own ``fit`` does.
+    if not start.simulator.core.kind.is_operator:
+        start = output_error_fit(start)
+    return likelihood_fit(start, Criterion(prepared.record))
 
 
 def name_if_sure(ending: Ending, numbers: SearchNumbers, confidence: float) -> Ending:
@@ -617,54 +622,6 @@ def name_if_sure(ending: Ending, numbers: SearchNumbers, confidence: float) -> E
     sure = [name for name in ending.named if name not in unsure]
     verdict = Verdict.POSSIBLE if ending.verdict is Verdict.FOUND else ending.verdict
     return Ending(verdict, sure, [n for n in (*ending.named, *ending.stand_ins) if n not in sure])
-
-
-@dataclass(frozen=True)
-class Ends:
-    """What the end of a path is measured by.
-
-    The search may have looked at some of the runs only, and at an output without a recognised
-    noise: ``measured`` is every row of y, NaN where it does not count, ``recorded`` the output of
-    its runs, and ``held`` what its folds hold out of all runs (None: it looked at these).
-    """
-
-    estimators: Estimators
-    measured: np.ndarray
-    recorded: np.ndarray | None
-    held: list[Held] | None
-
-    def numbers(
-        self, search: Search, prepared: Prepared, path: Path
-    ) -> tuple[SearchNumbers, GreyBox]:
-        """Numbers of a path, and its best model."""
-        assert self.recorded is not None
-        best = self.estimators.of(
-            prepared, path.model if path.added else path.steps[0].at_least_error
-        )
-        judged_on = None if self.held is None else JudgedRecord(prepared.record, self.held)
-        return measure_path(
-            search, path, best, prepared, self.measured, self.recorded, judged_on
-        ), best
-
-
-class Estimators:
-    """Models of a search as estimators, each at its largest likelihood, which is found once."""
-
-    def __init__(self, model: GreyBox):
-        self.model = model
-        self._known: dict[tuple, tuple[Prepared, Model, RemnantModel]] = {}
-
-    def of(self, prepared: Prepared, fitted: Model) -> Any:
-        """A model as an estimator."""
-        key = (id(prepared), *fitted.key)
-        if key not in self._known:
-            start = refit_on_rows(prepared.record, fitted)
-            # An ARX model has few rounds of noise models: it begins where its own ``fit`` does.
-            if not start.simulator.core.kind.is_operator:
-                start = output_error_fit(start)
-            self._known[key] = prepared, *likelihood_fit(start, Criterion(prepared.record))
-        _, likeliest, noise = self._known[key]
-        return self.model.with_fit(prepared, likeliest, noise)
 
 
 def _note_searched(data: SearchData) -> list[Note]:

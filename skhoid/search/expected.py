@@ -10,12 +10,13 @@ from __future__ import annotations
 from copy import copy
 
 import numpy as np
+from scipy.stats import norm
 
 from ..model.fitting import Criterion, minimise
 from ..model.model import Model
 
 ITERATIONS = 8  # from each of two starts; the parent begins near its best
-SURELY = 1.28  # standard deviations below which one of ten lies
+SURELY = float(norm.ppf(0.9))  # standard deviations, below which one of ten lies
 
 
 def expected_evidence(parent: Model, model: Model, criterion: Criterion, variance: float) -> float:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -21,15 +22,7 @@ from .likeness import Likeness
 LEVEL = 0.95
 SIZES = (0.1, 0.3, 1.0, 3.0, 10.0)  # starts of a formula's size, relative to the signal
 SCALES = (0.05, 0.15, 0.4, 1.0)  # starts of its other numbers, relative to the range
-NAMES = (
-    "size",
-    "knee",
-    "tau",
-    "middle",
-    "length",
-    "period",
-    "begin",
-)  # in the order of values
+NAMES = ("size", "knee", "tau", "middle", "length", "period", "begin")  # in the order of values
 SIZE = "size of what is added"
 MAPPED = ("input", "output", "command")
 LARGEST = 30.0  # size of a formula, relative to the signal
@@ -66,83 +59,63 @@ def _compiled(code: str, names: tuple[str, ...]) -> Callable[..., np.ndarray]:
     return made
 
 
-_WIDE = (SIZE, "where it bends")
+def _sized(code: str, text: str, powers: tuple[int, ...], *meanings: str) -> Formula:
+    """A formula of some size; one with a knee of any sign is not the same to either side."""
+    signed = "(x - knee" in code
+    return Formula(f"size * {code}", f"size {text}", powers, (SIZE, *meanings), signed)
+
+
+def _whole(code: str, text: str, meaning: str) -> Formula:
+    """A formula in place of the error, the command or the output."""
+    return Formula(f"{code} - x", f"{text} - x", (0,), (meaning,), whole=True)
+
+
+BENDS, FADES = "where it bends", "where it fades"
+HINGE = "np.sign(x) * np.maximum(np.abs(x) - knee, 0.0)"
+LOG, LOG_TEXT = "np.sign(x) * np.log1p(np.abs(x) / knee)", "sign(x) log(1 + |x| / knee)"
+BELL, BELL_TEXT = "x * np.exp(-((x / knee) ** 2))", "x exp(-(x / knee)^2)"
 OF_SIGNALS = (
-    Formula("size * x**3", "size x^3", (3,), (SIZE,)),
-    Formula("size * x * np.abs(x)", "size x |x|", (2,), (SIZE,)),
-    Formula("size * np.abs(x)", "size |x|", (1,), (SIZE,)),
-    Formula("size * x**2", "size x^2", (2,), (SIZE,)),
-    Formula("size * np.maximum(x, 0.0) ** 2", "size max(x, 0)^2", (2,), (SIZE,)),
-    Formula("size * np.minimum(x, 0.0) ** 2", "size min(x, 0)^2", (2,), (SIZE,)),
-    Formula(
-        "size * np.sign(x) * np.maximum(np.abs(x) - knee, 0.0)",
-        "size sign(x) max(|x| - knee, 0)",
-        (1, 1),
-        _WIDE,
-    ),
-    Formula("size * np.tanh(x / knee)", "size tanh(x / knee)", (0, 1), _WIDE),
-    Formula(
-        "size * np.sign(x) * np.log1p(np.abs(x) / knee)",
-        "size sign(x) log(1 + |x| / knee)",
-        (0, 1),
-        _WIDE,
-    ),
-    Formula(
-        "size * x * np.exp(-((x / knee) ** 2))",
-        "size x exp(-(x / knee)^2)",
-        (1, 1),
-        (SIZE, "where it fades"),
-    ),
-    Formula(
-        "size * np.maximum(x - knee, 0.0)", "size max(x - knee, 0)", (1, 1), _WIDE, signed=True
-    ),
-    Formula(
-        "size * np.minimum(x - knee, 0.0)", "size min(x - knee, 0)", (1, 1), _WIDE, signed=True
-    ),
+    _sized("x**3", "x^3", (3,)),
+    _sized("x * np.abs(x)", "x |x|", (2,)),
+    _sized("np.abs(x)", "|x|", (1,)),
+    _sized("x**2", "x^2", (2,)),
+    _sized("np.maximum(x, 0.0) ** 2", "max(x, 0)^2", (2,)),
+    _sized("np.minimum(x, 0.0) ** 2", "min(x, 0)^2", (2,)),
+    _sized(HINGE, "sign(x) max(|x| - knee, 0)", (1, 1), BENDS),
+    _sized("np.tanh(x / knee)", "tanh(x / knee)", (0, 1), BENDS),
+    _sized(LOG, LOG_TEXT, (0, 1), BENDS),
+    _sized(BELL, BELL_TEXT, (1, 1), FADES),
+    _sized("np.maximum(x - knee, 0.0)", "max(x - knee, 0)", (1, 1), BENDS),
+    _sized("np.minimum(x - knee, 0.0)", "min(x - knee, 0)", (1, 1), BENDS),
 )
-WHOLE = (  # in place of the error, the command or the output
-    Formula(
-        "knee * np.sign(x) * np.log1p(np.abs(x) / knee) - x",
-        "knee sign(x) log(1 + |x| / knee) - x",
-        (0,),
-        ("where it bends",),
-        whole=True,
-    ),
-    Formula(
-        "knee * np.tanh(x / knee) - x",
-        "knee tanh(x / knee) - x",
-        (0,),
-        ("where it bends",),
-        whole=True,
-    ),
-    Formula(
-        "x * np.exp(-((x / knee) ** 2)) - x",
-        "x exp(-(x / knee)^2) - x",
-        (0,),
-        ("where it fades",),
-        whole=True,
-    ),
+WHOLE = (
+    _whole(f"knee * {LOG}", f"knee {LOG_TEXT}", BENDS),
+    _whole("knee * np.tanh(x / knee)", "knee tanh(x / knee)", BENDS),
+    _whole(BELL, BELL_TEXT, FADES),
+)
+STEP = Formula(
+    "size * np.clip((t - begin) / 0.1, 0.0, 1.0)",
+    "a step of size at begin",
+    (0, 1),
+    (SIZE, "time of the step"),
+)
+CHANGE = Formula(
+    "size * expit((t - middle) / length)",
+    "size / (1 + exp(-(t - middle) / length))",
+    (0, 1, 1),
+    (SIZE, "middle of the change", "a quarter of its length"),
 )
 OF_TIME = (
-    Formula("size * t", "size t", (1,), (SIZE,)),
-    Formula("size * np.exp(-t / tau)", "size exp(-t / tau)", (0, 1), (SIZE, "time constant")),
-    Formula(
-        "size * np.clip((t - begin) / 0.1, 0.0, 1.0)",
-        "a step of size at begin",
-        (0, 1),
-        (SIZE, "time of the step"),
-    ),
-    Formula(
-        "size * expit((t - middle) / length)",
-        "size / (1 + exp(-(t - middle) / length))",
+    _sized("t", "t", (1,)),
+    _sized("np.exp(-t / tau)", "exp(-t / tau)", (0, 1), "time constant"),
+    STEP,
+    CHANGE,
+    _sized(
+        "np.sin(2 * np.pi * (t - begin) / period)",
+        "sin(2 pi (t - begin) / period)",
         (0, 1, 1),
-        (SIZE, "middle of the change", "a quarter of its length"),
-    ),
-    Formula(
-        "size * np.sin(2 * np.pi * (t - begin) / period)",
-        "size sin(2 pi (t - begin) / period)",
-        (0, 1, 1),
-        (SIZE, "period", "time at which it rises through zero"),
+        "period",
+        "time at which it rises through zero",
     ),
 )
 
@@ -228,10 +201,12 @@ def list_starts(formula: Formula, like: Likeness) -> tuple[np.ndarray, np.ndarra
     scales = [s * reach for s in SCALES]
     if formula.signed:
         scales = [sign * s for s in scales for sign in (1.0, -1.0)]
-    more: list[list[float]] = [[]] if not n_more else [[s] for s in scales]
-    for _ in range(n_more - 1):
-        more = [[*m, s] for m in more for s in scales]
     signs = (1.0,) if "period" in formula.names else (1.0, -1.0)  # begin has the sign of a wave
     low[0] = 0.0 if len(signs) == 1 else low[0]
-    starts = [[sign * a * size, *m] for a in SIZES for sign in signs for m in more]
+    starts = [
+        [sign * a * size, *m]
+        for a in SIZES
+        for sign in signs
+        for m in product(scales, repeat=n_more)
+    ]
     return low, high, np.array(starts)

@@ -21,6 +21,7 @@ from ..model.likelihood import usual_starts
 from ..model.loop import Loop, find_loop
 from ..model.model import Model
 from .expected import could_know, expected_evidence
+from .judges import BLOCK
 
 # s, after a signal and before it: its means between each two make up any smooth response to it.
 LAGS = (
@@ -33,7 +34,6 @@ DISTURBED = 0.05  # of the power of x: an element 20 % too strong makes up so la
 # Of the largest singular value, above which lags of a signal are one more instrument: as recorded,
 # and as the element tells it, with the output's sampling in it.
 RECORDED, TOLD = 1e-3, 0.03
-BLOCK = 12.0  # s, longer than what remnant and loop remember
 ITERATIONS = (4, 15)  # of all starts, and of the best
 
 

@@ -1,4 +1,4 @@
-"""What judges a model of a search, in numbers: held-out rows, noise models, traces, the loop.
+"""What judges a model of a search, in numbers: held-out rows, noise models, traces.
 
 What counts is in :mod:`skhoid.search.judging`.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,12 +24,11 @@ from ..effects.record import (
     find_step,
     find_stop,
 )
-from ..model.cores import Core
 from ..model.estimator import vaf_of_output
 from ..model.extend import refitted, shared_derivatives
 from ..model.fitting import Criterion, minimise, whitened_derivatives
 from ..model.likelihood import likeliest, usual_starts
-from ..model.loop import Loop, LoopSimulator, draw_remnant, find_loop
+from ..model.loop import MEMORY, LoopSimulator, draw_remnant, find_loop
 from ..model.model import Model
 from ..model.simulator import Simulator
 from .judging import THRESHOLD
@@ -41,6 +39,7 @@ LOST = 10.0  # by which a larger model that has not been fitted well is worse
 LEAST_RATE = 45.0  # Hz, to which records are thinned
 ITERATIONS = 10
 TOLERANCE = 1e-4
+BLOCK = MEMORY  # s, longer than what remnant and loop remember: errors of blocks are apart
 
 
 @dataclass
@@ -185,65 +184,31 @@ class JointParent:
         return (fewer[0] - larger[0] - added * float(np.log(n))) / 2
 
 
-class LoopJudge:
-    """The loop of a record, in which models are simulated."""
+def find_loop_vaf(model: Model, folds: Sequence[HeldOutRows]) -> float:
+    """VAF of held-out rows in the closed loop of a record, each fold refitted there.
 
-    def __init__(self, core: Core, record: Record, loop: Loop, folds: Sequence[HeldOutRows]):
-        self.core, self.record, self.loop, self.folds = core, record, loop, folds
-        self.plain = Criterion(record)
-        self._around: dict[tuple, LoopFit] = {}
-
-    @classmethod
-    def of(cls, core: Core, record: Record, folds: Sequence[HeldOutRows]) -> LoopJudge | None:
-        """The loop of a record, thinned to a rate that is fast enough; None where it has none."""
-        thin = max(1, int(1 / (LEAST_RATE * record.dt) + 1e-6))
-        if thin > 1:
-            record = record.part(np.arange(record.n_runs), thin)
-        loop = find_loop(record)
-        if loop is None:
-            return None
-        rows = [HeldOutRows(fold.test[::thin], fold.train[::thin]) for fold in folds]
-        return cls(core, record, loop, rows)
-
-    def around(self, model: Model) -> LoopFit:
-        """The loop around a model, with a remnant of the kind it leaves."""
-        if model.key not in self._around:
-            assert self.record.y is not None
-            open_run = Simulator(self.core, model.effects, self.record).run(model.theta)
-            remnant = draw_remnant(self.record.y - open_run, self.record.known)
-            loop = replace(self.loop, remnant=remnant)
-            self._around[model.key] = LoopFit(self, loop, model)
-        return self._around[model.key]
-
-
-@dataclass
-class LoopFit:
-    """A model in its loop."""
-
-    judge: LoopJudge
-    loop: Loop
-    model: Model
-
-    @cached_property
-    def fit(self) -> Model:
-        """The model at the smallest error of its loop."""
-        judge, model = self.judge, self.model
-        simulator: Any = LoopSimulator(judge.core, model.effects, judge.record, self.loop)
-        fit = minimise(simulator, judge.plain, model.theta, max_iter=ITERATIONS, tol=TOLERANCE)
-        return Model(simulator, fit)
-
-    @cached_property
-    def vaf(self) -> float:
-        """VAF of held-out rows, each fold refitted without them; NaN where it cannot be solved."""
-        judge = self.judge
-        if not np.isfinite(self.fit.output).all():
-            return np.nan
-        predicted = refitted_prediction(
-            self.fit, judge.plain, judge.folds, max_iter=ITERATIONS, tol=TOLERANCE
-        )
-        if not np.isfinite(predicted[judge.record.known]).all():
-            return np.nan
-        return vaf_of_output(judge.record, predicted)
+    With a remnant like the one that the model leaves; NaN where no loop is known or it cannot be
+    solved.
+    """
+    record, core, effects = model.simulator.record, model.simulator.core, model.effects
+    thin = max(1, int(1 / (LEAST_RATE * record.dt) + 1e-6))
+    record = record.part(np.arange(record.n_runs), thin) if thin > 1 else record
+    loop = find_loop(record)
+    if loop is None or record.y is None:
+        return np.nan
+    left = record.y - Simulator(core, effects, record).run(model.theta)
+    loop = replace(loop, remnant=draw_remnant(left, record.known))
+    simulator: Any = LoopSimulator(core, effects, record, loop)
+    plain = Criterion(record)
+    ends: dict[str, Any] = {"max_iter": ITERATIONS, "tol": TOLERANCE}
+    fitted = Model(simulator, minimise(simulator, plain, model.theta, **ends))
+    if not np.isfinite(fitted.output).all():
+        return np.nan
+    rows = [HeldOutRows(fold.test[::thin], fold.train[::thin]) for fold in folds]
+    predicted = refitted_prediction(fitted, plain, rows, **ends)
+    return (
+        vaf_of_output(record, predicted) if np.isfinite(predicted[record.known]).all() else np.nan
+    )
 
 
 def test_leak(model: Model) -> LeakTest | None:

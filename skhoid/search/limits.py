@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.stats import chi2, norm
+from scipy.stats import chi2
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
@@ -23,15 +23,14 @@ from ..model.fitting import AR_ORDER, Criterion, derivatives, scaled_inverse
 from ..model.likelihood import fit_autoregression, likeliest
 from ..model.model import Model
 from ..model.simulator import Simulator
-from .judges import RATES
+from .expected import SURELY
+from .judges import BLOCK, RATES
 from .judging import LEAST_GAIN, THRESHOLD, Candidate
 from .path import Path
 from .probability import find_needed
 from .statuses import Ending, Verdict
 
 ALLOWED = float(chi2.ppf(0.9, 1)) / 2  # nats below the likeliest size: 95 % on one side
-SHOWN = float(norm.ppf(0.9))  # standard deviations of the evidence, for 90 %
-BLOCK = 10.0  # s, longer than remnant and loop remember
 ROUNDS = 5  # of simulations at the sizes that the last ones lead to
 CLOSE = 1.25  # times a size that was simulated, for which it stands too
 FAR = 5.0  # times those that were simulated, to which they are extrapolated
@@ -234,6 +233,7 @@ class Side:
 
     def __post_init__(self) -> None:
         self.at: dict[float, list[float]] = {}
+        self.imitated = False
 
     def value(self, size: float) -> float:
         """The parameter at a size."""
@@ -255,8 +255,9 @@ class Side:
         plain = thin - np.tensordot(beside.imitated(thin), beside.rows, 1)
         plain = np.where(criterion.weight > 0.0, plain, 0.0)  # not where a run begins
         length = float(np.linalg.norm(seen))
-        whole = np.linalg.norm(criterion.whitened(beside.thinned(change)[None]))
-        if not length > max(EXACT * beside.sigma, IMITATED * whole):
+        whole = float(np.linalg.norm(criterion.whitened(beside.thinned(change)[None])))
+        self.imitated |= EXACT * beside.sigma < length < IMITATED * whole
+        if self.imitated or not length > EXACT * beside.sigma:
             self.at[size] = [NONE, NONE, 0.0, 1.0, NONE, NONE]
             return False
         fits = float(seen @ beside.noise) / length
@@ -276,7 +277,8 @@ class Side:
 
     def begin(self) -> bool:
         """Simulate a first size that shows something; whether there is one."""
-        return any(self.simulate(min(times * self.start, self.most)) for times in BEGUN)
+        begun = any(self.simulate(min(times * self.start, self.most)) for times in BEGUN)
+        return begun and not self.imitated
 
     def go_on(self, *sizes: float) -> bool:
         """Simulate sizes that are not near another, not too far at once; whether there were any."""
@@ -378,9 +380,9 @@ def solve(sides: list[Side], needed: float, least: float) -> list[Solved]:
     best = min(0.0, *(float(loss.min()) for loss in losses))
     found = []
     for (sizes, one), loss in zip(asked, losses, strict=True):
-        sure = one.evidence - SHOWN * np.sqrt(2 * one.spread * one.evidence)
+        sure = one.evidence - SURELY * np.sqrt(2 * one.spread * one.evidence)
         likely = sure >= needed
-        likely &= one.points - SHOWN * one.unsure >= least
+        likely &= one.points - SURELY * one.unsure >= least
         allowed = np.flatnonzero(loss <= best + ALLOWED)
         last = int(allowed[-1]) if allowed.size else 0
         first = int(np.argmax(likely))

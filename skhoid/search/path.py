@@ -104,29 +104,53 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     """
     claim = find_claim(search, baseline) if most else None
     if claim is not None:
-        search.remember(baseline)
-        with search.progress.step(2):  # fitted, and refined
-            name = unique_name(claim, baseline.effects)
-            model = extended(baseline, name, claim, search.criterion, search.coarse)
-            search.progress.done(1)
-            one = Candidate(name, dict(model.effects.steps)[name], model=model)
-            step = search.judge_candidates(baseline, [one])
-        if step.best is not None:  # else it would only imitate what is missing
-            freed = Path([step], output_error_fit(model))
+        step = try_beside(search, baseline, claim)
+        found_claim = step.best
+        if found_claim is not None:  # else it would only imitate what is missing
+            assert found_claim.model is not None
+            freed = Path([step], output_error_fit(found_claim.model))
             return drop_superfluous(search, follow(search, freed, most + 1), most)
     first = search.step(baseline)
     path = Path([first], first.at_likelihood)
     if first.best is None or not most:
         return path
     least = RIVAL * first.best.least
-    found = []
+    found: list[Path] = []
     for start in [c for c in first.candidates[:2] if c.passes and c.least >= least]:
         assert start.model is not None
-        found.append(follow(search, Path([first], start.model), most))
+        if found and explains(search, found[0], start):
+            break
+        known = [first.best.name] if found else []
+        one = follow(search, Path([first], start.model), most, known)
+        last = one.steps[-1].best
+        found += [one] if last is None or last.name not in known else []
         if len(found[0].ids) < len(baseline.effects) + 2:
             break
     best = min(found, key=lambda one: find_cost(search, one.model))
     return drop_superfluous(search, best, most)
+
+
+def try_beside(search: Search, parent: Model, effect: Effect) -> SearchStep:
+    """A step in which one effect is tried."""
+    search.remember(parent)
+    with search.progress.step(2):  # fitted, and refined
+        name = unique_name(effect, parent.effects)
+        model = extended(parent, name, effect, search.criterion, search.coarse)
+        search.progress.done(1)
+        one = Candidate(name, dict(model.effects.steps)[name], model=model)
+        return search.judge_candidates(parent, [one])
+
+
+def explains(search: Search, path: Path, other: Candidate) -> bool:
+    """Whether a path has another effect, or its first counts beside that, and not the reverse."""
+    if other.name in path.added:
+        return True
+    first, beside = path.steps[0].best, {c.name: c for c in path.steps[1].candidates}
+    assert first is not None
+    assert other.model is not None
+    if other.name not in beside or beside[other.name].passes:
+        return False
+    return try_beside(search, output_error_fit(other.model), first.effect).best is not None
 
 
 def find_claim(search: Search, baseline: Model) -> Effect | None:
@@ -138,13 +162,13 @@ def find_claim(search: Search, baseline: Model) -> Effect | None:
     return claim
 
 
-def follow(search: Search, path: Path, most: int) -> Path:
-    """Add the best of each step."""
+def follow(search: Search, path: Path, most: int, known: Sequence[str] = ()) -> Path:
+    """Add the best of each step, until it is one that is ``known`` from another path."""
     steps, model = list(path.steps), path.model
     while len(model.effects) < most:
         steps.append(search.step(output_error_fit(model)))
         best = steps[-1].best
-        if best is None or best.model is None:
+        if best is None or best.model is None or best.name in known:
             break
         model = best.model
     return Path(steps, model)

@@ -138,7 +138,7 @@ def of_lead(nats: float) -> float:
     return float(np.sign(nats) * np.log1p(abs(nats)))
 
 
-def alike(one: Effect, other: Effect) -> bool:
+def alike(one: Effect | type[Effect], other: Effect | type[Effect]) -> bool:
     """Whether two effects are the same or known to be easily taken for each other."""
     return one.name == other.name or any(
         b.name in (*a.within, *a.told_apart) for a, b in ((one, other), (other, one))

@@ -201,7 +201,7 @@ def error_path(found: SearchNumbers, prepared: Prepared) -> pd.DataFrame:
                 "effect": title,
                 "model": with_effects(found.added[:number]),
                 "vaf": step.vaf,
-                "vaf_loop": np.nan if step.loop is None else step.loop.vaf,
+                "vaf_loop": step.vaf_loop,
                 "rmse": float(np.sqrt(np.mean(error**2))),
                 "vaf_train": vaf_of_output(record, step.at_likelihood.output),
                 "ceiling": found.ceiling,

@@ -39,7 +39,7 @@ from .data import refit_on_rows
 from .formulas import Fitted, find_formula
 from .judges import HeldOutRows, held_out
 from .judging import FLOOR, LEAST_GAIN, THRESHOLD, Candidate, find_lead
-from .leftover import SearchNumbers, find_gap, leftovers, points_gained
+from .leftover import Leftover, SearchNumbers, find_gap
 from .likeness import acts_where, nearest_effects, nearest_table, recordings_for
 from .path import CLAIM, tell_chances
 from .statuses import Ending, Verdict
@@ -413,8 +413,8 @@ def fit_shape(
     best.set_params(effects=found.model.effects)
     rest, _, _, _ = find_gap(best, prepared, measured)
     if not np.isfinite(rest):
-        folds = ended.search.folds
-        rest = max([item.points for item in leftovers(fitted, folds)], default=0.0)
+        hints = find_hints(ended.search, output_error_fit(found.model))
+        rest = max([hint.points for hint in hints if np.isfinite(hint.points)], default=0.0)
     closed = float(found.gain / max(found.gain + max(rest, 0.0), 1e-300))
     shape = make_shape(found, best, closed, prepared.units)
     closest, gain = ended.closest
@@ -448,12 +448,10 @@ def is_far(form: Any, record: Record) -> bool:
     return any(form.starts(record)[0].values())
 
 
-def list_candidates(
-    search: Search, parent: Model, hints: Sequence[Hint], first: int = 0
-) -> list[Candidate]:
-    """Free forms, fitted beside a parent; the ``first`` of their numbers."""
+def list_candidates(search: Search, parent: Model, hints: Sequence[Hint]) -> list[Candidate]:
+    """Free forms, fitted beside a parent."""
     candidates = []
-    for which, hint in enumerate(hints, first):
+    for which, hint in enumerate(hints):
         name = f"{NAME}_{which}"
         model = extended(parent, name, hint.effect, search.criterion, search.coarse)
         candidates.append(Candidate(name, dict(model.effects.steps)[name], model=model))
@@ -515,12 +513,11 @@ def hinted(
     folds: Sequence[HeldOutRows],
 ) -> tuple[float, float] | None:
     """Points that curves gain on held-out rows beside a model's derivatives, and ΔBIC; or None."""
-    n_own = len(own) - 1
+    n_own, n = len(own) - 1, criterion.n
     plain = np.concatenate([own[:-1], columns])
     residual = own[-1]
     white = criterion.whitened(np.concatenate([plain, residual[None]]))
     gram = white @ white.T
-    n = criterion.n
     before = gram[-1, -1] - gram[:n_own, -1] @ _solve(gram[:n_own, :n_own], gram[:n_own, -1])
     known = np.zeros_like(gram[:-1, :-1])
     best: tuple[float, np.ndarray] = (-np.inf, known)
@@ -536,8 +533,19 @@ def hinted(
     delta_bic, known = best
     if delta_bic < 2 * THRESHOLD:
         return None
-    points = points_gained(white, plain, residual, n_own, criterion, folds, _solve, known)
-    return (points, delta_bic) if points > 0 else None
+    by_row = white.reshape(len(white), *residual.shape)
+    gained = total = 0.0
+    for fold in folds:
+        train, test = fold.train[:: criterion.thin], fold.test[:: criterion.thin]
+        rows = by_row[:, train]
+        gram = rows @ rows.T
+        left, fewer = residual[test], _solve(gram[:n_own, :n_own], gram[:n_own, -1])
+        without = left - fewer @ plain[:n_own, test]
+        beside = left - _solve(gram[:-1, :-1] + known, gram[:-1, -1]) @ plain[:, test]
+        # Own parameters that move beyond their linearisation would make any response look good.
+        gained += min(float(without @ without), float(left @ left)) - float(beside @ beside)
+        total += float((criterion.y[test] ** 2).sum())
+    return (100 * gained / max(total, 1e-300), delta_bic) if gained > 0 else None
 
 
 def _solve(gram: np.ndarray, product: np.ndarray) -> np.ndarray:
@@ -578,17 +586,52 @@ def find_unnamed(search: Search, found: SearchNumbers, *, tries_all: bool) -> Un
     if found.path.steps[-1].best is not None:
         unknown = Verdict.CUT_SHORT
     ids = found.ids
-    rival = find_rival(search, found)
+    named = named_candidate(found)
+    step = judge_rivals(search, found, named)
+    rival = find_rival(search, step, found, named)
     tell_chances(found.path, rival.form and rival.form.effect, rival.lead)
     if rival.wins is not None:
+        found = with_forms(found, step, named)
         return Unnamed(found, Ending(unknown, [], ids), search, rival.wins, rival.family)
-    further = find_beside(search, found) if found.added else None
-    if further is not None:
-        return Unnamed(found, Ending(unknown, ids, []), search, further)
+    beside = None
+    if named is not None:
+        step = judge_beside(search, found)
+        beside = find_best(search, step)
+    found = with_forms(found, step)
+    if beside is not None and counts(beside.gain, found):
+        return Unnamed(found, Ending(unknown, ids, []), search, beside)
     repeats = max([item.points for item in found.left if item.where == "repeats"], default=0.0)
     if counts(repeats, found):
         return Unnamed(found, Ending(unknown, ids, []), search)
     return Unnamed(found, Ending(Verdict.FOUND if ids else Verdict.NOTHING, ids, []), search)
+
+
+def with_forms(
+    found: SearchNumbers, step: SearchStep, named: Candidate | None = None
+) -> SearchNumbers:
+    """Numbers with what free forms that were judged explain more than the effects ``named``."""
+    record = step.at_least_error.simulator.record
+    gained, granted = (0.0, 0.0) if named is None else (named.gain, named.delta_bic)
+    left = list(found.left)
+    for one in step.candidates:
+        if one is not named and one.passes and one.refit:
+            form: Any = one.effect
+            told = *locate_form(form, record), form.sentence_in(record.domain)
+            left.append(Leftover(*told, one.gain - gained, one.delta_bic - granted))
+    least = LEAST_GAIN * found.share
+    return replace(found, left=[item for item in left if item.points >= least])
+
+
+def locate_form(form: FreeForm, record: Record) -> tuple[str, str]:
+    """Where a form acts, and at what, as ``unexplained_`` has it."""
+    channel = getattr(form, "channel", None)
+    if channel in record.channels:
+        return "channel", str(channel)
+    if form.over == TIME:
+        return "time", form.place
+    if form.over == "lag":
+        return "frequency", record.inputs[0]
+    return "amplitude", record.inputs[0] if form.over == "e" else form.over
 
 
 def counts(points: float, found: SearchNumbers) -> bool:
@@ -611,19 +654,22 @@ class Rival(NamedTuple):
     lead: float = -np.inf
 
 
-def find_rival(search: Search, found: SearchNumbers) -> Rival:
-    """The form that rivals the effects found."""
+def judge_rivals(search: Search, found: SearchNumbers, named: Candidate | None) -> SearchStep:
+    """The effects found, and the forms that explain most of the same, beside the baseline."""
     baseline = found.steps[0].at_least_error
-    named = named_candidate(found)
     hints = [h for h in find_hints(search, baseline) if h.points > HOPEFUL * found.gained]
     tried = hints[:FOLLOWED]
     if named is not None:
         there = [hint for hint in hints if acts_like(hint.effect, named, baseline)][:1]
         tried += [hint for hint in there if hint not in tried]
-    if not tried:
-        return Rival()
     forms = list_candidates(search, baseline, tried)
-    step = judge_forms(search, baseline, [*forms, *([named] if named else [])])
+    return judge_forms(search, baseline, [*forms, *([named] if named and forms else [])])
+
+
+def find_rival(
+    search: Search, step: SearchStep, found: SearchNumbers, named: Candidate | None
+) -> Rival:
+    """The form that rivals the effects found."""
     best = find_best(search, step, named)
     if best is None or not counts(best.gain, found):
         return Rival()
@@ -634,7 +680,7 @@ def find_rival(search: Search, found: SearchNumbers) -> Rival:
     own = [
         one
         for one in step.candidates
-        if by > 0.0 and one is not named and acts_like(one.effect, named, baseline)
+        if by > 0.0 and one is not named and acts_like(one.effect, named, step.at_least_error)
     ]
     for one in own[:1]:
         judge_refitted(search, step, one)
@@ -693,16 +739,11 @@ def acts_like(form: FreeForm, named: Candidate, baseline: Model) -> bool:
     return acts_where(form, effect, own, record, gains)
 
 
-def find_beside(search: Search, found: SearchNumbers) -> Candidate | None:
-    """The form that explains what the effects found leave, if that counts."""
+def judge_beside(search: Search, found: SearchNumbers) -> SearchStep:
+    """The forms that explain most of what the effects found leave, if that counts."""
     parent = output_error_fit(found.path.model)
-    hints = find_hints(search, parent)
-    tried = [hint for hint in hints[:FOLLOWED] if counts(hint.points, found)]
-    if not tried:
-        return None
-    step = judge_forms(search, parent, list_candidates(search, parent, tried))
-    best = find_best(search, step)
-    return best if best is not None and counts(best.gain, found) else None
+    tried = [hint for hint in find_hints(search, parent)[:FOLLOWED] if counts(hint.points, found)]
+    return judge_forms(search, parent, list_candidates(search, parent, tried))
 
 
 def curve_with_band(model: Model, name: str) -> tuple[pd.DataFrame, float]:

@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..effects.record import Record
+from .judges import BLOCK
 from .leftover import SearchNumbers
-from .shape import Shape
 
-BLOCK = 10.0  # s: longer than the memory of loop and remnant, so that errors of blocks are apart
 HALF = 1.96  # standard errors, of a 95 % interval
 
 
@@ -46,7 +45,7 @@ class Share(NamedTuple):
         return f"{value} % ({low} to {high} %) of the gap to the noise ceiling"
 
 
-def find_share(found: SearchNumbers, record: Record, shape: Shape | None) -> Share:
+def find_share(found: SearchNumbers, record: Record) -> Share:
     """What the effects added close of the gap: by errors of blocks, and that of the ceiling."""
     first, last = found.steps[0], found.steps[-1]
     of_ceiling = bool(np.isfinite(found.ceiling))
@@ -54,9 +53,6 @@ def find_share(found: SearchNumbers, record: Record, shape: Shape | None) -> Sha
         return Share(np.nan, np.nan, np.nan, of_ceiling)
     gained, left = last.vaf - first.vaf, found.worst
     if not of_ceiling:
-        if shape is not None:
-            beside = set(found.added) <= {name for name, _ in shape.estimator.effects_}
-            left = max(left, shape.gain if beside else shape.gain - gained)
         most = gained / (gained + left)
         return Share(most, 0.0, most, of_ceiling)
     left = max(found.ceiling - last.vaf, 0.0)

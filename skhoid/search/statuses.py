@@ -94,7 +94,7 @@ class Reason(StrEnum):
     NOT_SEEN = "not_seen"  # nothing shows of it with the number at which it ended
     MAY_BE_ZERO = "may_be_zero"
     REBUILDS = "rebuilds_output"  # from x, by the inverse of the controlled element
-    REFUTED = "refuted"  # by the closed loop, or by a noise model that is estimated along
+    REFUTED = "refuted"  # by instruments, or by a noise model that is estimated along
     SUPERFLUOUS = "superfluous"  # once later effects are there
     RIVAL = "rival_added"  # it counts, and another was added instead
     CUT_SHORT = "max_effects"  # it counts, and no more effects may be added

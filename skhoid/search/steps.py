@@ -28,8 +28,6 @@ from .instruments import InstrumentJudge
 from .judges import (
     HeldOutRows,
     JointParent,
-    LoopFit,
-    LoopJudge,
     find_traces,
     held_out,
     refitted_prediction,
@@ -120,11 +118,11 @@ class SearchStep:
     vaf: float
     prediction: np.ndarray
     candidates: list[Candidate]
-    loop: LoopFit | None
     instruments: InstrumentJudge | None
     refit: Callable[[Model], float]
     own_noise: Callable[[], JointParent | None]
     shape: list[Alternative] = field(default_factory=list)
+    vaf_loop: float = np.nan
 
     @property
     def refitted_vaf(self) -> float:
@@ -243,7 +241,6 @@ class Search:
     ):
         self.progress = Progress() if progress is None else progress
         self.core, self.record, self.folds = core, record, folds
-        self.loop = LoopJudge.of(core, record, folds)
         self.instruments = InstrumentJudge.of(record, THRESHOLD) if core.kind.is_operator else None
         self.effects = [e for e in effects if not e.noise]
         self.noises = [e for e in effects if e.noise]  # which no input explains
@@ -253,6 +250,7 @@ class Search:
         # Of the output's power that is not its mean: what points of VAF have to count in.
         self.share = self.criterion.power_about_mean / max(self.criterion.power, 1e-300)
         self.n_jobs = n_jobs
+        self._stepped = False
         self._refits: dict[tuple, np.ndarray] = {}
         self._parts: dict[tuple, list[Model]] = {}
         self._parents: dict[frozenset[str], Model] = {}
@@ -311,17 +309,18 @@ class Search:
         added = [(c.name, c.effect) for c in tried]
         with self.progress.step(2 * len(tried)):  # fitted, and refined
             rough = explored_from(parent, self.coarse)
-            done = self._each(self._extended, added, parent, rough)
+            done = self._each(self._extended, added, parent, rough, self._stepped)
+            self._stepped = True
             for c, found in zip(tried, done, strict=True):
                 c.model = self._model(found, parent)
             return self.judge_candidates(parent, candidates)
 
     def _extended(
-        self, added: tuple[str, Effect], parent: Model, rough: Model
+        self, added: tuple[str, Effect], parent: Model, rough: Model, again: bool
     ) -> tuple[Effects, Fit]:
         worth = HOPELESS / 2 * self.share
         criteria = self.criterion, self.coarse
-        model = extended(parent, *added, *criteria, worth=worth, rough=rough)
+        model = extended(parent, *added, *criteria, worth=worth, rough=rough, again=again)
         return model.effects, model.fit
 
     def _model(self, found: tuple[Effects, Fit], parent: Model) -> Model:
@@ -368,7 +367,6 @@ class Search:
             vaf=vaf_before,
             prediction=prediction_before,
             candidates=candidates,
-            loop=None if self.loop is None else self.loop.around(at_likelihood),
             instruments=self.instruments,
             refit=self.refit,
             own_noise=cache(

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from ..effects.base import Effect
+from ..effects.catalogue import BY_NAME
 from ..effects.registry import title_of, titles_of
 from ..model.parameters import parameter_text
 from ..text import (
@@ -35,7 +36,7 @@ from ..text import (
 from .judging import THRESHOLD
 from .likeness import experiment_between
 from .path import Path
-from .probability import runs_to_decide
+from .probability import alike, runs_to_decide
 from .results import SearchResult, with_effects
 from .statuses import UNKNOWN, Status, Verdict
 
@@ -107,12 +108,25 @@ def tell_headline(found: SearchResult) -> str:
 
 
 def tell_names(found: SearchResult, names: Sequence[str]) -> str:
-    """Titles of effects, each with the probability that the name is right, where it is known."""
+    """Titles of effects, each with its equals and the probability that one of these is right."""
     added = found.ranking[found.ranking["status"] == Status.ADDED]
-    chances = dict(zip(added["effect"], added["probability"], strict=True))
-    known = {name: f" ({100 * p:.0f} %)" for name, p in chances.items() if np.isfinite(p)}
-    *others, last = [title_of(name) + known.get(name, "") for name in names]
+    told = {name: title_of(name) for name in names}
+    for _, row in added[added["effect"].isin(names)].iterrows():
+        *equals, other = map(title_of, [row["effect"], *list_equals(found.ranking, row)])
+        either = f"{', '.join(equals)} or {other}" if equals else other
+        chance = f" ({100 * p:.0f} %)" if np.isfinite(p := row["probability"]) else ""
+        told[row["effect"]] = either + chance
+    *others, last = told.values()
     return f"{', '.join(others)} and {last}" if others else last
+
+
+def list_equals(ranking: pd.DataFrame, added: pd.Series) -> list[str]:
+    """What has as much evidence as an added effect, of what is easily taken for it."""
+    tried = ranking[(ranking["step"] == added["step"]) & (ranking["evidence"] > THRESHOLD)]
+    near = tried[(tried["evidence"] - added["evidence"]).abs() <= THRESHOLD]
+    own = BY_NAME.get(added["effect"])
+    known = [(name, BY_NAME.get(name)) for name in near["effect"] if name != added["effect"]]
+    return [name for name, one in known if own and one and alike(own, one)]
 
 
 def tell_baseline(found: SearchResult) -> Paragraph:

@@ -7,6 +7,7 @@ from support.shapes import a_shape
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import (
+    Backlash,
     Bias,
     Feedforward,
     OutputFeedback,
@@ -79,6 +80,15 @@ def test_text_json_and_the_notebook_tell_the_same(biased):
     assert found["verdict"] == str(biased.verdict_)
     assert found["best_effects"] == biased.best_effects_
     assert found["parameters"][-1]["parameter"] == "bias__level"
+
+
+def test_what_is_as_likely_and_easily_taken_for_it_is_told_in_the_same_breath():
+    search = EffectSearchCV(OperatorRegressor(), effects=["backlash", "stiction", "bias"])
+    search.fit(*recorded([Backlash(gap=0.05), Bias(level=0.1)]))
+    rows = search.ranking_.query("status == 'added'").set_index("effect")
+    chance = 100 * rows.loc["backlash", "probability"]
+    assert f"backlash or stiction ({chance:.0f} %)" in search.summary().splitlines()[0]
+    assert search.best_effects_.count("stiction") == 0
 
 
 def test_the_candidates_of_a_step_are_a_table(biased):
