@@ -99,7 +99,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     controlled_element : ControlledElement, LinearElement, str, system or None, default=None
         What the operator controls: ``"1/(s(s+1))"``, say, or a transfer function of SciPy or
         python-control. None estimates it from u and x where both are measured.
-    confidence : float, default=0.9
+    confidence : float, default=0.75
         Least probability of a name that is given; effects that are less probable are possible ones,
         which stand in for what is missing.
     max_effects : int, default=4
@@ -242,7 +242,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         display: str | None = None,
         controlled_element: Any = None,
         *,
-        confidence: float = 0.9,
+        confidence: float = 0.75,
         max_effects: int = 4,
         n_jobs: int | None = None,
         domain: str | None = None,

@@ -1,7 +1,7 @@
 """The judge by instruments: what a model leaves, along what reaches the loop from outside.
 
 In a closed loop e and x hold earlier remnant, and a fit to them may follow it. Target and
-disturbance hold none. At the true parameters what a free run leaves of u is the remnant, whatever
+disturbance hold none, nor does a constant. At the true parameters what a free run leaves of u is the remnant, whatever
 its inputs are, so nothing of it lies along instruments: target and disturbance with many lags
 (two-stage least squares; Van den Hof and Schrama 1993). Squares along them alone judge a model,
 with no loop to be solved, and their number is small: for a multisine two for each line.
@@ -117,10 +117,16 @@ def put_values(model: Model, values: dict[str, float]) -> np.ndarray:
 
 
 def find_instruments(record: Record) -> np.ndarray:
-    """Lags of target and disturbance, as recorded or as the element tells, (count, n, runs)."""
+    """A constant, and lags of target and disturbance, as recorded or as the element tells.
+
+    Of shape (count, n_samples, n_runs).
+    """
     target = [record.channels[name] for name in record.with_role("f_t")[:1]]
     disturbance = [record.channels[name] for name in record.with_role("dist")]
     found = [spread_lags(signal, record, RECORDED) for signal in target + disturbance]
+    if found:
+        counts = Criterion(record, rate=RATE / record.time_unit).known.astype(float)
+        found.append(counts[None] / np.sqrt(counts.sum()))
     loop = find_loop(record)
     if loop is not None and not (target and disturbance):
         found += [spread_lags(s, record, TOLD) for s in tell_outside(record, loop, bool(target))]

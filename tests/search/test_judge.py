@@ -11,7 +11,7 @@ TRIED = ["dead_zone", "bias", "cubic_gain", "tv_gain"]
 THRESHOLD = 12.5  # nats of an effect that is added
 
 
-def searched(effects=None, confidence=0.9, seed=3):
+def searched(effects=None, confidence=0.75, seed=3):
     X, y = make_tracking_runs(
         "C1",
         n_runs=3,
