@@ -1,10 +1,11 @@
 """The judge by instruments: what a model leaves, along what reaches the loop from outside.
 
 In a closed loop e and x hold earlier remnant, and a fit to them may follow it. Target and
-disturbance hold none, nor does a constant. At the true parameters what a free run leaves of u is the remnant, whatever
-its inputs are, so nothing of it lies along instruments: target and disturbance with many lags
-(two-stage least squares; Van den Hof and Schrama 1993). Squares along them alone judge a model,
-with no loop to be solved, and their number is small: for a multisine two for each line.
+disturbance hold none, nor does a constant. At the true parameters what a free run leaves of u is
+the remnant, whatever its inputs are, so nothing of it lies along instruments: target and
+disturbance with many lags (two-stage least squares; Van den Hof and Schrama 1993). Squares along
+them alone judge a model, with no loop to be solved, and their number is small: for a multisine two
+for each line.
 """
 
 from __future__ import annotations

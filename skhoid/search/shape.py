@@ -589,7 +589,7 @@ def find_unnamed(search: Search, found: SearchNumbers, *, tries_all: bool) -> Un
     named = named_candidate(found)
     step = judge_rivals(search, found, named)
     rival = find_rival(search, step, found, named)
-    tell_chances(found.path, rival.form and rival.form.effect, rival.lead)
+    tell_chances(found.path, rival.form.effect if rival.form else None, rival.lead)
     if rival.wins is not None:
         found = with_forms(found, step, named)
         return Unnamed(found, Ending(unknown, [], ids), search, rival.wins, rival.family)
