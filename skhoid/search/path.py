@@ -68,9 +68,12 @@ def tell_chances(path: Path, shape: Effect | None, lead: float) -> None:
         passing = [
             (step, c) for step in path.steps for c in step.candidates if c.name == name and c.passes
         ]
-        if passing:
-            step, one = passing[-1]
+        kept = {*path.model.effects.names}  # beside one that was dropped it showed less
+        beside_kept = [one for one in passing if {*one[0].at_likelihood.effects.names} <= kept]
+        for step, one in (beside_kept or passing)[-1:]:
             step.tell_chance(one, path.added, path.beside.get(name, -np.inf))
+            for _, same in passing:
+                same.probability = one.probability
 
 
 def order_by_worth(search: Search, path: Path) -> Path:

@@ -85,7 +85,7 @@ def test_an_output_that_has_nothing_to_do_with_the_input_is_too_little(seed):
 
 
 WEAK = {
-    "bias": lambda size: {"outer": lambda u: u + size},
+    "asym_gain": lambda size: {"inner": lambda e: e + size * np.abs(e)},
     "dead_zone": lambda size: {"inner": lambda e: e - np.clip(e, -size, size)},
 }
 
