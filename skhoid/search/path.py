@@ -64,11 +64,11 @@ def tell_chances(path: Path, shape: Effect | None, lead: float) -> None:
         ahead = lead + (step.best.least if step.best else 0.0)
         step.shape = [Alternative(shape, ahead)] if shape and (step.best or not path.added) else []
         step.tell_chances()
+    kept = {*path.model.effects.names}  # beside one that was dropped a name showed less
     for name in path.added:
         passing = [
             (step, c) for step in path.steps for c in step.candidates if c.name == name and c.passes
         ]
-        kept = {*path.model.effects.names}  # beside one that was dropped it showed less
         beside_kept = [one for one in passing if {*one[0].at_likelihood.effects.names} <= kept]
         for step, one in (beside_kept or passing)[-1:]:
             step.tell_chance(one, path.added, path.beside.get(name, -np.inf))

@@ -25,7 +25,7 @@ from ..effects.base import Effect
 TABLE = "probability.json"
 CERTAIN = 25.0  # nats, twice what is asked: behind it errors of models count, and forms left out
 LITTLE = 1e-9  # nats, in the place of none: names with none are not weighed
-TRIED = 27  # effects that apply in most cases of the table, with e, x and the target
+N_APPLYING = 27  # effects that apply in most cases of the table, with e, x and the target
 MOST_ASKED = 1e4  # nats: what strong effects in long records have
 MOST_TIMES = 10  # the runs there are: nobody records more for one name
 # Each coefficient, and the sign that the fit must keep: more evidence is never less probable.
@@ -103,12 +103,12 @@ def log_factor(effect: Effect, evidence: float) -> float:
     """Logarithm of the Bayes factor of an effect with so many nats against nothing.
 
     The probabilities without the odds that they begin with, the shares of the cases of the table,
-    and for one effect that is asked, where the cases have the best of ``TRIED``.
+    and for one effect that is asked, where the cases have the best of ``N_APPLYING``.
     """
     chances = find_chances([Alternative(effect, max(evidence, LITTLE))])
     shares = load_table()["shares"]
     odds = chances.names[0] / chances.nothing
-    tried = TRIED if evidence > 0.0 else 1
+    tried = N_APPLYING if evidence > 0.0 else 1
     return float(np.log(tried * odds * shares["nothing"] / shares["name"]))
 
 

@@ -170,10 +170,9 @@ def compare_models(result: SearchResult, best_effects: Any) -> dict[str, Any]:
     params: list[Any] = [{"effects": names} for names in models]
     params[-1] = {"effects": best_effects}
     tried = result.tried
-    in_step = tried["effect"].where(tried["status"] == Status.ADDED)
-    for _, row in tried[in_step.isna()].iterrows():
-        before = in_step[tried["step"] < row["step"]].dropna()
-        params.append({"effects": [*before, row["effect"]]})
+    before = list_before(tried)
+    for _, row in tried[tried["status"] != Status.ADDED].iterrows():
+        params.append({"effects": [*before[row["step"]], row["effect"]]})
         scores.append(row["vaf_after"])
         steps.append(row["step"])
     mean = np.array(scores, dtype=float)
@@ -184,6 +183,16 @@ def compare_models(result: SearchResult, best_effects: Any) -> dict[str, Any]:
         "mean_test_score": mean,
         "rank_test_score": order.to_numpy().astype(np.int32),
     }
+
+
+def list_before(ranking: pd.DataFrame) -> dict[int, list[str]]:
+    """Names of the effects that were added before each step of a ranking."""
+    before: dict[int, list[str]] = {}
+    names: list[str] = []
+    for step, rows in ranking.groupby("step"):
+        before[step] = names
+        names = [*names, *rows["effect"][rows["status"] == Status.ADDED]]
+    return before
 
 
 def error_path(found: SearchNumbers, prepared: Prepared) -> pd.DataFrame:

@@ -140,9 +140,10 @@ class SearchStep:
 
     def tell_chances(self) -> None:
         """Find the probability of each name, as if nothing else were found."""
-        chances = find_chances(self.tried)
+        tried = self.tried
+        chances = find_chances(tried)
         for i, c in enumerate(c for c in self.candidates if c.evidence):
-            c.probability = name_probability(self.tried, chances, i) if c.least > 0 else 0.0
+            c.probability = name_probability(tried, chances, i) if c.least > 0 else 0.0
 
     def tell_chance(self, candidate: Candidate, found: Container[str], beside: float) -> None:
         """Find the probability of a name beside others that are ``found``: they are no rivals.
@@ -174,7 +175,6 @@ class SearchStep:
         self.candidates = sorted(find_likeliest_alternatives(self.candidates), key=rank)
         self._put_special_first()
         mark_confused(self.candidates)
-        self.tell_chances()
 
     def judge(self, candidate: Candidate) -> None:
         """Ask all judges of a candidate, until one of them is against it."""
