@@ -34,7 +34,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks.second.cases import DRAWN, build
 from benchmarks.second.judge import controlled_element, stops_reached
 from skhoid import ControlledElement, EffectSearchCV, OperatorRegressor
-from skhoid.effects.catalogue import BY_NAME, FREE_FORMS
+from skhoid.effects.catalogue import BY_NAME
 from skhoid.model.model import Model
 from skhoid.search.effect_search import search_effects
 from skhoid.search.judging import CLAIM
@@ -65,9 +65,7 @@ MIX |= {"second:hidden": 7, "second:null": 4, "second:leaks": 2}
 STRIDE = 7  # prime to the numbers of effects, so that effects change from case to case
 NOTHING, ELSE = "nothing", "something else"
 SAID = {NONE: NOTHING, UNKNOWN: ELSE}  # as the trials call them
-KNOWN = {name: kind() for name, kind in BY_NAME.items()} | {
-    kind.name: kind() for kind in FREE_FORMS
-}
+KNOWN = {name: kind() for name, kind in BY_NAME.items()}
 LEAST_GAP = 1.0  # points of VAF, below which the trials ask for no name
 SD = 4.0  # wide: it keeps coefficients finite where a part of the cases is left out
 BINS = (0.5, 0.75, 0.9, 0.97, 1.0)
@@ -132,8 +130,11 @@ def describe_step(step: SearchStep, after: Model) -> list[dict[str, Any]]:
         for c in step.candidates
         if c.evidence and c.least > 0
     ]
-    shapes = [(one.effect.name, round(one.evidence, 2)) for one in step.shape if one.evidence > 0]
-    return [*names, *({"effect": a, "evidence": b, "judge": "", "added": False} for a, b in shapes)]
+    others = [
+        {"effect": ELSE, "evidence": round(max(one.evidence, 0.0), 2), "left": round(one.left, 2)}
+        for one in step.other
+    ]
+    return [*names, *others]
 
 
 def search_blind(suite: str, number: int) -> tuple[list[Any], dict[str, Any]]:
@@ -216,10 +217,14 @@ class Step(NamedTuple):
     right: set[str]  # names, "nothing", "something else"
 
     @property
+    def names(self) -> list[str]:
+        return [ELSE if one.effect is None else one.effect.name for one in self.tried]
+
+    @property
     def mask(self) -> np.ndarray:
         """Which rows of ``describe_features`` are right."""
         at, _ = describe_features(self.tried)
-        names = [self.tried[i].effect.name for i in at]
+        names = [self.names[i] for i in at]
         if not self.right & {*names, NOTHING, ELSE}:  # it is there, and nobody sees it
             return np.array([*(False for _ in names), True, True])
         return np.array([name in self.right for name in (*names, NOTHING, ELSE)])
@@ -233,14 +238,19 @@ def read_steps(cases: list[dict[str, Any]]) -> list[Step]:
             continue
         left, also = [{*one} for one in case["wanted"]], {*case["also"]}
         for number, rows in enumerate(case["steps"]):
-            added = next((row["effect"] for row in rows if row["added"]), "")
-            alone = {row["effect"] for row in rows} <= {CLAIM} and number + 1 < len(case["steps"])
-            if alone and not added:  # a given delay, which is judged first
+            added = next((row["effect"] for row in rows if row.get("added")), "")
+            alone = {row["effect"] for row in rows} <= {CLAIM, ELSE}
+            if (
+                alone and not added and number + 1 < len(case["steps"])
+            ):  # a given delay, which is judged first
                 continue
             right = set().union(*left) | also if left else also | {NOTHING}
             if case["gap"] < LEAST_GAP or all(NOTHING in one for one in left):
                 right.add(NOTHING)
-            tried = [Alternative(KNOWN[r["effect"]], r["evidence"]) for r in rows]
+            tried = [
+                Alternative(KNOWN.get(row["effect"]), row["evidence"], row.get("left", 0.0))
+                for row in rows
+            ]
             found.append(Step(case, number, tried, right))
             served = next((one for one in left if added in one), None)
             if served is not None:
@@ -282,7 +292,8 @@ class Given(NamedTuple):
 
 def judge_names(steps: list[Step], theta: np.ndarray) -> tuple[list[Given], float]:
     """The first name of each step, and the sum of the log losses."""
-    given, loss = [], 0.0
+    given: list[Given] = []
+    loss = 0.0
     for step in steps:
         chances = find_chances(step.tried, dict(zip(COEFFICIENTS, theta, strict=True)))
         at, _ = describe_features(step.tried)
@@ -291,7 +302,7 @@ def judge_names(steps: list[Step], theta: np.ndarray) -> tuple[list[Given], floa
             effect = step.tried[best].effect
             right = any(alike(effect, KNOWN[n]) for n in step.right & KNOWN.keys())
             chance = name_probability(step.tried, chances, best)
-            given.append(Given(step, effect.name, chance, right))
+            given.append(Given(step, step.names[best], chance, right))
         shares = [*(chances.names[i] for i in at), chances.nothing, chances.something_else]
         loss -= np.log(np.array(shares)[step.mask].sum())
     return given, loss
@@ -300,7 +311,8 @@ def judge_names(steps: list[Step], theta: np.ndarray) -> tuple[list[Given], floa
 def judge_left_out(steps: list[Step], what: str) -> tuple[list[Given], float]:
     """Names of steps whose element or form (``what``) the fit never saw, a third at a time."""
     groups = {group: i % FOLDS for i, group in enumerate(sorted({s.case[what] for s in steps}))}
-    given, loss = [], 0.0
+    given: list[Given] = []
+    loss = 0.0
     for fold in range(FOLDS):
         out = [step for step in steps if groups[step.case[what]] == fold]
         theta = fit_map([step for step in steps if groups[step.case[what]] != fold])

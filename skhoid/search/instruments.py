@@ -6,18 +6,24 @@ the remnant, whatever its inputs are, so nothing of it lies along instruments: t
 disturbance with many lags (two-stage least squares; Van den Hof and Schrama 1993). Squares along
 them alone judge a model, with no loop to be solved, and their number is small: for a multisine two
 for each line.
+
+Nor does anything of the remnant lie along products of what the instruments explain of e and u. At
+the true model nothing is left there, whatever the effect; a name whose form is wrong leaves some,
+and nobody has to know the right form to see it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cached_property
+from itertools import combinations_with_replacement
 
 import numpy as np
 from scipy.linalg import svd
 from scipy.signal import lfilter
 
 from ..effects.record import LARGE, Record
-from ..model.fitting import ALL, Criterion
+from ..model.fitting import ALL, Criterion, whitened_derivatives
 from ..model.likelihood import usual_starts
 from ..model.loop import Loop, find_loop
 from ..model.model import Model
@@ -36,6 +42,15 @@ DISTURBED = 0.05  # of the power of x: an element 20 % too strong makes up so la
 # and as the element tells it, with the output's sampling in it.
 RECORDED, TOLD = 1e-3, 0.03
 ITERATIONS = (4, 15)  # of all starts, and of the best
+SINCE = (0.0, 0.16, 0.32, 0.56, 0.96, 1.6)  # s, in which a person has answered
+FORGOTTEN = 2.0  # s, of a running size
+ROUNDING = 1e-4  # of the largest eigenvalue of products
+SCALES = np.geomspace(1e-3, 1e6, 91)  # of a process, in variances of the noise
+DEGREE = 3  # of products: what is odd or even in any signal shows in one of them
+SINCE = (0.0, 0.16, 0.32, 0.56, 0.96, 1.6)  # s, after a product: lags of a person who answers it
+FORGETS = 2.0  # s, in which a running size does
+SEEN = 1e-4  # of the largest eigenvalue, below which products are no more than rounding
+SCALES = np.geomspace(1e-3, 1e6, 91)  # of a process, in variances of the noise
 
 
 class Instruments(Criterion):
@@ -57,11 +72,7 @@ class Instruments(Criterion):
         _, size, along = svd(super().whitened(self._instruments), full_matrices=False)
         self._along = along[size > RECORDED * size[0]]
         self.n = len(self._along)
-        per = round(BLOCK * self.record.time_unit / (self.thin * self.record.dt))
-        left = super().whitened(self.residual(output)[None]) * self._along
-        blocks = left.reshape(self.n, *self.y.shape)
-        sums = np.add.reduceat(blocks, np.arange(0, len(self.y), per), axis=1)
-        return float((sums**2).sum()) / self.n
+        return find_variance(super().whitened(self.residual(output)[None]) * self._along, self)
 
     def whitened(self, signals: np.ndarray, runs: slice = ALL) -> np.ndarray:
         """Signals as their parts along the instruments."""
@@ -101,6 +112,89 @@ class InstrumentJudge:
             return found
         expected = expected_evidence(before, after.at(model.theta), criterion, variance)
         return found if could_know(expected, penalty, self.asked) else np.nan
+
+    def weigh_left(self, model: Model) -> tuple[float, float]:
+        """Nats of another form beside a model, and the share of the squares left that it explains.
+
+        See :func:`weigh_curved`.
+        """
+        return weigh_curved(model, self.record, self.instruments, self._products)
+
+    @cached_property
+    def _products(self) -> np.ndarray:
+        return find_products(self.record, self.instruments)
+
+
+def find_variance(parts: np.ndarray, criterion: Criterion) -> float:
+    """Variance of a sum of whitened residuals, whose parts at each row are (count, n) here.
+
+    It is what blocks have, each by itself, so that whatever varies between them counts as noise.
+    """
+    record = criterion.record
+    per = round(BLOCK * record.time_unit / (criterion.thin * record.dt))
+    blocks = parts.reshape(len(parts), *criterion.y.shape)
+    sums = np.add.reduceat(blocks, np.arange(0, len(criterion.y), per), axis=1)
+    return float((sums**2).sum()) / len(parts)
+
+
+def weigh_curved(
+    model: Model, record: Record, instruments: np.ndarray, products: np.ndarray
+) -> tuple[float, float]:
+    """Nats that products explain of what a model leaves, and their share of its squares.
+
+    They are the kernel of a Gaussian process beside the model's parameters, whose scale is fitted:
+    the test of a component of variance by its likelihood ratio.
+    """
+    criterion = Criterion(record, rate=RATE / record.time_unit)
+    model = Model(model.simulator.on_record(record), model.fit)
+    criterion.set_noise(criterion.remnant_model(model.output))
+    *own, left = whitened_derivatives(model.simulator, criterion, model.theta)
+    beside, _ = np.linalg.qr(np.stack([*own, *criterion.whitened(instruments)], axis=1))
+    left = left - beside @ (beside.T @ left)
+    rows = criterion.whitened(products)
+    whole = (rows**2).sum(axis=1)
+    rows -= (rows @ beside) @ beside.T
+    rows /= np.sqrt(np.maximum((rows**2).sum(axis=1), TOLD * whole) + 1e-300)[:, None]
+    power, along = np.linalg.eigh(rows @ rows.T)
+    kept = power > ROUNDING * power[-1]
+    power = power[kept]
+    rows = (along[:, kept].T @ rows) / np.sqrt(power)[:, None]
+    signal = (rows @ left) ** 2
+    size = SCALES[:, None] * power / power[-1]
+    seen = signal / find_variance(rows * left, criterion)
+    nats = (seen * size / (1 + size) - np.log1p(size)).sum(axis=1) / 2
+    best = int(np.argmax(nats))
+    taken = signal @ (1 - 1 / (1 + size[best]) ** 2)
+    return max(float(nats[best]), 0.0), float(taken / max(left @ left, 1e-300))
+
+
+def find_products(record: Record, instruments: np.ndarray) -> np.ndarray:
+    """What instruments explain of e, u, x and rates, times each other, their sizes, and time.
+
+    At lags, of shape (count, n_samples, n_runs), on the rows of :class:`Instruments`.
+    """
+    criterion = Criterion(record, rate=RATE / record.time_unit)
+    known, dt = criterion.known, criterion.thin * record.dt / record.time_unit
+    basis, _ = np.linalg.qr(instruments.reshape(len(instruments), -1).T)
+
+    def scale(signal: np.ndarray) -> np.ndarray:
+        signal = signal - signal[known].mean()
+        return np.asarray(signal / max(float(np.sqrt((signal[known] ** 2).mean())), 1e-300))
+
+    moved = [record.input, *(record.channels[name] for name in record.with_role("x")[:1])]
+    signals: list[np.ndarray] = []
+    for signal in [*(one[:: criterion.thin] for one in moved), criterion.y]:
+        told = (basis @ (basis.T @ (signal * known).ravel())).reshape(known.shape)
+        signals += [scale(told), scale(np.gradient(told, dt, axis=0))]
+    keeps = np.exp(-dt / FORGOTTEN)
+    size = np.sqrt(lfilter([1 - keeps], [1, -keeps], signals[0] ** 2, axis=0))
+    time = np.broadcast_to(np.linspace(-1, 1, len(known))[:, None], known.shape)
+    factors = [*map(np.abs, signals), scale(size), time, time**2]
+    products = [a * b for a, b in combinations_with_replacement(signals, 2)]
+    products += [factor * signal for factor in factors for signal in signals]
+    lags = [round(lag / dt) for lag in SINCE]
+    late = [np.pad(one, [(lag, 0), (0, 0)])[: len(one)] * known for lag in lags for one in products]
+    return np.asarray(late)
 
 
 def fit_from(model: Model, criterion: Criterion, starts: Iterable[np.ndarray]) -> Model:

@@ -19,11 +19,13 @@ from ..model.prepared import Prepared
 from ..model.simulator import Simulator
 from .data import Held
 from .judges import find_loop_vaf, noises_in
+from .judging import THRESHOLD
 from .path import Path, further_changes
-from .steps import Search, SearchStep
+from .steps import Search, SearchStep, output_error_fit
 
 LEFT_SURELY = 4.0  # standard errors by which what is left exceeds nothing
 REPEATS = "part of the residual repeats from run to run, or follows the target"
+CURVED = "part of the residual follows what came from outside, but not in proportion, or not always"
 
 
 @dataclass(frozen=True)
@@ -42,14 +44,16 @@ class SearchNumbers:
     """Numbers of a search.
 
     ``steps`` are judged models with none, the first, the first two ... of the effects ``added``
-    (names). ``ceiling``, known to ``ceiling_sd``, is NaN for the reason ``no_ceiling``. ``share``
-    is the part of the output's power that is not its mean.
+    (names), beside which another form would have ``left_nats``. ``ceiling``, known to
+    ``ceiling_sd``, is NaN for the reason ``no_ceiling``. ``share`` is the part of the output's
+    power that is not its mean.
     """
 
     path: Path
     steps: list[SearchStep]
     added: list[str]
     left: list[Leftover]
+    left_nats: float
     noises: list[tuple[Effect, Signature]]
     ceiling: float
     ceiling_sd: float
@@ -98,6 +102,10 @@ def measure_path(
     as_recorded = replace(search.record, y=recorded)
     noises, others = noises_in(recorded - path.model.output, as_recorded, search.noises)
     left = [Leftover(s.where, "output", s.words, 100 * s.share) for s in others]
+    judge = search.instruments
+    nats, share = judge.weigh_left(output_error_fit(path.model)) if judge else (0.0, 0.0)
+    if nats > THRESHOLD:
+        left.append(Leftover("curved", "output", CURVED, share * (100 - steps[-1].vaf), 2 * nats))
     rest, rest_sd, vaf, unknown = find_gap(best, prepared, measured)
     if rest > LEFT_SURELY * rest_sd:  # not where it is NaN
         left.insert(0, Leftover("repeats", "output", REPEATS, rest))
@@ -109,6 +117,7 @@ def measure_path(
         steps=steps,
         added=path.added,
         left=left,
+        left_nats=nats,
         noises=noises,
         ceiling=ceiling,
         ceiling_sd=rest_sd,

@@ -55,14 +55,16 @@ def find_path(search: Search, baseline: Model, most: int) -> Path:
     return order_by_worth(search, forward(search, baseline, most))
 
 
-def tell_chances(path: Path, shape: Effect | None, lead: float) -> None:
-    """Find the probability of each name beside a shape that leads the effects found by ``lead``.
+def tell_chances(path: Path, lead: float, left: float) -> None:
+    """Find the probability of each name beside something else.
 
-    Where nothing was found, ``lead`` is all its evidence, in nats.
+    A free form leads the effects found by ``lead`` nats, which is all its evidence where nothing
+    was found; ``left`` are nats of what they leave.
     """
     for step in path.steps:
         ahead = lead + (step.best.least if step.best else 0.0)
-        step.shape = [Alternative(shape, ahead)] if shape and (step.best or not path.added) else []
+        told = step.best or not path.added
+        step.other = [Alternative(None, ahead, left)] if told else []
         step.tell_chances()
     kept = {*path.model.effects.names}  # beside one that was dropped a name showed less
     for name in path.added:

@@ -36,6 +36,7 @@ COEFFICIENTS = {
     "nothing: evidence of the best": -1,  # nats, up to ``CERTAIN``
     "something else": 0,
     "something else: lead of a shape": 1,  # over the best name
+    "something else: left by the names": 1,  # log(1 + nats)
 }
 
 
@@ -43,17 +44,19 @@ COEFFICIENTS = {
 class Alternative:
     """An effect that a step tried, and the least evidence that any judge grants it, in nats.
 
-    A free form stands for "something else".
+    None is "something else": its evidence is that of a free form, and ``left`` are nats of what the
+    names found leave, by :func:`skhoid.search.instruments.weigh_curved`.
     """
 
-    effect: Effect
+    effect: Effect | None
     evidence: float
+    left: float = 0.0
 
 
 class Chances(NamedTuple):
     """Probabilities of what a step may have found; together they are one."""
 
-    names: list[float]  # in the order of what was tried; a free form has none of its own
+    names: list[float]  # in the order of what was tried; what is no effect has none of its own
     nothing: float
     something_else: float
 
@@ -86,7 +89,8 @@ def runs_to_decide(
     Evidence grows in proportion to the runs. None where ten times the runs would not do.
     """
     for more in np.unique(np.geomspace(1, MOST_TIMES * n_runs, 50).round().astype(int)):
-        grown = [replace(one, evidence=one.evidence * (1 + more / n_runs)) for one in tried]
+        times = 1 + more / n_runs
+        grown = [replace(o, evidence=o.evidence * times, left=o.left * times) for o in tried]
         if name_probability(grown, find_chances(grown), i) >= confidence:
             return int(more)
     return None
@@ -122,17 +126,19 @@ def log_lead(one: tuple[Effect, float], other: tuple[Effect, float]) -> float:
 def describe_features(tried: Sequence[Alternative]) -> tuple[list[int], np.ndarray]:
     """Which names have evidence, and a row of features for each, nothing, something else."""
     evidence = np.array([one.evidence for one in tried])
-    free = np.array([one.effect.free_form for one in tried], dtype=bool)
-    at = [i for i in range(len(tried)) if evidence[i] > 0 and not free[i]]
+    at = [i for i, one in enumerate(tried) if one.effect is not None and one.evidence > 0]
     best = max((evidence[i] for i in at), default=0.0)
-    shape = max(evidence[free & (evidence > 0)], default=0.0)
+    others = [one for one in tried if one.effect is None]
+    shape = max((one.evidence for one in others), default=0.0)
+    left = max((one.left for one in others), default=0.0)
     rows: list[dict[str, float]] = []
     for i in at:
         rivals = [evidence[j] for j in at if not alike(tried[j].effect, tried[i].effect)]
         lead = evidence[i] - max([0.0, *rivals])
         rows.append({"a name": 1.0, "a name: lead": of_lead(lead)})
     rows.append({"nothing: evidence of the best": min(best, CERTAIN)})
-    rows.append({"something else": 1.0, "something else: lead of a shape": of_lead(shape - best)})
+    other = {"lead of a shape": of_lead(max(shape, 0.0) - best), "left by the names": of_lead(left)}
+    rows.append({"something else": 1.0} | {f"something else: {k}": v for k, v in other.items()})
     return at, np.array([[row.get(name, 0.0) for name in COEFFICIENTS] for row in rows])
 
 
@@ -141,8 +147,10 @@ def of_lead(nats: float) -> float:
     return float(np.sign(nats) * np.log1p(abs(nats)))
 
 
-def alike(one: Effect | type[Effect], other: Effect | type[Effect]) -> bool:
+def alike(one: Effect | type[Effect] | None, other: Effect | type[Effect] | None) -> bool:
     """Whether two effects are the same or known to be easily taken for each other."""
+    if one is None or other is None:
+        return one is other
     return one.name == other.name or any(
         b.name in (*a.within, *a.told_apart) for a, b in ((one, other), (other, one))
     )

@@ -589,7 +589,7 @@ def find_unnamed(search: Search, found: SearchNumbers, *, tries_all: bool) -> Un
     named = named_candidate(found)
     step = judge_rivals(search, found, named)
     rival = find_rival(search, step, found, named)
-    tell_chances(found.path, rival.form.effect if rival.form else None, rival.lead)
+    tell_chances(found.path, rival.lead, found.left_nats)
     if rival.wins is not None:
         found = with_forms(found, step, named)
         return Unnamed(found, Ending(unknown, [], ids), search, rival.wins, rival.family)
@@ -600,8 +600,8 @@ def find_unnamed(search: Search, found: SearchNumbers, *, tries_all: bool) -> Un
     found = with_forms(found, step)
     if beside is not None and counts(beside.gain, found):
         return Unnamed(found, Ending(unknown, ids, []), search, beside)
-    repeats = max([item.points for item in found.left if item.where == "repeats"], default=0.0)
-    if counts(repeats, found):
+    unseen = [item.points for item in found.left if item.where in ("repeats", "curved")]
+    if counts(max(unseen, default=0.0), found):
         return Unnamed(found, Ending(unknown, ids, []), search)
     return Unnamed(found, Ending(Verdict.FOUND if ids else Verdict.NOTHING, ids, []), search)
 
@@ -640,7 +640,7 @@ def counts(points: float, found: SearchNumbers) -> bool:
 
 
 class Rival(NamedTuple):
-    """The form that leads, and by how many nats over the effects found, or over nothing.
+    """By how many nats a form leads the effects found, or nothing.
 
     A form at the place of the first of them leads only if that one's own form fails.
 
@@ -650,7 +650,6 @@ class Rival(NamedTuple):
 
     wins: Candidate | None = None
     family: str | None = None
-    form: Candidate | None = None
     lead: float = -np.inf
 
 
@@ -674,7 +673,7 @@ def find_rival(
     if best is None or not counts(best.gain, found):
         return Rival()
     if named is None:
-        return Rival(best, None, best, best.least)
+        return Rival(best, None, best.least)
     judge_refitted(search, step, named)
     by = lead(best, named)
     own = [
@@ -687,9 +686,9 @@ def find_rival(
         elsewhere = lead(best, one)
         fails = one.gain - named.gain > MISFIT * one.gain
         if fails and elsewhere <= THRESHOLD < by:
-            return Rival(one, named.effect.name, best, by)
+            return Rival(one, named.effect.name, by)
         by = min(by, elsewhere)  # of what is as good at the same place the name is one
-    return Rival(best if by > THRESHOLD else None, None, best, by)
+    return Rival(best if by > THRESHOLD else None, None, by)
 
 
 def find_best(search: Search, step: SearchStep, named: Candidate | None = None) -> Candidate | None:

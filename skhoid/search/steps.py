@@ -121,7 +121,7 @@ class SearchStep:
     instruments: InstrumentJudge | None
     refit: Callable[[Model], float]
     own_noise: Callable[[], JointParent | None]
-    shape: list[Alternative] = field(default_factory=list)
+    other: list[Alternative] = field(default_factory=list)  # something else, if it was looked for
     vaf_loop: float = np.nan
 
     @property
@@ -154,14 +154,14 @@ class SearchStep:
             c for c in self.candidates if c.evidence and c is not candidate and c.name not in found
         ]
         own = Alternative(candidate.effect, max(candidate.least, beside))
-        tried = [own, *(Alternative(c.effect, c.least) for c in rivals), *self.shape]
+        tried = [own, *(Alternative(c.effect, c.least) for c in rivals), *self.other]
         candidate.probability = name_probability(tried, find_chances(tried), 0)
 
     @property
     def tried(self) -> list[Alternative]:
-        """The effects that apply and the shape, for their probabilities."""
+        """The effects that apply and something else, for their probabilities."""
         applying = [Alternative(c.effect, c.least) for c in self.candidates if c.evidence]
-        return [*applying, *self.shape]
+        return [*applying, *self.other]
 
     def rank(self) -> None:
         """Put the best first, by the evidence of all judges; the next two are judged as well."""
