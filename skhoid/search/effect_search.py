@@ -177,9 +177,10 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         What share of that gap the effects added close: value, low and high (95 %), and whether the
         gap reaches up to the noise ceiling (``of_ceiling``).
     unexplained_ : DataFrame
-        Structure left at the end: where (time, frequency, amplitude, channel, or "repeats" for what
-        is the same in all runs), at, description, points, delta_bic. Rows of free forms, which
-        passed the judges as effects do, may be one and the same: each was added alone.
+        Structure left at the end: where (time, frequency, amplitude, channel, "repeats" for what
+        is the same in all runs, or "curved" for what follows target and disturbance in no
+        proportion), at, description, points, delta_bic. Rows may be one and the same: each was
+        looked for alone.
     ceiling_note_ : str
         Why the ceiling is not known; empty if it is.
     experiments_ : list of str

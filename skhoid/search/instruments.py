@@ -89,9 +89,7 @@ class InstrumentJudge:
     @classmethod
     def of(cls, record: Record, asked: float) -> InstrumentJudge | None:
         """The judge of a record; None where all that is known is moved by the output."""
-        most = max(1, LARGE // len(record.known))  # all at once, as squares are of all together
-        if record.n_runs > most:
-            record = record.part(np.linspace(0, record.n_runs - 1, most).round().astype(int), 1)
+        record = take_at_once(record)
         found = find_instruments(record)
         return cls(record, found, asked) if len(found) else None
 
@@ -113,16 +111,35 @@ class InstrumentJudge:
         expected = expected_evidence(before, after.at(model.theta), criterion, variance)
         return found if could_know(expected, penalty, self.asked) else np.nan
 
-    def weigh_left(self, model: Model) -> tuple[float, float]:
+
+class Curves:
+    """Judges what a model leaves along products of what came from outside: of any other form."""
+
+    def __init__(self, record: Record, judge: InstrumentJudge | None):
+        self.record = take_at_once(record)
+        self.outside = None if judge is None else judge.instruments
+
+    @cached_property
+    def _found(self) -> tuple[np.ndarray, np.ndarray]:
+        """What is linear, and the products."""
+        if self.outside is not None:
+            return self.outside, find_products(self.record, self.outside)
+        return spread_lags(self.record.input, self.record, RECORDED), find_products(self.record)
+
+    def weigh(self, model: Model) -> tuple[float, float]:
         """Nats of another form beside a model, and the share of the squares left that it explains.
 
         See :func:`weigh_curved`.
         """
-        return weigh_curved(model, self.record, self.instruments, self._products)
+        return weigh_curved(model, self.record, *self._found)
 
-    @cached_property
-    def _products(self) -> np.ndarray:
-        return find_products(self.record, self.instruments)
+
+def take_at_once(record: Record) -> Record:
+    """As many runs as are simulated at once: squares are of all together."""
+    most = max(1, LARGE // len(record.known))
+    if record.n_runs <= most:
+        return record
+    return record.part(np.linspace(0, record.n_runs - 1, most).round().astype(int), 1)
 
 
 def find_variance(parts: np.ndarray, criterion: Criterion) -> float:
@@ -168,31 +185,34 @@ def weigh_curved(
     return max(float(nats[best]), 0.0), float(taken / max(left @ left, 1e-300))
 
 
-def find_products(record: Record, instruments: np.ndarray) -> np.ndarray:
+def find_products(record: Record, instruments: np.ndarray | None = None) -> np.ndarray:
     """What instruments explain of e, u, x and rates, times each other, their sizes, and time.
 
-    At lags, of shape (count, n_samples, n_runs), on the rows of :class:`Instruments`.
+    Without any, e and x as they are: what a noise model leaves is independent of all that was
+    before. At lags, of shape (count, n_samples, n_runs), on the rows of :class:`Instruments`.
     """
     criterion = Criterion(record, rate=RATE / record.time_unit)
     known, dt = criterion.known, criterion.thin * record.dt / record.time_unit
-    basis, _ = np.linalg.qr(instruments.reshape(len(instruments), -1).T)
+    moved = [record.input, *(record.channels[name] for name in record.with_role("x")[:1])]
+    moved = [one[:: criterion.thin] * known for one in moved]
+    if instruments is not None:
+        basis, _ = np.linalg.qr(instruments.reshape(len(instruments), -1).T)
+        moved = [basis @ (basis.T @ one.ravel()) for one in [*moved, criterion.y * known]]
+        moved = [one.reshape(known.shape) for one in moved]
 
     def scale(signal: np.ndarray) -> np.ndarray:
         signal = signal - signal[known].mean()
         return np.asarray(signal / max(float(np.sqrt((signal[known] ** 2).mean())), 1e-300))
 
-    moved = [record.input, *(record.channels[name] for name in record.with_role("x")[:1])]
-    signals: list[np.ndarray] = []
-    for signal in [*(one[:: criterion.thin] for one in moved), criterion.y]:
-        told = (basis @ (basis.T @ (signal * known).ravel())).reshape(known.shape)
-        signals += [scale(told), scale(np.gradient(told, dt, axis=0))]
+    signals = [scale(s) for one in moved for s in (one, np.gradient(one, dt, axis=0))]
     keeps = np.exp(-dt / FORGOTTEN)
     size = np.sqrt(lfilter([1 - keeps], [1, -keeps], signals[0] ** 2, axis=0))
     time = np.broadcast_to(np.linspace(-1, 1, len(known))[:, None], known.shape)
     factors = [*map(np.abs, signals), scale(size), time, time**2]
     products = [a * b for a, b in combinations_with_replacement(signals, 2)]
     products += [factor * signal for factor in factors for signal in signals]
-    lags = [round(lag / dt) for lag in SINCE]
+    since = SINCE if instruments is not None else SINCE[1:]
+    lags = [round(lag / dt) for lag in since]
     late = [np.pad(one, [(lag, 0), (0, 0)])[: len(one)] * known for lag in lags for one in products]
     return np.asarray(late)
 

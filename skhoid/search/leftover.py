@@ -102,8 +102,7 @@ def measure_path(
     as_recorded = replace(search.record, y=recorded)
     noises, others = noises_in(recorded - path.model.output, as_recorded, search.noises)
     left = [Leftover(s.where, "output", s.words, 100 * s.share) for s in others]
-    judge = search.instruments
-    nats, share = judge.weigh_left(output_error_fit(path.model)) if judge else (0.0, 0.0)
+    nats, share = search.curves.weigh(output_error_fit(path.model))
     if nats > THRESHOLD:
         left.append(Leftover("curved", "output", CURVED, share * (100 - steps[-1].vaf), 2 * nats))
     rest, rest_sd, vaf, unknown = find_gap(best, prepared, measured)

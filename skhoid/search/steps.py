@@ -24,7 +24,7 @@ from ..model.extend import explored_from, extended
 from ..model.fitting import Criterion, Fit
 from ..model.model import Model, in_order, without
 from ..model.simulator import Simulator
-from .instruments import InstrumentJudge
+from .instruments import Curves, InstrumentJudge
 from .judges import (
     HeldOutRows,
     JointParent,
@@ -242,6 +242,7 @@ class Search:
         self.progress = Progress() if progress is None else progress
         self.core, self.record, self.folds = core, record, folds
         self.instruments = InstrumentJudge.of(record, THRESHOLD) if core.kind.is_operator else None
+        self.curves = Curves(record, self.instruments)
         self.effects = [e for e in effects if not e.noise]
         self.noises = [e for e in effects if e.noise]  # which no input explains
         self.traces = find_traces(record)
