@@ -50,13 +50,11 @@ BEGUN = (1.0, 4.0, 0.25, 16.0, 64.0)  # times the first size, until the output s
 NO_SIZE = "there is no size at which it does nothing"
 MOST_POINTS = 100.0  # of VAF: the whole output. Stronger, a change is no small one beside a model
 NOT_SEEN = (
-    "these runs say nothing of its size, the model imitates it, or with the size that fits best the "
-    "simulation exceeds the output"
+    "these runs say nothing of its size, the model imitates it, or what fits best would exceed the "
+    "output"
 )
 BEGUN_BEFORE = "a search begins it at rest, and nobody knows how these runs began"
-ANY_SIZE = (
-    "these runs allow it at any size that does not exceed the output, or would have shown it at none"
-)
+ANY_SIZE = "these runs allow it up to the size of the output, or would not have shown it below that"
 
 
 @dataclass

@@ -92,9 +92,7 @@ WEAK = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "least_shown"), [("bias", 1), ("dead_zone", 8), ("asym_gain", 8)]
-)
+@pytest.mark.parametrize(("name", "least_shown"), [("bias", 1), ("dead_zone", 8), ("asym_gain", 8)])
 def test_weak_effects_are_within_their_limits_and_what_would_be_shown_is(name, least_shown):
     """Weak are shares of the size shown; of a bias few runs so short have one: of their limit.
 
