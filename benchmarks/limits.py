@@ -83,7 +83,7 @@ def run_case(name: str, seed: int) -> list[dict[str, Any]]:
             limit = float(searched(size, number).limits_.iloc[0]["limit"])
         except UnstableLoopError:  # nobody could track with it
             continue
-        within = not (limit > size if from_below else limit < size)
+        within = np.nan if np.isnan(limit) else (limit <= size if from_below else limit >= size)
         row = {"effect": name, "seed": seed, "share": share, "within": within, "found": np.nan}
         if share == 1.0 and is_shown:
             row["found"] = name in searched(size, number, 1).best_effects_
@@ -92,7 +92,10 @@ def run_case(name: str, seed: int) -> list[dict[str, Any]]:
 
 
 def tell(counted: pd.Series) -> str:
-    """A share with its counts and 95 % interval."""
+    """A share with its counts and 95 % interval, of what is known."""
+    counted = counted.dropna()
+    if counted.empty:
+        return "-"
     k, n = int(counted.sum()), len(counted)
     low, high = binomtest(k, n).proportion_ci(method="wilson")
     return f"{k} of {n} ({100 * k / n:.0f} %, {100 * low:.0f}-{100 * high:.0f})"
@@ -116,9 +119,8 @@ def main() -> None:
     if options.out:
         table.to_csv(options.out, index=False)
     for name, cases in [*table.groupby("effect", sort=False), ("all", table)]:
-        found = cases["found"].dropna()
-        shown = tell(found) if len(found) else "-"
-        print(f"{name:16} within the limit {tell(cases['within']):34} found {shown}")
+        within, found = tell(cases["within"]), tell(cases["found"])
+        print(f"{name:16} within the limit {within:34} found {found}")
 
 
 if __name__ == "__main__":

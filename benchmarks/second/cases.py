@@ -15,13 +15,15 @@ from . import elements, signals
 from .draw import draw_pursuit, draw_world, spread
 from .forms import Form, all_forms
 from .forms_further import FURTHER
+from .forms_strange import HELD_BACK, STRANGE
 from .linear import gap
 from .loop import CLIP
 from .world import DT, World
 
-SUITES = ("null", "hidden", "leaks", "given_delay", "further")
+SUITES = ("null", "hidden", "leaks", "given_delay", "further", "strange", "held_back")
 DRAWN = "drawn"
 LEAST_GAP = {"medium": 1.0, "strong": 3.0}  # points of VAF that the best linear person misses
+STRANGE_GAP = {"medium": (2.0, 6.0), "strong": (6.0, 20.0)}  # of what no catalogue holds
 LEAST_COHERENT = 45.0  # percent of u that the person's own answer must explain
 OFFSETS = (-20, -10, -5, 5, 10, 20)  # samples, of a delay given in suite given_delay
 
@@ -92,6 +94,8 @@ def build(suite: str, element: str, seed: int) -> Case:
         return null(element, seed, rng)
     if suite == "leaks":
         return leaks(element, seed, rng)
+    if suite in ("strange", "held_back"):
+        return beyond(suite, element, seed, rng)
     return hidden(suite, element, seed, rng)
 
 
@@ -159,6 +163,33 @@ def hidden(suite: str, element: str, seed: int, rng: np.random.Generator) -> Cas
         else:
             return case
     raise RuntimeError(f"{effect} on {element}, seed {seed}: no case in which it matters")
+
+
+def beyond(suite: str, element: str, seed: int, rng: np.random.Generator) -> Case:
+    """What no catalogue holds, by turns; its size follows the gap that is asked for."""
+    forms = STRANGE if suite == "strange" else HELD_BACK
+    if element != DRAWN:
+        given = elements.draw(element, np.random.default_rng(0))
+        forms = [f for f in forms if f.fits(given)]
+    chosen = forms[seed % len(forms)]
+    strength = str(rng.choice(list(STRANGE_GAP)))
+    least, most = STRANGE_GAP[strength]
+    size = float(rng.uniform(0.3, 0.6) if strength == "medium" else rng.uniform(0.7, 1.0))
+    for _ in range(60):
+        name = str(rng.choice(elements.NAMES)) if element == DRAWN else element
+        display = str(rng.choice(chosen.displays))
+        world = draw_world(name, rng, display, dist_recorded=bool(rng.random() < 0.3))
+        if not chosen.fits(world.element):
+            continue
+        idle(world, rng, 0.15)
+        chosen.hide(world, size, rng)
+        case = finished(suite, element, seed, world, chosen, strength)
+        if not _holds(case):
+            continue
+        if matters(case, least) and case.gap <= most:
+            return case
+        size *= 1.15 if case.gap < least else 1 / 1.15
+    raise RuntimeError(f"{chosen.effect} on {element}, seed {seed}: no case in which it matters")
 
 
 def _choose(forms: list[Form], rng: np.random.Generator) -> Form:

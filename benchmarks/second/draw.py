@@ -109,6 +109,7 @@ def calibrated(world: World, upset: float, share: float) -> World:
     world.scale = {name: spread(world, closed, k) for name, k in columns.items()}
     world.scale["du"] = spread(world, [np.gradient(c, DT, axis=0) for c in closed], 2)
     world.scale["dc"] = spread(world, [np.gradient(c, DT, axis=0) for c in closed], 5)
+    world.scale["dq"] = spread(world, [np.gradient(c, DT, axis=0) for c in closed], 3)
     world.scale["de"] = spread(world, [np.gradient(c, DT, axis=0) for c in closed], 1)
     world.scale["ff"] = float(np.std(np.concatenate([r.f for r in world.runs])))
     world.scale["share"] = share

@@ -14,6 +14,7 @@ from .elements import Element
 from .world import World
 
 Hide = Callable[[World, float, np.random.Generator], None]
+UNKNOWN = "unknown"  # the answer to what no catalogue holds
 ANY = ("compensatory", "pursuit", "preview")
 
 
@@ -33,6 +34,7 @@ class Form:
     dist: bool = False
     parts: tuple[Hide, ...] = ()  # of a pair, each of which must matter alone
     plain: bool = False  # only for a person without lead (a coarse display has no rate to be seen)
+    beyond: bool = False  # no catalogue holds it
 
     def fits(self, element: Element) -> bool:
         """Whether a person can do this on the element."""
@@ -46,6 +48,8 @@ class Form:
     @property
     def each(self) -> list[tuple[str, ...]]:
         """Right names of each effect; a pair is called by its two ids with a plus between."""
+        if self.beyond:
+            return [(UNKNOWN,)]
         return [
             (one, *ALIKE.get((one, self.name), ALIKE.get((one, ""), ())))
             for one in self.effect.split("+")

@@ -14,6 +14,7 @@ import numpy as np
 
 from .cases import OFFSETS, Case
 from .elements import Element
+from .forms import UNKNOWN
 
 Who = Callable[[Case, float | None], Any]
 LEAK_INVERSE, LEAK_RESIDUAL = 0.85, -0.35
@@ -133,21 +134,23 @@ def described(case: Case) -> dict[str, Any]:
 
 
 def name_row(case: Case, names: list[str]) -> dict[str, Any]:
-    """Right and false names. ``unknown`` is neither; with nothing hidden every name is false."""
-    said = [n for n in names if n != "unknown"]
+    """Right and false names; with nothing hidden every name is false. ``unknown`` is neither,
+    but right where no catalogue holds what is hidden.
+    """
     accepted = case.hidden.accepted if case.hidden is not None else ()
+    said = [n for n in names if n != UNKNOWN or n in accepted]
     accepted = (*accepted, *case.also)
     if case.suite == "leaks" and stops_reached(case):
         accepted = (*accepted, "saturation")
     wrong = [n for n in said if n not in accepted]
-    row: dict[str, Any] = {"false_names": wrong, "unknown": "unknown" in names}
+    row: dict[str, Any] = {"false_names": wrong, "unknown": UNKNOWN in names}
     if case.hidden is not None:
         row["right_any"] = any(n in case.hidden.accepted for n in said)
         row["right"] = row["right_any"] and said[0] in accepted
-        each = case.hidden.effect.split("+")
-        row["exact"] = bool(said) and said[0] in each
+        each = case.hidden.each
+        row["exact"] = bool(said) and said[0] in [one[0] for one in each]
         if len(each) > 1:
-            row["both"] = both_named(case.hidden.each, said)
+            row["both"] = both_named(each, said)
     return row
 
 

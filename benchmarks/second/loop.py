@@ -9,6 +9,8 @@ the person's reply without remnant comes out.
 import numba
 import numpy as np
 
+from .strange import lateness, sense, urge
+
 RATE = 600.0
 PARAMETERS = (
     # equalisation: c = gain (e + lead e' + ...) of the delayed error; (1 + second_lead s) beside it
@@ -24,6 +26,7 @@ PARAMETERS = (
     *("intermittent", "period", "threshold", "hold", "decay"),
     *("omega", "zeta", "hardening", "friction", "breakaway"),
     *("rate_command", "rate_stick", "play", "stick_band", "jump"),
+    *("strange", "s_a", "s_b", "s_c", "s_d"),  # a code of ``strange.py`` and four numbers
 )
 PERSON = np.dtype([(name, "f8") for name in PARAMETERS])
 
@@ -194,6 +197,7 @@ def simulate(people, start, plant, column, shape, outside, x_given, answer):
     error, plain = np.zeros(n), np.zeros(n)
     xs, vs, ms = np.zeros(n), np.zeros(n), np.zeros(n)
     sampled, summed, limb, stick = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
+    memory = np.zeros(3)
     x, v = start[0], start[1]
     last_v, commanded, kept = v, 0.0, 0.0
     for k in range(n):
@@ -206,9 +210,11 @@ def simulate(people, start, plant, column, shape, outside, x_given, answer):
         last_v = v
         plain[k] = seen[k] - x
         error[k] = static(int(p.eye), p.eye_a, p.eye_b, plain[k])
-        steps = tau[k] / dt
+        steps = lateness(p, memory, error, k, tau[k] / dt, dt)
         e_now = at(error, k, steps)
         v_now = (e_now - at(error, k, steps + 1.0)) / dt
+        if p.strange > 0:
+            e_now, v_now = sense(p, memory, xs, k, steps, e_now, v_now, dt)
         if p.intermittent > 0:
             e_now, v_now = held(p, sampled, e_now, v_now, dt, k == 0)
         c = g_error[k] * equalised(p, error, k, steps, e_now, v_now, shape, summed, dt)
@@ -222,6 +228,8 @@ def simulate(people, start, plant, column, shape, outside, x_given, answer):
             most = p.rate_command * dt
             commanded += min(max(c - commanded, -most), most)
             c = commanded
+        if p.strange > 0:
+            c = urge(p, memory, c, limb, dt)
         move_limb(p, limb, c, dt)
         u = move_stick(p, stick, limb[0] + after[k], dt)
         out[k, 0], out[k, 1], out[k, 2] = x, f[k] - x, u

@@ -8,8 +8,9 @@ Open it when the simulator is changed. It stops with what was wrong; of the sear
 import numpy as np
 
 from . import standins
-from .cases import Case, build
+from .cases import DRAWN, STRANGE_GAP, Case, build
 from .elements import NAMES
+from .forms_strange import HELD_BACK, STRANGE
 from .judge import judge
 from .linear import gap
 from .loop import RATE
@@ -72,6 +73,17 @@ def check_standins(case: Case) -> None:
     demand(cheats["leak"], f"the plant's inverse is not caught: {cheats}")
 
 
+def check_strange(suite: str, seed: int) -> None:
+    """Built twice alike, with the gap asked for; ``unknown`` is right, and a name is not."""
+    case, again = (build(suite, DRAWN, seed) for _ in range(2))
+    least, most = STRANGE_GAP[case.strength]
+    demand(least <= case.gap <= most, f"{suite} {seed}: a gap of {case.gap:.1f} points")
+    same = case.tables()[0].equals(again.tables()[0]) and case.hidden is again.hidden
+    demand(same, f"{suite} {seed}: built twice, and not alike")
+    knows = judge(case, standins.oracle, with_baseline=False)
+    demand(knows["right"] and not knows["false_names"], f"the oracle is wrong: {knows}")
+
+
 def main() -> None:
     """Run all checks."""
     for name in NAMES:
@@ -79,6 +91,10 @@ def main() -> None:
     for name in NAMES[:2]:
         for seed in (1, 2):
             check_standins(build("leaks", name, seed))
+    for suite, forms in (("strange", STRANGE), ("held_back", HELD_BACK)):
+        for seed in range(len(forms)):
+            check_strange(suite, seed)
+        print(f"{suite}: {len(forms)} forms, built alike, with the gap asked for")
     print("stand-ins: the oracle is right, the deaf are not, the plant's inverse is caught")
 
 

@@ -40,7 +40,7 @@ class Standin:
 
 def oracle(case: Case, delay: float | None) -> Standin:
     """Knows everything: must be right in all, without a false name, and cover the delay."""
-    names = [] if case.hidden is None else [case.hidden.effect]
+    names = [] if case.hidden is None else [one[0] for one in case.hidden.each]
     return Standin(names, case.truth(case.new), case.world.delay, 0.01)
 
 

@@ -10,7 +10,6 @@ from .judging import THRESHOLD as THRESHOLD
 from .probability import log_factor as log_factor
 from .probability import log_lead as log_lead
 from .results import SearchResult
-from .results import list_before as list_before
 from .results import with_effects as with_effects
 from .shape import BY_HAND as BY_HAND
 from .shape import Shape

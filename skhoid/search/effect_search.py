@@ -121,13 +121,14 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     Attributes
     ----------
     ranking_ : DataFrame
-        One row per step and effect, best first: step, rank, effect (its id), title, form, status
-        (a :class:`skhoid.search.Status`), vaf_gain (points, held out), evidence (the least that any
-        judge grants, in nats), judge (who it is), probability (that the name is right), free_run,
-        likelihood and instruments (evidence of these judges), delta_bic (of the free run), p_value
-        (of its likelihood ratio, times the number of effects tried), parameters,
-        reason_code and reason (why it was not added: a :class:`skhoid.search.Reason`, and words),
-        words, confused_with, vaf_before, vaf_after. NaN is what was not evaluated.
+        One row per step and effect, best first: step, rank, effect (its id), title, form, beside
+        (ids of the effects it was added to), status (a :class:`skhoid.search.Status`), vaf_gain
+        (points, held out), evidence (the least that any judge grants, in nats), judge (who it is),
+        probability (that the name is right), free_run, likelihood and instruments (evidence of
+        these judges), delta_bic (of the free run), p_value (of its likelihood ratio, times the
+        number of effects tried), parameters, reason_code and reason (why it was not added: a
+        :class:`skhoid.search.Reason`, and words), words, confused_with, vaf_before, vaf_after. NaN
+        is what was not evaluated.
         :meth:`ranking_table` is the short form.
     limits_ : DataFrame
         How large effects may be that were tried and are not named, one row each: effect (its id),

@@ -48,9 +48,13 @@ HALF = 0.5  # of the ceiling, which a model explains that can tell what it is mi
 BY_CHANCE = 5.0  # % of VAF: of five parameters fitted to 100 rows that have nothing to do with them
 BEGUN = (1.0, 4.0, 0.25, 16.0, 64.0)  # times the first size, until the output shows something
 NO_SIZE = "there is no size at which it does nothing"
-NOT_SEEN = "these runs say nothing of its size, or the model imitates it"
+MOST_POINTS = 100.0  # of VAF: the whole output. Stronger, a change is no small one beside a model
+NOT_SEEN = (
+    "these runs say nothing of its size, the model imitates it, or what fits best would exceed the "
+    "output"
+)
 BEGUN_BEFORE = "a search begins it at rest, and nobody knows how these runs began"
-ANY_SIZE = "these runs allow it at any size, or would not have shown it at any"
+ANY_SIZE = "these runs allow it up to the size of the output, or would not have shown it below that"
 
 
 @dataclass
@@ -233,7 +237,7 @@ class Side:
 
     def __post_init__(self) -> None:
         self.at: dict[float, list[float]] = {}
-        self.imitated = False
+        self.lost = False  # whether the model imitates it, or cannot be beside the size fitted
 
     def value(self, size: float) -> float:
         """The parameter at a size."""
@@ -256,8 +260,13 @@ class Side:
         plain = np.where(criterion.weight > 0.0, plain, 0.0)  # not where a run begins
         length = float(np.linalg.norm(seen))
         whole = float(np.linalg.norm(criterion.whitened(beside.thinned(change)[None])))
-        self.imitated |= EXACT * beside.sigma < length < IMITATED * whole
-        if self.imitated or not length > EXACT * beside.sigma:
+        points = 100 * float((plain**2).sum()) / criterion.power
+        too_strong = points > MOST_POINTS
+        self.lost |= EXACT * beside.sigma < length < IMITATED * whole
+        self.lost |= too_strong and self.fitted is not None and size == self.start
+        if too_strong:
+            return False
+        if self.lost or not length > EXACT * beside.sigma:
             self.at[size] = [NONE, NONE, 0.0, 1.0, NONE, NONE]
             return False
         fits = float(seen @ beside.noise) / length
@@ -270,7 +279,7 @@ class Side:
             length / beside.sigma,
             fits / beside.sigma,
             max(float(by_blocks @ by_blocks), 1.0),
-            100 * float((plain**2).sum()) / criterion.power,
+            points,
             200 * float(np.linalg.norm(shaken)) / criterion.power,
         ]
         return True
@@ -278,7 +287,7 @@ class Side:
     def begin(self) -> bool:
         """Simulate a first size that shows something; whether there is one."""
         begun = any(self.simulate(min(times * self.start, self.most)) for times in BEGUN)
-        return begun and not self.imitated
+        return begun and not self.lost
 
     def go_on(self, *sizes: float) -> bool:
         """Simulate sizes that are not near another, not too far at once; whether there were any."""

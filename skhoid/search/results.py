@@ -165,14 +165,14 @@ def list_records(frame: pd.DataFrame) -> list[dict[str, Any]]:
 def compare_models(result: SearchResult, best_effects: Any) -> dict[str, Any]:
     """``cv_results_`` of a search: the models along its path, then candidates not added."""
     path, added = result.error_path, result.added
-    models = [added[:n] for n in range(len(path))]
+    tried = result.tried
+    given: list[str] = next(iter(tried["beside"]), [])
+    models = [[*given, *added[:n]] for n in range(len(path))]
     scores, steps = path["vaf"].tolist(), list(range(len(path)))
     params: list[Any] = [{"effects": names} for names in models]
     params[-1] = {"effects": best_effects}
-    tried = result.tried
-    before = list_before(tried)
     for _, row in tried[tried["status"] != Status.ADDED].iterrows():
-        params.append({"effects": [*before[row["step"]], row["effect"]]})
+        params.append({"effects": [*row["beside"], row["effect"]]})
         scores.append(row["vaf_after"])
         steps.append(row["step"])
     mean = np.array(scores, dtype=float)
@@ -183,16 +183,6 @@ def compare_models(result: SearchResult, best_effects: Any) -> dict[str, Any]:
         "mean_test_score": mean,
         "rank_test_score": order.to_numpy().astype(np.int32),
     }
-
-
-def list_before(ranking: pd.DataFrame) -> dict[int, list[str]]:
-    """Names of the effects that were added before each step of a ranking."""
-    before: dict[int, list[str]] = {}
-    names: list[str] = []
-    for step, rows in ranking.groupby("step"):
-        before[step] = names
-        names = [*names, *rows["effect"][rows["status"] == Status.ADDED]]
-    return before
 
 
 def error_path(found: SearchNumbers, prepared: Prepared) -> pd.DataFrame:
@@ -253,6 +243,7 @@ class Ranked:
     effect: str
     title: str
     form: str
+    beside: list[str]
     status: Status = Status.ADDED
     vaf_gain: float = np.nan
     delta_bic: float = np.nan
@@ -282,7 +273,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
         of_step = {*after.effects.names} - {*step.at_likelihood.effects.names}
         chosen = added & of_step
         winner = next((c.effect.name for c in step.candidates if c.name in of_step), "")
-        before = step.refitted_vaf
+        before, beside = step.refitted_vaf, [e.name for _, e in step.at_likelihood.effects]
         for rank, c in enumerate(step.candidates, 1):
             described = c.model is not None and (rank <= DESCRIBED or c.passes)
             row = Ranked(
@@ -291,6 +282,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 effect=c.effect.name,
                 title=title_of(c.effect.name),
                 form=_form(c),
+                beside=beside,
                 parameters=_parameters(c, prepared) if described else "",
                 vaf_before=before,
                 p_value=c.p_value,
@@ -319,6 +311,7 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 effect=effect.name,
                 title=title_of(effect.name),
                 form="",
+                beside=[e.name for _, e in first.at_likelihood.effects],
                 parameters=shown.parameters,
                 vaf_before=first.refitted_vaf,
                 vaf_after=first.refitted_vaf,

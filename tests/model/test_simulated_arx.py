@@ -97,6 +97,17 @@ def test_what_was_simulated_is_recovered(name):
     assert model.vaf_ == pytest.approx(model.score(X, y), abs=1e-6)
 
 
+@pytest.mark.parametrize("stiffness", [1.5, 2.0])
+def test_no_limit_is_stronger_than_the_output(stiffness):
+    """A spring that is added to the linear model, as it is, lets the simulation explode."""
+    X, y = runs(lambda r: duffing(r["e"].to_numpy(), stiffness), n=600)
+    search = EffectSearchCV(SimulatedARX(2, 2, 1), effects=["hardening_stiffness"], max_effects=0)
+    row = search.fit(X, y).limits_.iloc[0]
+    assert row["limit"] > stiffness
+    for key in ("limit_points", "shown_points"):
+        assert row[key] <= 100 or (np.isnan(row[key]) and row["reason"])
+
+
 @pytest.mark.parametrize("name", ["dead_zone", "hardening_stiffness"])
 def test_the_free_run_is_that_of_a_plain_loop(name):
     response, _ = SIMULATED[name]

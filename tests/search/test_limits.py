@@ -87,13 +87,17 @@ def test_an_output_that_has_nothing_to_do_with_the_input_is_too_little(seed):
 WEAK = {
     "bias": lambda size: {"outer": lambda u: u + size},
     "dead_zone": lambda size: {"inner": lambda e: e - np.clip(e, -size, size)},
+    "asym_gain": lambda size: {"inner": lambda e: e + size * np.abs(e)},
 }
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "least_shown"), [("bias", 1), ("dead_zone", 8)])
+@pytest.mark.parametrize(("name", "least_shown"), [("bias", 1), ("dead_zone", 8), ("asym_gain", 8)])
 def test_weak_effects_are_within_their_limits_and_what_would_be_shown_is(name, least_shown):
-    """Weak are shares of the size shown; of a bias few runs so short have one: of their limit."""
+    """Weak are shares of the size shown; of a bias few runs so short have one: of their limit.
+
+    Each has a remnant of its own, so of 16 that hold with 95 % fewer than 13 do in 1 of 140 tests.
+    """
     tried = [DeadZone(form="gap", at="error") if name == "dead_zone" else name]
     within, added = [], []
     for seed in range(8):
@@ -101,12 +105,12 @@ def test_weak_effects_are_within_their_limits_and_what_would_be_shown_is(name, l
         is_shown = np.isfinite(row["shown_from"])
         size = row["shown_from"] if is_shown else 4 * row["limit"]
         for share in (0.3, 0.6):
-            runs = recorded(2, 30.0, seed=100 + seed, **WEAK[name](share * size))
+            runs = recorded(2, 30.0, seed=round(1000 * share) + seed, **WEAK[name](share * size))
             limit = limits_of(searched(runs, tried, max_effects=0)).loc[name, "limit"]
             within.append(limit > share * size)
         if is_shown:
             runs = recorded(2, 30.0, seed=200 + seed, **WEAK[name](size))
             added.append(name in searched(runs, tried).result_.added)
-    assert sum(within) >= 14
+    assert sum(within) >= 13
     assert len(added) >= least_shown
     assert sum(added) >= 5 / 8 * len(added)

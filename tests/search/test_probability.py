@@ -93,6 +93,13 @@ def test_the_lead_is_of_one_over_the_other_in_its_place():
     assert log_lead(one, other) == pytest.approx(-log_lead(other, one))
 
 
+def test_a_third_of_what_the_fit_has_hidden_is_beyond_the_catalogue_and_none_is_held_back():
+    mix = calibrate.MIX
+    hidden = sum(mix.values()) - mix["null"] - mix["second:null"] - mix["second:leaks"] / 2
+    assert (mix["beyond"] + mix["second:strange"]) / hidden == pytest.approx(1 / 3, abs=0.05)
+    assert "second:held_back" not in mix
+
+
 def test_the_table_says_where_it_comes_from():
     table = load_table()
     assert [*table["coefficients"]] == [*COEFFICIENTS]

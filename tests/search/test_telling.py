@@ -68,6 +68,16 @@ def test_a_search_has_what_users_of_searches_expect(biased):
     assert biased.plot().figure_.axes
 
 
+def test_a_row_says_beside_what_it_was_tried(biased):
+    of_steps = biased.ranking_.groupby("step")["beside"]
+    assert [first for first, *_ in of_steps.apply(list)] == [[], ["bias"]]
+    X, y = recorded(Bias(level=0.1))
+    model = OperatorRegressor(effects=["bias"])
+    search = EffectSearchCV(model, effects=["dead_zone"], max_effects=0).fit(X, y)
+    assert search.ranking_["beside"].tolist() == [["bias"]]
+    assert search.cv_results_["params"][1:] == [{"effects": ["bias", "dead_zone"]}]
+
+
 def test_text_json_and_the_notebook_tell_the_same(biased):
     result = biased.result_
     document = tell_search(result)

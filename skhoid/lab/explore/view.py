@@ -17,7 +17,7 @@ from ... import EffectSearchCV, compare
 from ...effects import Effect, Effects, title_of
 from ...effects import effect as effect_of
 from ...model import ModelParameter, effect_curves
-from ...search import Reason, Status, limits_table, list_before, tell_headline, with_effects
+from ...search import Reason, Status, limits_table, tell_headline, with_effects
 from ...text import as_sentence
 from .models import Models, Position
 
@@ -180,13 +180,12 @@ class Found:
     @classmethod
     def of(cls, search: EffectSearchCV, runs: Sequence[int]) -> Found:
         """What a fitted search says."""
-        begun = [e.name for _, e in Effects.of(search.baseline_.effects)]
-        before = list_before(search.ranking_)
-        steps = []
-        for number, table in search.ranking_.groupby("step"):
-            cards = [_card(row, search) for _, row in table.iterrows()]
-            parent = [*begun, *(name.split("-")[0] for name in before[number])]
-            steps.append(SearchStepKept(parent, cards))
+        steps = [
+            SearchStepKept(
+                table["beside"].iloc[0], [_card(row, search) for _, row in table.iterrows()]
+            )
+            for _, table in search.ranking_.groupby("step")
+        ]
         ceiling = float(search.error_path_["ceiling"].iloc[-1])
         best = Effects.of(search.best_estimator_.effects)
         limits = limits_table(search.result_)
