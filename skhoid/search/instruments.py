@@ -46,11 +46,6 @@ SINCE = (0.0, 0.16, 0.32, 0.56, 0.96, 1.6)  # s, in which a person has answered
 FORGOTTEN = 2.0  # s, of a running size
 ROUNDING = 1e-4  # of the largest eigenvalue of products
 SCALES = np.geomspace(1e-3, 1e6, 91)  # of a process, in variances of the noise
-DEGREE = 3  # of products: what is odd or even in any signal shows in one of them
-SINCE = (0.0, 0.16, 0.32, 0.56, 0.96, 1.6)  # s, after a product: lags of a person who answers it
-FORGETS = 2.0  # s, in which a running size does
-SEEN = 1e-4  # of the largest eigenvalue, below which products are no more than rounding
-SCALES = np.geomspace(1e-3, 1e6, 91)  # of a process, in variances of the noise
 
 
 class Instruments(Criterion):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from support.person_in_loop import pursued
 
-from skhoid import EffectSearchCV, OperatorRegressor
-from skhoid.effects import Feedforward
-from skhoid.search.instruments import InstrumentJudge
+from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+from skhoid.effects import AsymmetricGain, DeadZone, Feedforward
+from skhoid.search.instruments import Curves, InstrumentJudge
 
 ASKED = 12.5  # nats
 
@@ -52,3 +52,24 @@ def test_what_instruments_grant_counts_whatever_a_noise_model_takes_up():
     first = search.ranking_.iloc[0]
     assert first["instruments"] > ASKED
     assert first["evidence"] == np.nanmax([first["instruments"], first["likelihood"]])
+
+
+def weigh_another_form(X, y, effects):
+    """Nats of another form beside a fitted model with effects, and what share of the rest it has."""
+    model = OperatorRegressor(effects=effects)
+    data = EffectSearchCV(model).read_data(model, X, y)
+    curves = Curves(data.record, InstrumentJudge.of(data.record, ASKED))
+    return curves.weigh(model.first_fit(data.searched))[0]
+
+
+@pytest.mark.parametrize("channels", [["e"], ["e", "f_t"]])
+def test_a_form_that_is_wrong_leaves_what_the_right_one_does_not(channels):
+    """Also where nothing is known of what comes from outside."""
+    options = {"n_runs": 3, "remnant_intensity": 0.1, "channels": channels, "random_state": 1}
+    X, y = make_tracking_runs("C1", effects=DeadZone(width=0.5), **options)
+    nothing, right, wrong = (
+        weigh_another_form(X, y, effects) for effects in (None, DeadZone(), AsymmetricGain())
+    )
+    assert right < 5.0 < ASKED < min(wrong, nothing)
+    X, y = make_tracking_runs("C1", **options)
+    assert weigh_another_form(X, y, None) < 5.0
