@@ -3,7 +3,7 @@
     python benchmarks/group_effects.py --people 16 --nulls 90 --jobs 2 --folder pool
 
 People are cases of the blind trial (benchmarks/blind, a simulator of its own): so many of each of
-eight effects, and so many without any. Each is searched once. Experiments of 12 are drawn from
+some effects, and so many without any. Each is searched once. Experiments of 12 are drawn from
 them: 10 with an effect and 2 without, 1 with one and 11 without, and 12 without. What a search
 costs is kept in the folder; a run that was broken off goes on where it was.
 """
@@ -38,25 +38,21 @@ from skhoid.lab.experiment.prevalence import PersonEvidence, prevalences
 from skhoid.search.evidence import evidence_of
 
 EFFECTS = (
-    "dead_zone",
-    "saturation",
-    "integral",
-    "backlash",
-    "feedforward",
-    "output_feedback",
-    "motion_feedback",
-    "tv_gain",
+    "dead_zone,saturation,integral,backlash,feedforward,output_feedback,motion_feedback,tv_gain"
 )
+ALL = {name: kind() for name, kind in BY_NAME.items()}
 N, LEAST = 12, 0.25  # people of an experiment, prevalence of an effect of the group
 
 
-def _search(case: Any) -> EffectSearchCV:
+def _search(case: Any, effects: Any = "all") -> EffectSearchCV:
     element = case.controlled_element and ControlledElement(*case.controlled_element)
     model = OperatorRegressor(delay=case.delay)
-    return EffectSearchCV(model, display=case.display, controlled_element=element)
+    return EffectSearchCV(model, effects, display=case.display, controlled_element=element)
 
 
-def searched(suite: str, effect: str | None, number: int, seed: int, folder: Path) -> None:
+def searched(
+    suite: str, effect: str | None, number: int, seed: int, folder: Path, tried: Any
+) -> None:
     """Search one person, and keep what was found."""
     path = folder / f"{suite}_{effect}_{number}_{seed}.pkl"
     if path.exists():
@@ -67,7 +63,7 @@ def searched(suite: str, effect: str | None, number: int, seed: int, folder: Pat
             case = make_case(suite, number, seed)
         except HopelessError:
             return
-        search = _search(case).fit(case.X, case.y)
+        search = _search(case, tried).fit(case.X, case.y)
     best = search.best_estimator_
     found = {
         "case": (suite, number, seed),
@@ -94,7 +90,7 @@ def weighed(person: dict[str, Any], names: list[str], folder: Path) -> pd.DataFr
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             case = make_case(suite, number, seed)
-            effects = [BY_NAME[name]() for name in wanted]
+            effects = [ALL[name] for name in wanted]
             table = evidence_of(_search(case), Effects(named), effects, case.X, case.y)
         itself = table["instead_of"] == table["effect"]
         for name in wanted:
@@ -110,7 +106,7 @@ def experiment(people: list[dict[str, Any]], folder: Path, jobs: int) -> dict[st
         SimpleNamespace(
             best_effects_=one["best"],
             ranking_=one["ranking"],
-            _candidates=lambda: [kind() for kind in BY_NAME.values()],
+            list_effects=lambda: [*ALL.values()],
         )
         for one in people
     ]
@@ -119,7 +115,7 @@ def experiment(people: list[dict[str, Any]], folder: Path, jobs: int) -> dict[st
         return {"named": [], "found": {}}
     tables = Parallel(jobs)(delayed(weighed)(one, names, folder) for one in people)
     known = [
-        PersonEvidence(tuple(n for n in one["best"] if n != "unknown"), table)
+        PersonEvidence(tuple(n for n in one["best"] if n != "unknown"), table, ALL)
         for one, table in zip(people, tables, strict=True)
     ]
     found = {one.effect: one for one in prevalences(known, names) if one.n_people}
@@ -160,6 +156,8 @@ def judged(kind: str, effect: str, people: list[dict[str, Any]], said: dict[str,
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--effects", default=EFFECTS)
+    parser.add_argument("--tried", default="all", help="ids of effects")
     parser.add_argument("--people", type=int, default=16, help="with each effect")
     parser.add_argument("--nulls", type=int, default=90, help="people without any")
     parser.add_argument("--experiments", type=int, default=200, help="of each kind")
@@ -167,16 +165,17 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--folder", type=Path, default=Path("group-effects"))
     options = parser.parse_args()
-    folder = options.folder
+    folder, effects = options.folder, options.effects.split(",")
+    tried = options.tried if options.tried == "all" else options.tried.split(",")
     folder.mkdir(parents=True, exist_ok=True)
     start = time.perf_counter()
     cases = [
         ("main", effect, number, options.seed)
-        for effect in EFFECTS
+        for effect in effects
         for number in numbers_of("main", effect, options.people, 0)
     ]
     cases += [("null", None, number, options.seed) for number in range(options.nulls)]
-    Parallel(options.jobs)(delayed(searched)(*case, folder) for case in cases)
+    Parallel(options.jobs)(delayed(searched)(*case, folder, tried) for case in cases)
     kept = [folder / f"{s}_{e}_{n}_{seed}.pkl" for s, e, n, seed in cases]
     pool = [pickle.loads(path.read_bytes()) for path in kept if path.exists()]
     nulls = [one for one in pool if one["effect"] is None]
@@ -185,7 +184,7 @@ def main() -> int:
     rows = []
     for kind, n_with in (("most", 10), ("one", 1), ("none", 0)):
         for _ in range(options.experiments):
-            effect = str(rng.choice(EFFECTS))
+            effect = str(rng.choice(effects))
             having = [one for one in pool if one["effect"] == effect]
             people = [having[i] for i in rng.choice(len(having), n_with, replace=False)]
             people += [nulls[i] for i in rng.choice(len(nulls), N - n_with, replace=False)]

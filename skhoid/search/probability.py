@@ -106,14 +106,13 @@ def find_needed(effect: Effect, confidence: float) -> float:
 def log_factor(effect: Effect, evidence: float) -> float:
     """Logarithm of the Bayes factor of an effect with so many nats against nothing.
 
-    The probabilities without the odds that they begin with, the shares of the cases of the table,
-    and for one effect that is asked, where the cases have the best of ``N_APPLYING``.
+    Odds of the map over those before any data: of the share of names, each of ``N_APPLYING`` has
+    its part. With no evidence it is that of the least.
     """
     chances = find_chances([Alternative(effect, max(evidence, LITTLE))])
     shares = load_table()["shares"]
     odds = chances.names[0] / chances.nothing
-    tried = N_APPLYING if evidence > 0.0 else 1
-    return float(np.log(tried * odds * shares["nothing"] / shares["name"]))
+    return float(np.log(N_APPLYING * odds * shares["nothing"] / shares["name"]))
 
 
 def log_lead(one: tuple[Effect, float], other: tuple[Effect, float]) -> float:

@@ -34,13 +34,14 @@ def one_of(people, effect, **options):
 
 @pytest.mark.parametrize("n_with", [0, 1, 6, 10, 12])
 def test_with_clear_evidence_it_is_nearly_the_beta_distribution_of_the_count(n_with):
+    """Nearly: who shows nothing may have it all the same, with a factor of 1 to 12."""
     clear = [with_dead_zone(1e5) for _ in range(n_with)]
     found = one_of([*clear, *(without() for _ in range(12 - n_with))], "dead_zone")
     exact = stats.beta(1 + n_with, 13 - n_with)
     assert found.n_with == n_with
     assert found.n_people == 12
-    assert found.share == pytest.approx(exact.mean(), abs=0.02)
-    assert [found.low, found.high] == pytest.approx(exact.interval(0.95), abs=0.05)
+    assert found.share == pytest.approx(exact.mean(), abs=0.06)
+    assert [found.low, found.high] == pytest.approx(exact.interval(0.95), abs=0.07)
     assert found.more_than(0.25) == pytest.approx(exact.sf(0.25), abs=0.05)
 
 
