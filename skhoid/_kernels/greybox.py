@@ -440,6 +440,25 @@ def rate_limited(x, step):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def along(at, knots, pieces):
+    """Values at points of a polynomial by pieces, of shape (4, n_knots + 1): before the first knot,
+    between knots, after the last; highest powers first, of the distance from the knot to the left.
+    """
+    out = np.empty(at.size)
+    most = knots.size
+    i = 0
+    for k in range(at.size):
+        x = at[k]
+        while i > 0 and x < knots[i - 1]:
+            i -= 1
+        while i < most and x >= knots[i]:
+            i += 1
+        d = x - knots[max(i - 1, 0)]
+        out[k] = ((pieces[0, i] * d + pieces[1, i]) * d + pieces[2, i]) * d + pieces[3, i]
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def stuck(x, breakaway, kinetic, slides):
     """Stick until x is ``breakaway`` away, then jump to ``kinetic`` behind it.
 

@@ -109,3 +109,6 @@ class ErrorScan(Protocol):
         squares, seconds by which an earlier response leaves these, and factor on the command.
         Needs a core that responds as a second-order system: an operator.
         """
+
+    def left_without(self, seconds: float, window: float = np.inf) -> float:
+        """Squares that the model without the effect leaves on the rows of ``left_by_events``."""

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 
+from .. import _kernels
 from .base import Effect
 from .entry import Argument
 from .parameter import Dimension, Parameter
@@ -68,16 +69,23 @@ class SmoothCurve:
             tail = (...,) + (None,) * (np.ndim(values) - 1)
             above = replace(self, odd=False)(np.asarray(values), np.abs(at))
             return np.asarray(np.sign(at)[tail] * (above - np.asarray(values)[0]))
-        spline = CubicSpline(np.asarray(self.knots), values, bc_type="natural")
-        low, high = self.knots[0], self.knots[-1]
-        inside = np.clip(at, low, high)
-        found = spline(inside)
-        beyond = at - inside
-        if beyond.any():
-            slopes = spline([low, high], 1)
-            tail = (...,) + (None,) * (np.ndim(values) - 1)
-            found = found + np.where((at < low)[tail], slopes[0], slopes[1]) * beyond[tail]
-        return np.asarray(found)
+        at, pieces = np.asarray(at, dtype=float), _make_pieces(self.knots)
+        several = np.reshape(values, (len(self.knots), -1)).T
+        flat, knots = _kernels.gate(at.ravel()), _kernels.gate(self.knots)
+        found = [
+            _kernels.greybox.along(flat, knots, _kernels.gate(pieces @ one)) for one in several
+        ]
+        return np.stack(found, axis=-1).reshape(at.shape + np.shape(values)[1:])
+
+
+@lru_cache(maxsize=64)
+def _make_pieces(knots: tuple[float, ...]) -> np.ndarray:
+    """Cubic pieces by each value at the knots, (4, n_knots + 1, n_knots), linear at both ends."""
+    points = np.asarray(knots)
+    spline = CubicSpline(points, np.eye(points.size), bc_type="natural")
+    ends = points[[0, -1]]
+    lines = np.stack([np.zeros((2, points.size))] * 2 + [spline(ends, 1), spline(ends)])
+    return np.concatenate([lines[:, :1], spline.c, lines[:, 1:]], axis=1)
 
 
 @lru_cache(maxsize=64)

@@ -72,7 +72,8 @@ def extended(
             break
         simulator = with_(variant, coarse.record)
         scan = scan.of(variant)
-        values = [*variant.scanned(scan, coarse.record), *variant.starts(record)]
+        scanned = variant.scanned(scan, coarse.record) if below > 0.0 else []
+        values = [*scanned, *variant.starts(record)]
         starts = [make_start(rough, simulator, name, v) for v in values]
         if effect.place == "delay":
             starts = [restart_core(simulator, coarse, start) for start in starts]

@@ -221,9 +221,23 @@ class Scan:
             damping,
             of_error,
             short.thin,
-            short.thin * round(min(window, simulator.record.duration + dt) / dt / short.thin + 1),
+            self._rows_of(window, short),
             0 if np.isinf(window) else PHASES,
         )
+
+    def _rows_of(self, window: float, short: Criterion) -> int:
+        record, thin = short.record, short.thin
+        seconds = min(window, record.duration + record.dt)
+        return thin * round(seconds / record.dt / thin + 1)
+
+    def left_without(self, seconds: float, window: float = np.inf) -> float:
+        _, short = self.on_first(seconds)
+        rows, row = self._rows_of(window, short), np.arange(len(short.y)) * short.thin
+        counts = (
+            short.known if np.isinf(window) else short.known & (row % rows >= rows // 4)[:, None]
+        )
+        left = self.residual[: len(short.record.t) : short.thin]
+        return float((left[counts] ** 2).sum())
 
     def left(self, columns: Sequence[np.ndarray], seconds: float) -> np.ndarray:
         simulator, short = self.on_first(seconds)

@@ -656,7 +656,8 @@ class Rival(NamedTuple):
 def judge_rivals(search: Search, found: SearchNumbers, named: Candidate | None) -> SearchStep:
     """The effects found, and the forms that explain most of the same, beside the baseline."""
     baseline = found.steps[0].at_least_error
-    hints = [h for h in find_hints(search, baseline) if h.points > HOPEFUL * found.gained]
+    least = HOPEFUL * max(found.gained, LEAST_GAIN * found.share)  # less is never told
+    hints = [hint for hint in find_hints(search, baseline) if hint.points > least]
     tried = hints[:FOLLOWED]
     if named is not None:
         there = [hint for hint in hints if acts_like(hint.effect, named, baseline)][:1]
