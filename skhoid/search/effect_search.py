@@ -40,6 +40,7 @@ from .judging import LEAST_GAIN
 from .leftover import SearchNumbers, measure_path
 from .limits import end_explained, find_limits
 from .path import find_path
+from .probability import find_chances
 from .results import (
     SearchResult,
     compare_models,
@@ -358,7 +359,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         ranking = ranking_table(numbers, prepared, self.display)
         path = error_path(numbers, prepared)
         last = path.iloc[-1]
-        ending = name_if_sure(found.ending, numbers, self.confidence)
+        unknown = Verdict.NOT_IN_CATALOGUE if self.tries_all else Verdict.NOT_TRIED
+        ending = name_if_sure(found.ending, numbers, self.confidence, unknown)
         ending = end_explained(ending, last["vaf"], last["ceiling"], numbers.share)
         notes = [*_note_searched(data), *_note_controller(data), *note_changes(numbers.changes)]
         n_runs = len(data.searched_runs)
@@ -607,22 +609,28 @@ def fit_likeliest(prepared: Prepared, fitted: Model) -> tuple[Model, RemnantMode
     return likelihood_fit(start, Criterion(prepared.record))
 
 
-def name_if_sure(ending: Ending, numbers: SearchNumbers, confidence: float) -> Ending:
+def name_if_sure(
+    ending: Ending, numbers: SearchNumbers, confidence: float, unknown: Verdict
+) -> Ending:
     """The end of a search whose names are given only where they are as probable as asked.
 
-    What gains nothing before another is added is no surer than that.
+    What gains nothing before another is added is no surer than that. Where something else is as
+    probable, the verdict is ``unknown``.
     """
     tried = [c for step in numbers.path.steps for c in step.candidates if c.passes]
     chances = {c.effect.name: c.probability for c in tried}
     unsure = [name for name in ending.named if chances.get(name, 1.0) < confidence]
-    if not unsure:
-        return ending
     gains = np.diff([step.vaf for step in numbers.steps])
     for i in reversed(range(len(gains))):
         if gains[i] < LEAST_GAIN * numbers.share and {*numbers.ids[i + 1 :]} & {*unsure}:
             unsure.append(numbers.ids[i])
     sure = [name for name in ending.named if name not in unsure]
-    verdict = Verdict.POSSIBLE if ending.verdict is Verdict.FOUND else ending.verdict
+    verdict = ending.verdict
+    if verdict is Verdict.FOUND and unsure:
+        verdict = Verdict.POSSIBLE
+    first = numbers.path.steps[0]
+    if verdict in (Verdict.POSSIBLE, Verdict.NOTHING) and not sure:
+        verdict = unknown if find_chances(first.tried).something_else >= confidence else verdict
     return Ending(verdict, sure, [n for n in (*ending.named, *ending.stand_ins) if n not in sure])
 
 

@@ -55,7 +55,7 @@ def test_what_instruments_grant_counts_whatever_a_noise_model_takes_up():
 
 
 def weigh_another_form(X, y, effects):
-    """Nats of another form beside a fitted model with effects, and what share of the rest it has."""
+    """Nats of another form beside a fitted model with effects."""
     model = OperatorRegressor(effects=effects)
     data = EffectSearchCV(model).read_data(model, X, y)
     curves = Curves(data.record, InstrumentJudge.of(data.record, ASKED))
