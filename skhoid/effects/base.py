@@ -62,8 +62,8 @@ class Effect(Composable, BaseEstimator):
         Whether its result for a run depends on that run alone: the runs of a large record are then
         simulated a few at a time.
     lasts : bool
-        Whether what preceded a run lasts in it, such as an integral: limits of its size do without
-        its mean over a run.
+        Whether what preceded a run lasts in it, such as an integral. It begins anywhere in each
+        run, and a search compares it with a model that does so too; see ``forgetting``.
     n_hidden : int
         How many numbers it finds in the data besides its parameters, such as the ends of intervals.
         The BIC counts them as parameters.
@@ -194,6 +194,13 @@ class Effect(Composable, BaseEstimator):
     def apply(self, signal: Any, record: Record, *args: Any, **values: Any) -> Any:
         """Output of the effect for the input ``signal``, at values of the parameters."""
         raise NotImplementedError(f"{type(self).__name__} must implement apply.")
+
+    def forgetting(self, dt: float, **values: float) -> np.ndarray:
+        """How an effect that ``lasts`` forgets what preceded a run: by default never.
+
+        The coefficients [1, a_1, ...] of the difference equation of its free response.
+        """
+        return np.array([1.0, -1.0])
 
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         """Why the effect does not apply to a record and a kind of core, or None."""

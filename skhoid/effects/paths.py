@@ -133,7 +133,8 @@ class Drift(Effect):
 class Integral(Effect):
     """Trim: the operator responds to the integral of the error.
 
-    ``"pure"``: the integral from the start of the run; ``"leaky"``: 1 / (s + leak), which forgets.
+    ``"pure"``: 1 / s; ``"leaky"``: 1 / (s + leak), which forgets. Runs are cut from what people do,
+    so the integral begins anywhere in each of them, as that of a controller does.
     """
 
     name = "integral"
@@ -168,9 +169,11 @@ class Integral(Effect):
     def refusal(self, record: Record, core: CoreKind) -> str | None:
         return "a controller has integral action" if core == CoreKind.CONTROLLER else None
 
+    def forgetting(self, dt: float, **values: float) -> np.ndarray:
+        return np.array([1.0, values.get("leak", 0.0) * dt - 1.0])
+
     def apply(self, signal: Any, record: Record, gain: float, leak: float = 0.0) -> Any:
-        dt = record.dt
-        total = lfilter([dt], [1.0, leak * dt - 1.0], signal.error, axis=0)
+        total = lfilter([record.dt], self.forgetting(record.dt, leak=leak), signal.error, axis=0)
         return signal.plus(gain * total)
 
 

@@ -144,10 +144,12 @@ class Record:
         Seconds by which the response may come earlier than the core's delay.
     least_delay : float
         Earliest response, in seconds, to what the output moves.
-    initial : {"rest", "held", "estimate"}
+    initial : {"rest", "held", "estimate", "lasting"}
         How free runs begin; see ``skhoid.model.initial``.
     levels : (float, float)
         Range of the outputs from which a run may begin where its inputs are held.
+    begun : float
+        What an integral adds to the output at the start of runs where that is not estimated.
     domain : {"human", "machine"}
         What was recorded, for words and for which effects a search tries.
     remembered : dict
@@ -170,6 +172,7 @@ class Record:
     least_delay: float = 0.0
     initial: str = "rest"
     levels: tuple[float, float] = (0.0, 0.0)
+    begun: float = 0.0
     domain: str = "human"
     remembered: dict = field(default_factory=dict, repr=False)
 

@@ -44,7 +44,8 @@ class ControllerCore(Core):
 
     kind = CoreKind.CONTROLLER
     ratios = (Ratio("T_i", "K_e", "K_i", S, "integral time"),)
-    has_states = integrates = True
+    has_states = True
+    forgetting = (1.0, -1.0)
 
     def __init__(
         self,
@@ -113,21 +114,6 @@ class ControllerCore(Core):
         pole = values.get("T_f", 0.0) + dt
         change = np.diff(command.rate, axis=0, prepend=command.rate[:1])
         return command.position + lfilter([1 / pole], [1.0, dt / pole - 1.0], change, axis=0)
-
-    def denominator(self, values: dict[str, float], dt: float) -> np.ndarray:
-        return np.array([1.0, -1.0])
-
-    def held_pulses(
-        self,
-        command: Command,
-        values: dict[str, float],
-        dt: float,
-        n: int,
-        levels: tuple[float, float],
-    ) -> np.ndarray:
-        pulses = np.zeros((n, command.position.shape[1]))
-        pulses[:1] = np.clip(0.0, *levels)
-        return pulses
 
     def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
         return {"tau_e": -seconds} if self.fixed_delay is None else {}

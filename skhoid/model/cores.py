@@ -123,8 +123,8 @@ class Core:
         otherwise.
     memory : int
         Samples of the command that the response remembers besides its states.
-    integrates : bool
-        Whether it holds any level at rest, so that runs begin where nobody knows.
+    forgetting : tuple of float
+        Coefficients [1, a_1, ...] by which an integral of the core forgets what preceded a run.
     """
 
     kind: CoreKind
@@ -137,7 +137,7 @@ class Core:
     sizes: Mapping[str, float] = {}
     has_states: bool = False
     memory: int = 0
-    integrates: bool = False
+    forgetting: tuple[float, ...] = (1.0,)
 
     def chosen(self, record: Record) -> Core:
         """The core with what is open about its form decided by the data."""
@@ -180,8 +180,11 @@ class Core:
         raise NotImplementedError
 
     def denominator(self, values: dict[str, float], dt: float) -> np.ndarray:
-        """Coefficients [1, a_1, ...] of the difference equation of the core's free response."""
-        raise NotImplementedError
+        """Coefficients [1, a_1, ...] of the difference equation of the core's free response.
+
+        Without what ``forgetting`` says.
+        """
+        return np.ones(1)
 
     def at_rest(self, record: Record) -> bool:
         """Whether runs begin at rest, as far as a linear model can tell."""
@@ -200,7 +203,7 @@ class Core:
         As if the command was always as in the first sample, and the output at rest at a level
         within ``levels``.
         """
-        raise NotImplementedError
+        return np.zeros((n, command.position.shape[1]))
 
     def earlier(self, values: dict[str, float], seconds: float) -> dict[str, float]:
         """Changes of parameters for a response that much earlier; none if that is impossible."""

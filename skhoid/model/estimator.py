@@ -39,7 +39,7 @@ from ..text import (
 from .element import adopt_element, estimate_element
 from .extend import extended, refit_each_beside, refit_on_all_runs
 from .fitting import Criterion, RemnantModel, minimise, take_some_runs
-from .initial import begin_where_it_pays, find_error
+from .initial import LASTING, begin_where_it_pays, find_error
 from .likelihood import collect_prior, likelihood_fit, make_criterion
 from .model import AT_BOUND, Model
 from .parameters import (
@@ -89,11 +89,13 @@ class Simulation:
     initial: str | None
     begins: str
     levels: tuple[float, float]
+    begun: float = 0.0
     predicting: np.ndarray | None = None
 
     def run(self, record: Record, begins: str | None = None) -> np.ndarray:
         """Free run (n_samples, n_runs) from rest, or as the fit found that runs begin."""
-        begun = replace(record, initial=begins or self.begins, levels=self.levels)
+        how = begins or self.begins
+        begun = replace(record, initial=how, levels=self.levels, begun=self.begun)
         theta = self.theta if self.predicting is None else self.predicting
         return Simulator(self.spec.core, self.effects, begun).run(theta)
 
@@ -241,30 +243,37 @@ class GreyBox(RunRegressor):
     def _first_samples(self, prepared: Prepared, model: Model) -> dict[str, Any]:
         """How free runs begin: from rest, or from where inputs held at their first values have led.
 
-        By default from rest, unless the fitted rows show otherwise.
+        By default from rest, unless the fitted rows show otherwise. An integral begins at the level
+        that suits all of them best.
         """
-        record = replace(model.simulator.record, known=prepared.measured, remembered={})
+        simulator = model.simulator
+        record = replace(simulator.record, known=prepared.measured, remembered={})
         assert record.y is not None
-        initial = self.initial if model.simulator.core.has_states else REST
+        initial = self.initial if simulator.core.has_states else REST
         y = record.y[record.known]
         levels = float(y.min()), float(y.max())
-        core = model.simulator.core
-        if core.integrates:  # whatever is held at rest: by default as in the rows that were fitted
-            begun = replace(record, initial=HELD, levels=(0.0, 0.0))
-            output = Simulator(core, model.effects, begun).run(model.theta)
-            levels = (float(np.mean((record.y - output)[record.known])),) * 2
-        begins = REST if initial == REST else HELD
+
+        def run(way: str, begun: float) -> np.ndarray:
+            begun_so = replace(record, y=None, initial=way, levels=levels, begun=begun)
+            return np.asarray(simulator.beside(begun_so).run(model.theta))
+
+        rest, level = REST, 0.0
+        if simulator.lasts and record.initial != REST:
+            rest, at_zero = LASTING, run(LASTING, 0.0)
+            one, left = ((x - at_zero)[record.known] for x in (run(LASTING, 1.0), record.y))
+            level = float(one @ left / max(one @ one, 1e-300))
+        begins = rest if initial == REST else HELD
         if initial is None:
-            left = {}
-            for way in (REST, HELD):
-                begun = replace(record, initial=way, levels=levels)
-                simulator = Simulator(model.simulator.core, model.effects, begun)
-                left[way] = find_error(record, simulator.run(model.theta))
-            begins = HELD if pays(left[REST], left[HELD], y) else REST
-        self.initial_ = REST if begins == REST and record.initial == REST else ESTIMATE
-        if self.initial_ == ESTIMATE:
-            initial = ESTIMATE
-        return {"initial": initial, "begins": begins, "levels": levels}
+            at_rest, held = (find_error(record, run(way, level)) for way in (rest, HELD))
+            begins = HELD if pays(at_rest, held, y) else rest
+        is_at_rest = begins == REST and not simulator.estimates_start
+        self.initial_ = REST if is_at_rest else ESTIMATE
+        return {
+            "initial": initial if is_at_rest else ESTIMATE,
+            "begins": begins,
+            "levels": levels,
+            "begun": level,
+        }
 
     def with_effect(self, effect: Any) -> Any:
         """A new, unfitted model with one more effect: fit it to add the effect.

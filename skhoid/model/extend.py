@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..arx.base import ESTIMATE
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.free_form import FreeForm
@@ -230,7 +229,7 @@ def refitted(
     """
     simulator, inside = model.simulator, criterion.on_rows(train)
     whole = simulator
-    if whole.record.initial == ESTIMATE:  # by the rows that are fitted alone
+    if whole.estimates_start:  # by the rows that are fitted alone
         seen = replace(whole.record, known=whole.record.known & train)
         simulator = whole.on_record(seen)
     known = model.values()
@@ -258,7 +257,7 @@ def shared_derivatives(model: Model, criterion: Criterion) -> np.ndarray | None:
     """
     simulator = model.simulator
     record = simulator.record
-    if record.initial == ESTIMATE or not simulator.smooth or record.few_runs():
+    if simulator.estimates_start or not simulator.smooth or record.few_runs():
         return None
     within = np.clip(model.theta, simulator.low, simulator.high)
     if not np.array_equal(within, model.theta):

@@ -8,6 +8,10 @@ move along with the parameters (variable projection). Behind a nonlinear effect 
 are solved for by Gauss-Newton iteration, as they are where something acts inside the recursion,
 such as an outflow by the root of the level, which acts on the initial state too; springs are taken
 as linear in them.
+
+A person forgets within seconds how a run began, and an integral never: its free response, a
+constant or one that decays slowly, is a state like the others, and the only one that is estimated
+of a person whose first seconds do not count (``LASTING``).
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from scipy.signal import lfilter
 from ..arx.base import pays
 from ..effects.record import Record
 
+LASTING = "lasting"  # all is at rest but what lasts, which is estimated
 FORGOTTEN = 2.0  # s of settling, after which an operator has forgotten how a run began
 ROUNDING = 1e-13  # of the largest square, by which others may be off
 WEAK = 1e-6  # share of its squares in the known rows from which a state is estimated in full

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.signal import fftconvolve, lfilter
 
+from ..arx.base import REST
 from ..effects.composition import Effects
 from ..effects.parameter import CoreKind
 from ..effects.record import Record, differentiated
@@ -73,10 +74,12 @@ class LoopSimulator:
 
     The loop is solved in sweeps: what is left of e - (e_measured - G (u - u_measured)) is taken
     through the loop's own sensitivity, which for a linear model ends after two sweeps. The same
-    sensitivity turns derivatives of the open answer into derivatives of the loop.
+    sensitivity turns derivatives of the open answer into derivatives of the loop. An integral
+    begins in the loop where it does beside the measured error.
     """
 
     exact = False  # one sensitivity stands for all times and amplitudes
+    estimates_start = False
 
     def __init__(self, core: Core, effects: Effects, record: Record, loop: Loop):
         assert record.y is not None
@@ -86,7 +89,10 @@ class LoopSimulator:
         self.names, self.scale = open_loop.names, open_loop.scale
         self.low, self.high, self.smooth = open_loop.low, open_loop.high, open_loop.smooth
         self.size, self.prior = open_loop.size, open_loop.prior
-        self._open_loop = open_loop
+        self._open_loop, self._measured = open_loop, None
+        if open_loop.lasts:
+            self._measured = open_loop
+            self._open_loop = open_loop.beside(replace(record, initial=REST))
         self._spread = record.sd("e")
         self._theta: np.ndarray | None = None
         self._pulse: tuple[np.ndarray, Response | None] | None = None
@@ -124,6 +130,12 @@ class LoopSimulator:
     def _open(self, error: np.ndarray) -> Simulator:
         return self._open_loop.beside(move_channels(self._columns, error, self._follow))
 
+    def _begun(self, theta: np.ndarray) -> np.ndarray:
+        """What an integral adds to the output, since runs do not begin at rest."""
+        if self._measured is None:
+            return np.zeros((1, self.record.n_runs))
+        return self._measured.run(theta) - self._open_loop.run(theta)
+
     def run(self, theta: np.ndarray) -> np.ndarray:
         """Output in the loop, the mean over draws of the remnant; NaN where none is found."""
         if self._theta is not None and np.array_equal(theta, self._theta):
@@ -152,13 +164,15 @@ class LoopSimulator:
     def _solved(self, theta: np.ndarray, error: np.ndarray, step: float = 1.0) -> bool:
         assert self._columns.y is not None
         sensitivity = self._sensitivity(theta, error)
+        begun = self._begun(theta)
+        added: Any = self._noise + np.tile(begun, self._draws)
         stuck = 0
         best: tuple[float, np.ndarray, np.ndarray, Simulator] | None = None
         with np.errstate(over="ignore", invalid="ignore"):
             for _ in range(round(SWEEPS / step)):
                 simulator = self._open(error)
                 answer = simulator.run(theta)
-                change = answer + self._noise
+                change = answer + added
                 change -= self._columns.y  # in place, as room for signals takes time too
                 left = self._error - self.loop.moved(change)
                 left -= error
@@ -179,7 +193,7 @@ class LoopSimulator:
         size, inside, self._answer, self._last = best
         found = size <= SOLVED
         nothing = np.full_like(self.record.input, np.nan)
-        self._output = self._mean(self._answer) if found else nothing
+        self._output = self._mean(self._answer) + begun if found else nothing
         if found:
             self._inside = inside
         return found
@@ -241,6 +255,11 @@ class LoopSimulator:
     def run_with_change(self, position: int, value: float) -> np.ndarray:
         """Output of the last ``run`` with one parameter changed, by the loop's sensitivity."""
         change = self._mean(self._last.run_with_change(position, value) - self._answer)
+        if self._measured is not None:
+            assert self._theta is not None
+            theta = self._theta.copy()
+            theta[position] = value
+            change += self._begun(theta) - self._begun(self._theta)
         return self._output + self.closed(change)
 
     def closed(self, change: np.ndarray) -> np.ndarray:

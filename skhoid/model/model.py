@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
 from .cores import Core
@@ -66,6 +67,8 @@ class Model:
         Those that are known beforehand count by as much as the data decide them.
         """
         count = self.theta.size + sum(effect.n_hidden for _, effect in self.effects)
+        if self.simulator.estimates_start:
+            count += self.simulator.record.n_runs * sum(effect.lasts for _, effect in self.effects)
         known = self.simulator.prior.weighing(self.sse / max(self.fit.n, 1))
         if not known.usual:
             return count
@@ -230,6 +233,24 @@ def without(model: Model, name: str, core: dict[str, float] | None = None) -> Mo
         other = np.array([(values | core)[n] for n in simulator.names])
         theta = min(theta, other, key=lambda start: sse_at(simulator, criterion, start))
     return Model(simulator, replace(model.fit, theta=theta), model.other_cores).refined(criterion)
+
+
+def begin_alike(parent: Model, name: str, effect: Effect, values: Mapping[str, float]) -> Model:
+    """The parent, whose runs begin anywhere, as they do with an effect that lasts.
+
+    It has that effect, which does nothing else: so levels of runs are no evidence of the effect.
+    The parent itself where nothing lasts.
+    """
+    if not effect.lasts:
+        return parent
+    own = {p.name: values[p.name] for p in effect.free}
+    idle = effect.with_values({**own, **effect.neutral})
+    record = parent.simulator.record
+    effects = Effects([*parent.effects.steps, (name, idle)])
+    simulator = Simulator(parent.simulator.core, effects, record)
+    if not simulator.estimates_start:
+        return parent
+    return Model(simulator, parent.fit, parent.other_cores).refined(Criterion(record))
 
 
 def in_order(model: Model, names: Sequence[str]) -> Model:

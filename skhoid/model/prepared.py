@@ -18,7 +18,7 @@ from ..regression import bad_output, segments, still
 from ..runs.roles import EXACT, target_is_sum
 from .cores import Core
 from .fitting import AR_ORDER, Criterion, RemnantModel
-from .initial import FORGOTTEN
+from .initial import FORGOTTEN, LASTING
 from .model import Model
 
 
@@ -79,10 +79,11 @@ class Prepared:
 
 def choose_beginning(core: Core, record: Record, initial: str | None, settling: float) -> str:
     """How the simulations of a fit begin, according to the user's choice."""
-    if initial == REST or not core.has_states:
+    if initial == REST:
         return REST
-    if core.kind.is_operator and settling >= FORGOTTEN and not core.integrates:
-        return REST
+    forgets = core.kind.is_operator and settling >= FORGOTTEN and len(core.forgetting) == 1
+    if forgets or not core.has_states:
+        return LASTING
     return ESTIMATE if initial == ESTIMATE or not core.at_rest(record) else REST
 
 

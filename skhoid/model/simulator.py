@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
-from ..arx.base import HELD, REST
+from ..arx.base import ESTIMATE, REST
 from ..effects.base import Effect
 from ..effects.composition import PLACES, Effects
 from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import ScaledParameter
 from ..effects.record import Record
 from .cores import ARXCore, Core, Prior, Usual, neutral_gains
-from .initial import find_horizon, fit_pulses, fit_start, make_free_responses
+from .initial import LASTING, find_horizon, fit_pulses, fit_start, make_free_responses
 
 
 class StageSignals(NamedTuple):
@@ -176,7 +176,8 @@ class Simulator:
         stages += self._stages_at("inside", "spring")
         behind = [*self._stages_at("sum", "output"), *self._stages_at("output", "output")]
         stages += [Stage(respond, dynamic), *behind]
-        if record.initial == REST:
+        apart = record.initial in (REST, LASTING)
+        if apart and not (self.lasts and (self.estimates_start or record.begun)):
             return stages
         additive = all(effect.place != "output" for _, effect in self.effects)
 
@@ -196,30 +197,56 @@ class Simulator:
                 answer = core.response(s.command, s.gains, s.spring, given, record.dt, pulses)
                 return passed_on(s, theta, answer)
 
-            if record.initial == HELD or record.y is None:
-                return begun(held)
-            return fit_pulses(record, begun, held, states)
+            return fit_pulses(record, begun, held, states) if self.estimates_start else begun(held)
 
         def start(s: StageSignals, theta: Any) -> StageSignals:
             given = values(theta, dynamic)
-            denominator = core.denominator(given, record.dt)
+            forgets = self._forgetting(theta)
+            denominator = np.ones(1) if apart else core.denominator(given, record.dt)
             n = find_horizon(denominator, len(s.answer))
             reach = min(n + core.memory, len(s.answer))
             if isinstance(core, ARXCore) and s.spring.terms:
                 return s._replace(output=begun_inside(core, s, theta, reach, denominator.size - 1))
             answer = s.answer.copy()
-            held = core.held_pulses(s.command, given, record.dt, reach, record.levels)
-            answer[:reach] += lfilter([1.0], denominator, held, axis=0)
+            if not apart:
+                held = core.held_pulses(s.command, given, record.dt, reach, record.levels)
+                answer[:reach] += lfilter([1.0], denominator, held, axis=0)
 
             def last(signal: np.ndarray) -> np.ndarray:
                 return passed_on(s, theta, signal)
 
-            if record.initial == HELD or record.y is None:
-                return s._replace(output=last(answer))
-            free = make_free_responses(denominator, n)
-            return s._replace(output=fit_start(record, answer, free, last, additive))
+            if self.estimates_start:
+                denominator = np.convolve(denominator, forgets)
+                free = make_free_responses(denominator, find_horizon(denominator, len(answer)))
+                return s._replace(output=fit_start(record, answer, free, last, additive))
+            if record.begun:
+                pulse = np.r_[record.begun, np.zeros(len(answer) - 1)]
+                answer += lfilter([1.0], forgets, pulse)[:, None]
+            return s._replace(output=last(answer))
 
         return [*stages, Stage(start, dynamic)]
+
+    @property
+    def lasts(self) -> bool:
+        """Whether something in it remembers for long how a run began."""
+        return len(self.core.forgetting) > 1 or any(effect.lasts for _, effect in self.effects)
+
+    @property
+    def estimates_start(self) -> bool:
+        """Whether runs begin as fits the measured output best."""
+        initial = self.record.initial
+        estimated = initial == ESTIMATE or (initial == LASTING and self.lasts)
+        return estimated and self.record.y is not None
+
+    def _forgetting(self, theta: Any) -> np.ndarray:
+        """How all that lasts forgets what preceded a run, as one difference equation."""
+        found = np.array(self.core.forgetting)
+        for name, effect in self.effects:
+            if effect.lasts:
+                at = {p.name: self.names.index(f"{name}__{p.name}") for p in effect.free}
+                values = {**effect.fixed, **{n: float(theta[i]) for n, i in at.items()}}
+                found = np.convolve(found, effect.forgetting(self.record.dt, **values))
+        return found
 
     def _stages_at(self, place: str, signal: str) -> list[Stage]:
         assert place in PLACES

@@ -38,12 +38,13 @@ class Candidate:
 
     ``evidence`` are nats by judge, NaN of one that cannot know the effect. ``gain`` are points of
     VAF on held-out rows, with parameters one step from those of all rows, or refitted once
-    ``refit`` is true.
+    ``refit`` is true. It is compared with ``before``, at the likelihood and at the least error.
     """
 
     name: str
     effect: Effect
     model: Model | None = None
+    before: tuple[Model, Model] | None = None
     inapplicable: str = ""  # what it needs and the data do not have
     evidence: dict[str, float] = field(default_factory=dict)
     n_parameters: float = 0

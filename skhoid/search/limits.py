@@ -21,7 +21,7 @@ from ..effects.record import Record
 from ..effects.registry import title_of
 from ..model.fitting import AR_ORDER, Criterion, derivatives, scaled_inverse
 from ..model.likelihood import fit_autoregression, likeliest
-from ..model.model import Model
+from ..model.model import Model, begin_alike
 from ..model.simulator import Simulator
 from .expected import SURELY
 from .judges import BLOCK, RATES
@@ -53,7 +53,6 @@ NOT_SEEN = (
     "these runs say nothing of its size, the model imitates it, or what fits best would exceed the "
     "output"
 )
-BEGUN_BEFORE = "a search begins it at rest, and nobody knows how these runs began"
 ANY_SIZE = "these runs allow it up to the size of the output, or would not have shown it below that"
 
 
@@ -220,8 +219,7 @@ class Side:
 
     Sizes are distances from the ``neutral`` value of the parameter at ``position``, up to ``most``;
     where that is infinite, they are the inverse of the parameter. The first is ``start``, of which
-    a fit found the share ``fitted``, less than zero on the other side; None is not fitted. Of an
-    effect that ``lasts`` nobody knows how a run began: its mean over a run says nothing.
+    a fit found the share ``fitted``, less than zero on the other side; None is not fitted.
     """
 
     beside: Beside
@@ -233,7 +231,6 @@ class Side:
     most: float
     start: float
     fitted: float | None
-    lasts: bool
 
     def __post_init__(self) -> None:
         self.at: dict[float, list[float]] = {}
@@ -251,8 +248,6 @@ class Side:
         change = self.simulator.run(theta) - beside.output
         if not np.isfinite(change).all():
             return False
-        if self.lasts:
-            change = change - change.mean(axis=0)
         left = beside.left_of(change)
         thin = beside.thinned(left)
         seen = beside.whitened(thin)
@@ -322,7 +317,7 @@ def list_sides(
 ) -> list[Side]:
     """The sides of an effect's size, both where it has a sign, beside other numbers of theta."""
     effect = dict(simulator.effects.steps)[name]
-    neutral, lasts = effect.neutral, effect.lasts
+    neutral = effect.neutral
     full, zero = f"{name}__{size}", float(neutral[size])
     i = simulator.names.index(full)
     low, high, scale = simulator.low[i], simulator.high[i], float(simulator.scale[i])
@@ -337,10 +332,9 @@ def list_sides(
     for k, one in enumerate(simulator.names):  # other sizes do nothing
         if one.startswith(f"{name}__"):
             theta[k] = neutral.get(one.removeprefix(f"{name}__"), theta[k])
-    trusted = is_fitted and not lasts
     return [
-        Side(beside, simulator, theta, i, zero, sign, most, start, share, lasts)
-        for (sign, most), share in zip(ends, shares if trusted else (None, None), strict=False)
+        Side(beside, simulator, theta, i, zero, sign, most, start, share)
+        for (sign, most), share in zip(ends, shares if is_fitted else (None, None), strict=False)
         if most > 0.0
     ]
 
@@ -433,6 +427,8 @@ def limit_effect(
     size = next((p.name for p in effect.free if p.name in effect.neutral), None)
     if size is None:
         return row
+    alike = begin_alike(parent, name, effect, effect.starts(record)[0])
+    beside = beside if alike is parent else Beside(alike)
     effects = Effects([*parent.effects.steps, (name, effect)])
     simulator = Simulator(parent.simulator.core, effects, parent.simulator.record)
     dimension = simulator.parameters[simulator.names.index(f"{name}__{size}")].dimension
@@ -463,8 +459,5 @@ def limit_effect(
 
     row.limit, row.limit_points = told(*limit)
     row.shown_from, row.shown_points = told(*shown)
-    if effect.lasts:
-        row.shown_from = row.shown_points = np.nan
     row.reason = ANY_SIZE if np.isnan([row.limit, row.shown_from]).any() else ""
-    row.reason = BEGUN_BEFORE if effect.lasts and not np.isnan(row.limit) else row.reason
     return row

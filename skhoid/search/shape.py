@@ -710,7 +710,7 @@ def judge_refitted(search: Search, step: SearchStep, one: Candidate) -> None:
     assert one.model is not None
     step.judge(one)
     if not one.refit:
-        one.gain, one.refit = search.refit(one.model) - step.refitted_vaf, True
+        step.refit_gain(one)
 
 
 def lead(one: Candidate, other: Candidate) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,8 +21,8 @@ from ..effects.record import Record
 from ..model.cores import Core
 from ..model.estimator import vaf_of_output
 from ..model.extend import explored_from, extended
-from ..model.fitting import Criterion, Fit
-from ..model.model import Model, in_order, without
+from ..model.fitting import Criterion, Fit, RemnantModel
+from ..model.model import Model, begin_alike, in_order, without
 from ..model.simulator import Simulator
 from .instruments import Curves, InstrumentJudge
 from .judges import (
@@ -110,7 +110,7 @@ class SearchStep:
 
     The parent is there twice: ``at_likelihood``, the largest under the noise model of the step, and
     ``at_least_error`` of the simulation. ``refit`` is the held-out VAF of a model refitted for each
-    fold, and ``own_noise`` the parent with the noise model that is likeliest with it.
+    fold.
     """
 
     at_likelihood: Model
@@ -120,9 +120,9 @@ class SearchStep:
     candidates: list[Candidate]
     instruments: InstrumentJudge | None
     refit: Callable[[Model], float]
-    own_noise: Callable[[], JointParent | None]
     other: list[Alternative] = field(default_factory=list)  # something else, if it was looked for
     vaf_loop: float = np.nan
+    _joint: dict[int, JointParent] = field(default_factory=dict)
 
     @property
     def refitted_vaf(self) -> float:
@@ -187,21 +187,33 @@ class SearchStep:
         if c.passes and not c.refit:
             c.refused = find_leak(test_leak(c.model), self._parent_leak)
         if c.passes and not c.refit:
-            c.gain, c.refit = self.refit(c.model) - self.refitted_vaf, True
+            self.refit_gain(c)
+
+    def refit_gain(self, c: Candidate) -> None:
+        """Find what a candidate gains on held-out rows with parameters fitted without them."""
+        assert c.model is not None
+        before = self.at_least_error if c.before is None else c.before[1]
+        c.gain, c.refit = self.refit(c.model) - self.refit(before), True
 
     def ask_all(self, candidate: Candidate, least: float = -np.inf) -> None:
         """Ask judges that were not asked yet, as long as there is more than the ``least``."""
         c = candidate
         assert c.model is not None
+        before = self.at_likelihood if c.before is None else c.before[0]
         if c.least > least and INSTRUMENTS not in c.evidence:
             c.evidence[INSTRUMENTS] = (
-                np.nan
-                if self.instruments is None
-                else self.instruments.evidence(self.at_likelihood, c.model)
+                np.nan if self.instruments is None else self.instruments.evidence(before, c.model)
             )
         if c.least > least and LIKELIHOOD not in c.evidence:
-            own = self.own_noise()
-            c.evidence[LIKELIHOOD] = np.nan if own is None else own.weigh(c.model)
+            c.evidence[LIKELIHOOD] = self._by_own_noise(before, c.model)
+
+    def _by_own_noise(self, before: Model, model: Model) -> float:
+        """Nats of a model over another, each with the noise model that is likeliest with it."""
+        if not before.simulator.core.kind.is_operator:
+            return np.nan
+        if id(before) not in self._joint:
+            self._joint[id(before)] = JointParent(before)
+        return self._joint[id(before)].weigh(model)
 
     def _put_special_first(self) -> None:
         """Put a special case before the best, where that has nothing beyond it that counts."""
@@ -328,12 +340,20 @@ class Search:
         effects, fit = found
         return Model(Simulator(self.core, effects, self.record), fit, parent.other_cores)
 
+    def _alike(self, parent: Model, c: Candidate) -> Model:
+        """What a candidate is compared with: the parent, whose runs begin as the candidate's do."""
+        assert c.model is not None
+        values = {n.removeprefix(f"{c.name}__"): v for n, v in c.model.values().items()}
+        return begin_alike(parent, c.name, dict(c.model.effects.steps)[c.name], values)
+
     def judge_candidates(self, parent: Model, candidates: list[Candidate]) -> SearchStep:
         """Refine all under one noise model, that of the best, and rank."""
         criterion = Criterion(self.record)
         tried = [c for c in candidates if c.model is not None]
-        best = min([parent, *(c.model for c in tried if c.model)], key=lambda m: m.sse)
-        criterion.set_noise(criterion.remnant_model(best.output))
+        alike = [self._alike(parent, c) for c in tried]
+        pairs = list(zip(tried, alike, strict=True))
+        models = [parent, *(c.model for c, before in pairs if c.model and before is parent)]
+        criterion.set_noise(criterion.remnant_model(min(models, key=lambda m: m.sse).output))
         at_likelihood = parent.refined(criterion)
         vaf_before, prediction_before = self._held_out(parent)
         n = criterion.n
@@ -341,22 +361,31 @@ class Search:
             shown = self.traces.get(c.effect.name) if c.effect.place == "output" else None
             c.trace, nats = shown or ("", np.nan)
             c.evidence = {TRACE: nats} if c.trace else {}
+        noises = [  # runs that begin anywhere leave other noise
+            criterion.noise if before is parent else criterion.remnant_model(c.model.output)
+            for c, before in pairs
+            if c.model
+        ]
         fitted = [(c.model.effects, c.model.fit, bool(c.trace)) for c in tried if c.model]
-        refined = self._each(self._refined, fitted, parent, criterion)
-        for c, (fit, vaf, prediction) in zip(tried, refined, strict=True):
+        items = list(zip(fitted, noises, strict=True))
+        refined = self._each(self._refined, items, parent)
+        for (c, plain), noise, (fit, vaf, prediction) in zip(pairs, noises, refined, strict=True):
             assert c.model is not None
-            before = c.model.sse
+            sse, before, of_before = c.model.sse, at_likelihood, vaf_before
             c.model = self._model((c.model.effects, fit), parent)
-            c.n_parameters = c.model.n_parameters - at_likelihood.n_parameters
+            if plain is not parent:
+                before = plain.refined(Criterion(self.record, noise))
+                of_before, c.before = self._held_out(plain)[0], (before, plain)
+            c.n_parameters = c.model.n_parameters - before.n_parameters
             if not c.trace:
-                c.evidence = {FREE_RUN: weigh(at_likelihood, c.model, n)}
+                c.evidence = {FREE_RUN: weigh(before, c.model, n)}
             if prediction is None:
-                c.gain = 100 * (parent.sse - before) / self.criterion.power
-                c.vaf = vaf_before + c.gain
+                c.gain = 100 * (plain.sse - sse) / self.criterion.power
+                c.vaf = of_before + c.gain
             else:
                 c.vaf, c.prediction = vaf, prediction
-                c.gain = c.vaf - vaf_before
-            ratio = n * np.log(max(at_likelihood.sse, 1e-300) / max(c.model.sse, 1e-300))
+                c.gain = c.vaf - of_before
+            ratio = n * np.log(max(before.sse, 1e-300) / max(c.model.sse, 1e-300))
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
             c.p_value = min(1.0, single * len(tried))
             least = FLOOR if c.effect.name == CLAIM else LEAST_GAIN
@@ -370,9 +399,6 @@ class Search:
             candidates=candidates,
             instruments=self.instruments,
             refit=self.refit,
-            own_noise=cache(
-                lambda: JointParent(at_likelihood) if self.core.kind.is_operator else None
-            ),
         )
         step.rank()
         return step
@@ -416,10 +442,11 @@ class Search:
         return base, [fitted.theta for _, fitted in fits]
 
     def _refined(
-        self, found: tuple[Effects, Fit, bool], parent: Model, criterion: Criterion
+        self, found: tuple[tuple[Effects, Fit, bool], RemnantModel], parent: Model
     ) -> tuple[Fit, float, np.ndarray | None]:
-        """A model at the minimum of a criterion, and what it predicts of held-out rows."""
-        effects, fit, shown = found
+        """A model at the minimum under a noise model, and what it predicts of held-out rows."""
+        (effects, fit, shown), noise = found
+        criterion = Criterion(self.record, noise)
         fitted = self._model((effects, fit), parent)
         # What gains too little in plain simulation error cannot gain enough held out.
         if not shown and parent.sse - fitted.sse < HOPELESS * self.share * self.criterion.power:
