@@ -40,6 +40,7 @@ from skhoid.search.effect_search import search_effects
 from skhoid.search.judging import CLAIM
 from skhoid.search.probability import (
     COEFFICIENTS,
+    N_APPLYING,
     TABLE,
     Alternative,
     alike,
@@ -343,6 +344,21 @@ def reliability(given: list[Given]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def find_unseen(steps: list[Step]) -> dict[str, float]:
+    """How often an effect has no evidence at all, where it is there and where it is not."""
+    first = [step for step in steps if step.number == 0]
+    shown = [{*step.names} - {ELSE} for step in first]
+    apart = {NOTHING, ELSE, *(name for name, effect in KNOWN.items() if effect.noise)}
+    there = [
+        bool(s.right & names) for s, names in zip(first, shown, strict=True) if not s.right & apart
+    ]
+    others = sum(len(names - s.right) for s, names in zip(first, shown, strict=True))
+    return {
+        "there": round((there.count(False) + 0.5) / (len(there) + 1), 3),
+        "not there": round(1 - others / (N_APPLYING * len(first)), 3),
+    }
+
+
 def write_table(steps: list[Step], folder: Path) -> str:
     """Fit, write table and figures, and say what they show."""
     theta = fit_map(steps)
@@ -362,6 +378,7 @@ def write_table(steps: list[Step], folder: Path) -> str:
         )
     table = {
         "coefficients": dict(zip(COEFFICIENTS, theta.round(4).tolist(), strict=True)),
+        "unseen": find_unseen(steps),
         "shares": {one: round(truth.count(one) / len(truth), 3) for one in (NOTHING, ELSE, "name")},
         "provenance": {
             "command": "python -m benchmarks.calibrate fit",

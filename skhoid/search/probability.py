@@ -107,10 +107,12 @@ def log_factor(effect: Effect, evidence: float) -> float:
     """Logarithm of the Bayes factor of an effect with so many nats against nothing.
 
     Odds of the map over those before any data: of the share of names, each of ``N_APPLYING`` has
-    its part. With no evidence it is that of the least.
+    its part. With no evidence it is of how often effects have none, if there and if not.
     """
-    chances = find_chances([Alternative(effect, max(evidence, LITTLE))])
-    shares = load_table()["shares"]
+    if not evidence > 0.0:
+        unseen = load_table()["unseen"]
+        return float(np.log(unseen["there"] / unseen["not there"]))
+    chances, shares = find_chances([Alternative(effect, evidence)]), load_table()["shares"]
     odds = chances.names[0] / chances.nothing
     return float(np.log(N_APPLYING * odds * shares["nothing"] / shares["name"]))
 

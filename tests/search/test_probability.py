@@ -84,7 +84,7 @@ def test_the_factor_is_what_evidence_makes_of_the_odds_against_nothing():
     assert log_factor(TRIED[0], 40.0) == pytest.approx(of_one)
     found = [log_factor(TRIED[0], nats) for nats in (-5.0, 0.0, 5.0, 20.0, 200.0)]
     assert found[0] == found[1] < 0 < found[3]
-    assert log_factor(TRIED[0], 1e-3) == pytest.approx(found[1], abs=0.01)  # without a jump
+    assert log_factor(TRIED[0], 1e-3) > found[1]  # which is how often nothing shows
     assert np.all(np.diff(found[1:]) > 0)
 
 

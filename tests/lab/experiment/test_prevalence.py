@@ -12,7 +12,7 @@ from skhoid.lab.experiment.prevalence import PersonEvidence, prevalences, summed
 COLUMNS = ["instead_of", "effect", "evidence"]
 EFFECTS = {name: effect(name) for name in ("dead_zone", "friction", "bias")}
 AGAINST = ("", "bias", -4.0)
-DOUBTFUL = 9.0  # nats, too few for a name
+DOUBTFUL = 5.0  # nats, too few for a name
 
 
 def person(named=(), *rows):
