@@ -19,7 +19,7 @@ from ..model.prepared import Prepared
 from ..model.simulator import Simulator
 from .data import Held
 from .judges import find_loop_vaf, noises_in
-from .judging import THRESHOLD
+from .judging import LEAST_GAIN, THRESHOLD
 from .path import Path, further_changes
 from .steps import Search, SearchStep, output_error_fit
 
@@ -44,9 +44,9 @@ class SearchNumbers:
     """Numbers of a search.
 
     ``steps`` are judged models with none, the first, the first two ... of the effects ``added``
-    (names), beside which another form would have ``left_nats``. ``ceiling``, known to
-    ``ceiling_sd``, is NaN for the reason ``no_ceiling``. ``share`` is the part of the output's
-    power that is not its mean.
+    (names). ``left_nats`` are those of another form beside them, times the share that they are of
+    those without any name. ``ceiling``, known to ``ceiling_sd``, is NaN for the reason
+    ``no_ceiling``. ``share`` is the part of the output's power that is not its mean.
     """
 
     path: Path
@@ -103,8 +103,16 @@ def measure_path(
     noises, others = noises_in(recorded - path.model.output, as_recorded, search.noises)
     left = [Leftover(s.where, "output", s.words, 100 * s.share) for s in others]
     nats, share = search.curves.weigh(output_error_fit(path.model))
+    points = share * (100 - steps[-1].vaf)
+    if points < LEAST_GAIN * search.share:  # without remnant, errors of simulation show too
+        nats = 0.0
     if nats > THRESHOLD:
-        left.append(Leftover("curved", "output", CURVED, share * (100 - steps[-1].vaf), 2 * nats))
+        left.append(Leftover("curved", "output", CURVED, points, 2 * nats))
+    if (
+        nats > 0.0 and path.added
+    ):  # of a right name whose form is a little off, a small part is left
+        before, _ = search.curves.weigh(path.steps[0].at_least_error)
+        nats *= min(nats / max(before, nats), 1.0)
     rest, rest_sd, vaf, unknown = find_gap(best, prepared, measured)
     if rest > LEFT_SURELY * rest_sd:  # not where it is NaN
         left.insert(0, Leftover("repeats", "output", REPEATS, rest))
