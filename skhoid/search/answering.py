@@ -15,9 +15,9 @@ from ..model.likelihood import JOINT_RATE, likeliest
 from ..model.model import Model
 from ..model.prepared import Prepared
 from ..model.simulator import Simulator
+from .probability import CERTAIN
 
 AS_LATE = (0.1, 0.2)  # s, delays of people: see OperatorRegressor
-SURE = 25.0  # nats: odds of 1e10 for the likelier, as few recordings are of controllers
 
 
 def prepare_answering(model: Any, X: Any, y: Any, domain: str | None) -> Prepared:
@@ -62,10 +62,10 @@ def find_controller(model: OperatorRegressor, prepared: Prepared) -> bool:
         return False
     plain.set_noise(plain.remnant_model(best.output))
     worse, better = (one.refined(plain).sse for one in (beside, best))
-    if not 0.5 * plain.n * np.log(worse / max(better, 1e-300)) > SURE:
+    if not 0.5 * plain.n * np.log(worse / max(better, 1e-300)) > CERTAIN:
         return False
     own = find_likelihood(best)
-    if not own - find_likelihood(beside) > SURE:
+    if not own - find_likelihood(beside) > CERTAIN:
         return False
     found: Any = best.simulator.core
     late = [ControllerCore(found.form, delay, zero=True) for delay in AS_LATE]

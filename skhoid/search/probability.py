@@ -21,9 +21,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..effects.base import Effect
+from .judging import THRESHOLD
 
 TABLE = "probability.json"
-CERTAIN = 25.0  # nats, twice what is asked: behind it errors of models count, and forms left out
+CERTAIN = 2 * THRESHOLD  # nats: behind it errors of models count, and forms left out
 LITTLE = 1e-9  # nats, in the place of none: names with none are not weighed
 N_APPLYING = 27  # effects that apply in most cases of the table, with e, x and the target
 MOST_ASKED = 1e4  # nats: what strong effects in long records have

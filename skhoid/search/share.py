@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import norm
 
 from ..effects.record import Record
 from .judges import BLOCK
 from .leftover import SearchNumbers
 
-HALF = 1.96  # standard errors, of a 95 % interval
+HALF = float(norm.ppf(0.975))  # standard errors, of a 95 % interval
 
 
 class Share(NamedTuple):
