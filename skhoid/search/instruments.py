@@ -168,7 +168,9 @@ def weigh_curved(
     rows -= (rows @ beside) @ beside.T
     rows /= np.sqrt(np.maximum((rows**2).sum(axis=1), TOLD * whole) + 1e-300)[:, None]
     power, along = np.linalg.eigh(rows @ rows.T)
-    kept = power > ROUNDING * power[-1]
+    kept = power > ROUNDING * max(power[-1], 1e-300)
+    if not kept.any() or left @ left <= np.finfo(float).eps * criterion.power:
+        return 0.0, 0.0  # nothing came from outside, or nothing is left
     power = power[kept]
     rows = (along[:, kept].T @ rows) / np.sqrt(power)[:, None]
     signal = (rows @ left) ** 2
@@ -177,7 +179,7 @@ def weigh_curved(
     nats = (seen * size / (1 + size) - np.log1p(size)).sum(axis=1) / 2
     best = int(np.argmax(nats))
     taken = signal @ (1 - 1 / (1 + size[best]) ** 2)
-    return max(float(nats[best]), 0.0), float(taken / max(left @ left, 1e-300))
+    return max(float(nats[best]), 0.0), float(taken / (left @ left))
 
 
 def find_products(record: Record, instruments: np.ndarray | None = None) -> np.ndarray:
