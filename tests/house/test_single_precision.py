@@ -165,9 +165,8 @@ def test_a_mapped_file_is_not_copied(name, call, mapped):
     model = model.fit(X[few], y[few])
     args = (X,) if call == "predict" else (X, y)
     getattr(model, call)(*(part[few] for part in args))  # which compiles and imports
-    most = (
-        {"operator": 0.9, "recursive": 0.7}.get(name, 0.3) if call == "fit" else 0.4
-    )  # what they compute with
+    # What they compute with; to score, an operator's runs begin where suits them.
+    most = {"operator": 0.9, "recursive": 0.7}.get(name, 0.3) if call == "fit" else 0.45
     assert peak(getattr(model, call), *args) < most * X.to_numpy().nbytes
 
 

@@ -104,7 +104,8 @@ def test_what_is_not_sure_is_a_stand_in():
     search = searched(data, ["bias", "gain_drift", "extra_lag"], confidence=0.97)
     assert (search.best_effects_, search.stand_ins_) == (["unknown"], ["extra_lag"])
     assert search.best_estimator_.effects_.names == ["extra_lag"]
-    assert "possibly extra lag" in said(search)
+    assert search.verdict_ is Verdict.NOT_TRIED  # a rate limit is curved, as no lag is
+    assert "none of the 3 effects tried explains; with extra lag the held-" in said(search)
     assert search.result_.as_dict()["stand_ins"] == ["extra_lag"]
 
 

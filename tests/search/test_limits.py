@@ -92,9 +92,9 @@ WEAK = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "least_shown"), [("bias", 1), ("dead_zone", 8), ("asym_gain", 8)])
+@pytest.mark.parametrize(("name", "least_shown"), [("bias", 0), ("dead_zone", 8), ("asym_gain", 8)])
 def test_weak_effects_are_within_their_limits_and_what_would_be_shown_is(name, least_shown):
-    """Weak are shares of the size shown; of a bias few runs so short have one: of their limit.
+    """Weak are shares of the size shown; of a bias hardly any such runs have one: of the limit.
 
     Each has a remnant of its own, so of 16 that hold with 95 % fewer than 13 do in 1 of 140 tests.
     """
