@@ -246,10 +246,8 @@ def read_steps(cases: list[dict[str, Any]]) -> list[Step]:
         left, also = [{*one} for one in case["wanted"]], {*case["also"]}
         for number, rows in enumerate(case["steps"]):
             added = next((row["effect"] for row in rows if row.get("added")), "")
-            alone = {row["effect"] for row in rows} <= {CLAIM, ELSE}
-            if (
-                alone and not added and number + 1 < len(case["steps"])
-            ):  # a given delay, which is judged first
+            alone = not added and {row["effect"] for row in rows} <= {CLAIM, ELSE}
+            if alone and number + 1 < len(case["steps"]):  # a given delay, which is judged first
                 continue
             right = set().union(*left) | also if left else also | {NOTHING}
             if case["gap"] < LEAST_GAP or all(NOTHING in one for one in left):

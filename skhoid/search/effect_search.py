@@ -359,7 +359,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         ranking = ranking_table(numbers, prepared, self.display)
         path = error_path(numbers, prepared)
         last = path.iloc[-1]
-        unknown = Verdict.NOT_IN_CATALOGUE if self.tries_all else Verdict.NOT_TRIED
+        unknown = Verdict.beyond(self.tries_all)
         ending = name_if_sure(found.ending, numbers, self.confidence, unknown)
         ending = end_explained(ending, last["vaf"], last["ceiling"], numbers.share)
         notes = [*_note_searched(data), *_note_controller(data), *note_changes(numbers.changes)]

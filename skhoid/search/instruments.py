@@ -111,7 +111,7 @@ class Curves:
     """Judges what a model leaves along products of what came from outside: of any other form."""
 
     def __init__(self, record: Record, judge: InstrumentJudge | None):
-        self.record = take_at_once(record)
+        self.record = take_at_once(record) if judge is None else judge.record
         self.outside = None if judge is None else judge.instruments
 
     @cached_property

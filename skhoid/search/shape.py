@@ -582,7 +582,7 @@ def find_unnamed(search: Search, found: SearchNumbers, *, tries_all: bool) -> Un
     the same judges. The best of them decides where something acts; the name of an effect that acts
     there stands, unless its form misses more than ``MISFIT`` of what the free one explains.
     """
-    unknown = Verdict.NOT_IN_CATALOGUE if tries_all else Verdict.NOT_TRIED
+    unknown = Verdict.beyond(tries_all)
     if found.path.steps[-1].best is not None:
         unknown = Verdict.CUT_SHORT
     ids = found.ids

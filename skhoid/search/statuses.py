@@ -33,6 +33,11 @@ class Verdict(Enum):
     NOT_TRIED = "something is missing, not among the effects tried"
     CUT_SHORT = "something is missing, and max_effects is reached"
 
+    @classmethod
+    def beyond(cls, tries_all: bool) -> Verdict:
+        """That of what has no name, where the whole catalogue was tried or a part of it."""
+        return cls.NOT_IN_CATALOGUE if tries_all else cls.NOT_TRIED
+
     @property
     def leaves_unknown(self) -> bool:
         """Whether something is missing that has no name."""
