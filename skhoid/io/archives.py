@@ -13,11 +13,12 @@ import pandas as pd
 
 from ..exceptions import UsageError
 from .files import Columns, FileTable, coded, one_by_one, read_as, require
+from .structs import find_columns
 
 
 def read_npz(path: Path) -> FileTable:
     """Read the arrays of an NPZ file; never objects, whose loading could run code."""
-    arrays: dict[str, np.ndarray] = {}
+    arrays: dict[str, Any] = {}
     unreadable: dict[str, str] = {}
     with read_as(path, "a NumPy archive"), np.load(path, allow_pickle=False) as archive:
         for name in archive.files:
@@ -29,10 +30,14 @@ def read_npz(path: Path) -> FileTable:
             if values.dtype.names:
                 unreadable[name] = "has named fields: save one plain array per channel."
             else:
-                arrays[name] = values
-    names = list(arrays)
-    load = one_by_one(lambda position: arrays[names[position]])
-    return FileTable(path, names, load, unreadable=unreadable, kind="variable")
+                is_text = values.dtype.kind == "U" and values.size > 1
+                arrays[name] = values.tolist() if is_text else values
+    found = find_columns(arrays)
+    names = list(found.arrays)
+    load = one_by_one(lambda position: found.arrays[names[position]])
+    unreadable |= found.unreadable
+    aliases = found.aliases
+    return FileTable(path, names, load, unreadable=unreadable, kind="variable", aliases=aliases)
 
 
 def read_parquet(path: Path) -> FileTable:

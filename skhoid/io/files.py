@@ -125,7 +125,7 @@ class FileTable:
     about a name that is not there. ``first_rows`` gives those of all columns where ``load`` is
     slow. ``run_name`` is the column that numbers runs where the format itself has them; ``remarks``
     tell how the file is built, and ``faults`` what is wrong with that. ``aliases`` are other names
-    of columns.
+    of columns, and ``resolve`` adds a column that has a name only when it is asked for.
     """
 
     path: Path
@@ -140,6 +140,7 @@ class FileTable:
     remarks: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
     aliases: dict[str, str] = field(default_factory=dict)
+    resolve: Callable[[str], bool] | None = None
 
     def peek(self, count: int) -> list[Any]:
         """The first samples of each column, or of its first run if its columns are runs."""
@@ -161,6 +162,8 @@ class FileTable:
         hits = [i for i, name in enumerate(self.names) if name == asked]
         if not hits:
             hits = [i for i, name in enumerate(self.names) if split_header(name)[0] == asked]
+        if not hits and self.resolve is not None and self.resolve(asked):
+            hits = [len(self.names) - 1]
         if len(hits) == 1:
             return hits[0]
         if hits:

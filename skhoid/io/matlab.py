@@ -12,30 +12,98 @@ from scipy import sparse
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
 from .files import FileTable, one_by_one, read_as, require
+from .structs import Structs, Unreadable, find_columns, value_at
 
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # "" is a file that h5py wrote, not MATLAB.
 _NUMERIC_CLASSES = {"", "double", "single", "logical"} | {
     f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)
 }
-_IS_OBJECT = (
-    "is a MATLAB object, which only MATLAB can open. Save its parts as plain arrays; for an "
-    "iddata d: u = d.InputData; y = d.OutputData; t = d.SamplingInstants; save(file, 'u', 'y', 't')"
-    ", one vector per channel."
+_IS_OBJECT = "is a MATLAB object{}, which only MATLAB can open. In MATLAB: {}"
+_DATASET = (
+    "d.t = {0}{{1}}.Values.Time; for k = 1:{0}.numElements, d.(matlab.lang.makeValidName("
+    "{0}{{k}}.Name)) = squeeze({0}{{k}}.Values.Data); end, save('runs.mat', '-struct', 'd')"
 )
-_IS_STRUCT = "is a struct: ask for one of its fields by a dotted path, such as {}."
-_STRUCT_ARRAY = "is a struct array: save one plain variable per channel, one column per run."
-_IS_CELL = "is a cell array: save one plain variable per channel, one column per run."
+_IN_MATLAB = {
+    "timeseries": "t = {0}.Time; x = squeeze({0}.Data); save('runs.mat', 't', 'x')",
+    "timetable": "t = seconds({0}.Properties.RowTimes - {0}.Properties.RowTimes(1)); writetable("
+    "[table(t), timetable2table({0}, 'ConvertRowTimes', false)], 'runs.csv')",
+    "table": "writetable({0}, 'runs.csv')",
+    "iddata": "u = {0}.InputData; y = {0}.OutputData; t = {0}.SamplingInstants; save('runs.mat', "
+    "'u', 'y', 't')",
+    "string": "{0} = cellstr({0}); save('runs.mat')",
+    "Simulink.SimulationData.Dataset": _DATASET,
+    "Simulink.SimulationOutput": "logsout = {0}.logsout; " + _DATASET.replace("{0}", "logsout"),
+}
+_OF_OTHERS = "save its parts as plain arrays, one vector per channel."
 _IS_FUNCTION = "is a function handle, not data."
-_NOT_NUMBERS = {"cell": _IS_CELL, "char": "is text, not numbers.", "function_handle": _IS_FUNCTION}
+_SAMPLED = 2  # signals, from which on objects beside them may be left alone
 
 
 def read_mat(path: Path) -> FileTable:
-    """List the variables and struct fields of a MAT file under dotted names."""
-    return _read_hdf5(path) if is_hdf5(path) else _read_v5(path)
+    """List the signals of a MAT file, under dotted names where structs hold them."""
+    tree = read_tree(path)
+    found = find_columns(tree)
+    arrays, names = found.arrays, list(found.arrays)
+    objects = {n: v.why for n, v in tree.items() if isinstance(v, Unreadable) and v.is_object}
+    note = "".join(
+        f"The file also has {name!r}, which {why} " for name, why in objects.items()
+    ).rstrip()
+    signals = [v for v in arrays.values() if v.dtype.kind in "iuf" and max(v.shape) > 1]
+    if objects and len(signals) < _SAMPLED:
+        name, why = next(iter(objects.items()))
+        raise ValueError(f"In {path}, {name!r} {why}")
+
+    def load(position: int) -> np.ndarray:
+        values = arrays[names[position]]
+        if not sparse.issparse(values):
+            return values
+        with read_as(path, f"a MATLAB file, at its variable {names[position]!r}"):
+            return values.toarray()
+
+    def resolve(asked: str) -> bool:
+        values = value_at(tree, asked)
+        if values is not None:
+            arrays[asked] = values
+            names.append(asked)
+        return values is not None
+
+    return FileTable(
+        path,
+        names,
+        one_by_one(load),
+        unreadable=found.unreadable,
+        note=note,
+        kind="variable",
+        run_name=found.run_name,
+        faults=found.faults,
+        aliases=found.aliases,
+        resolve=resolve,
+    )
 
 
-def is_hdf5(path: Path) -> bool:
+def read_tree(path: Path) -> dict[str, Any]:
+    """The variables of a MAT file: arrays, text, lists (cells), dicts (structs), Unreadable."""
+    if _is_hdf5(path):
+        h5py = require("h5py", f"Reading the MATLAB 7.3 file {path}")
+        with read_as(path, "a MATLAB 7.3 file"), h5py.File(path, "r") as file:
+            return _of_group(h5py, path, file, "")
+    with warnings.catch_warnings(), read_as(path, "a MATLAB file"):
+        # Objects all carry the name "None" for SciPy < 1.18; what they are is said below.
+        warnings.simplefilter("ignore", scipy_io.matlab.MatReadWarning)
+        content = scipy_io.loadmat(path)
+    tree: dict[str, Any] = {}
+    for name, value in content.items():
+        if isinstance(value, MatlabOpaque):
+            own = {key: _text(value[key].item()) for key in ("s0", "s2") if _has(value, key)}
+            shown = own.get("s0", name)
+            tree[shown] = _is_object(shown, own.get("s2", ""))
+        elif not name.startswith("__"):
+            tree[name] = _from_scipy(name, value)
+    return tree
+
+
+def _is_hdf5(path: Path) -> bool:
     """Whether a MAT file is of version 7.3, which is HDF5."""
     with path.open("rb") as file:
         head = file.read(1024)
@@ -45,184 +113,90 @@ def is_hdf5(path: Path) -> bool:
     return head.startswith(_HDF5_SIGNATURE) or head[512:].startswith(_HDF5_SIGNATURE)
 
 
-def read_content(path: Path) -> dict[str, Any]:
-    """The variables of a MAT file of version 5, as SciPy gives them."""
-    with warnings.catch_warnings(), read_as(path, "a MATLAB file"):
-        # Objects all carry the name "None" for SciPy < 1.18; they are reported by read_mat.
-        warnings.simplefilter("ignore", scipy_io.matlab.MatReadWarning)
-        return scipy_io.loadmat(path)
+def _has(value: Any, key: str) -> bool:
+    return key in (value.dtype.names or ())
 
 
-def _read_v5(path: Path) -> FileTable:
-    content = read_content(path)
-    arrays: dict[str, Any] = {}  # sparse ones too
-    unreadable: dict[str, str] = {}
-    note = ""
-    for name, value in content.items():
-        if isinstance(value, MatlabOpaque):
-            fields = value.dtype.names or ()
-            stored = value["s0"].item() if "s0" in fields else name
-            shown = stored.decode("latin1") if isinstance(stored, bytes) else str(stored)
-            unreadable[shown] = _IS_OBJECT
-            note = f"The file also has {shown!r}, which {_IS_OBJECT}"
-        elif not name.startswith("__"):
-            _flatten(name, value, arrays, unreadable)
-    runs, faults = _runs_of_struct_arrays(content, arrays, unreadable)
-    names = list(arrays)
-
-    def load(position: int) -> np.ndarray:
-        values = arrays[names[position]]
-        if not sparse.issparse(values):
-            return values
-        with read_as(path, f"a MATLAB file, at its variable {names[position]!r}"):
-            return values.toarray()
-
-    return FileTable(
-        path,
-        names,
-        one_by_one(load),
-        unreadable=unreadable,
-        note=note,
-        kind="variable",
-        run_name=runs,
-        faults=faults,
-    )
+def _text(stored: Any) -> str:
+    return stored.decode("latin1") if isinstance(stored, bytes) else str(stored)
 
 
-def _runs_of_struct_arrays(
-    content: dict[str, Any], arrays: dict[str, Any], unreadable: dict[str, str]
-) -> tuple[str | None, list[str]]:
-    """Join the fields of a struct array of which each element is a run.
-
-    Returns the name of the variable that numbers the runs, and what is wrong with them.
-    """
-    faults: list[str] = []
-    for name, value in content.items():
-        if not isinstance(value, np.ndarray) or value.dtype.names is None or value.size == 1:
-            continue
-        elements = [{key: _plain(e[key]) for key in value.dtype.names} for e in value.flat]
-        sizes = [[v.size for v in e.values() if v is not None and v.size > 1] for e in elements]
-        if not all(sizes):
-            continue
-        lengths = [max(set(own), key=own.count) for own in sizes]
-        for key in value.dtype.names:
-            parts = []
-            for k, (element, length) in enumerate(zip(elements, lengths, strict=True), 1):
-                part = element[key]
-                if part is None or part.size == 0:
-                    break
-                if part.size not in (1, length):
-                    faults.append(
-                        f'"{name}({k}).{key}" has {part.size} samples, the other fields of '
-                        f"{name}({k}) {length}: all need one value per sample."
-                    )
-                    part = np.resize(part, length)
-                parts.append(np.repeat(part, length) if part.size == 1 else part)
-            if len(parts) == len(elements):
-                arrays[f"{name}.{key}"] = np.concatenate(parts)
-            else:
-                unreadable[f"{name}.{key}"] = "is not in every element of its struct array."
-        arrays[name] = np.repeat(np.arange(1, len(lengths) + 1), lengths)
-        del unreadable[name]
-        return name, faults
-    return None, faults
+def _is_object(name: str, matlab_class: str) -> Unreadable:
+    of_class = f" ({matlab_class})" if matlab_class else ""
+    line = _IN_MATLAB.get(matlab_class, _OF_OTHERS).format(name)
+    return Unreadable(_IS_OBJECT.format(of_class, line), is_object=True)
 
 
-def _plain(value: Any) -> np.ndarray | None:
-    """Numbers of a vector, or one number or text; None for anything else."""
-    if not isinstance(value, np.ndarray) or value.dtype.names or max(value.shape) < value.size:
-        return None
-    return value.ravel() if value.dtype.kind in "biufU" else None
-
-
-def _flatten(name: str, value: Any, arrays: dict[str, Any], unreadable: dict[str, str]) -> None:
+def _from_scipy(name: str, value: Any) -> Any:
     if isinstance(value, MatlabOpaque | MatlabObject):
-        unreadable[name] = _IS_OBJECT
-    elif isinstance(value, MatlabFunction):
-        unreadable[name] = _IS_FUNCTION
-    elif sparse.issparse(value):
-        arrays[name] = value
-    elif value.dtype.names:
-        if value.size != 1:
-            unreadable[name] = _STRUCT_ARRAY
-            return
-        unreadable[name] = _IS_STRUCT.format(f"{name}.{value.dtype.names[0]}")
-        for key in value.dtype.names:
-            _flatten(f"{name}.{key}", value.flat[0][key], arrays, unreadable)
-    elif value.dtype == object:
-        texts = [cell.item() if getattr(cell, "size", 0) == 1 else cell for cell in value.flat]
-        if texts and all(isinstance(text, str) for text in texts):
-            arrays[name] = np.array(texts)
-        else:
-            unreadable[name] = _IS_CELL
-    else:
-        arrays[name] = value
+        return _is_object(name, getattr(value, "classname", ""))
+    if isinstance(value, MatlabFunction):
+        return Unreadable(_IS_FUNCTION)
+    if sparse.issparse(value):
+        return value
+    if value.dtype.names:
+        kinds = value.dtype.names
+        found = Structs({k: _from_scipy(f"{name}.{k}", e[k]) for k in kinds} for e in value.flat)
+        return found[0] if len(found) == 1 else found
+    if value.dtype == object:
+        return [_from_scipy(name, cell) for cell in value.flat]
+    if value.dtype.kind == "U":
+        texts = [str(text) for text in value.flat]
+        return texts if len(texts) > 1 else "".join(texts)
+    return value
 
 
-def _read_hdf5(path: Path) -> FileTable:
-    h5py = require("h5py", f"Reading the MATLAB 7.3 file {path}")
-    places: dict[str, str] = {}
-    unreadable: dict[str, str] = {}
-    with read_as(path, "a MATLAB 7.3 file"), h5py.File(path, "r") as file:
-        _list_hdf5(h5py, file, "", places, unreadable)
-    names = list(places)
+def _of_group(h5py: Any, path: Path, group: Any, name: str) -> Any:
+    # MATLAB keeps the content of cells and objects in #refs# and #subsystem#; None leads nowhere.
+    items = {k: v for k, v in group.items() if not k.startswith("#") and v is not None}
+    below = {key: f"{name}.{key}".lstrip(".") for key in items}
+    if items and all(
+        isinstance(v, h5py.Dataset) and v.dtype.kind == "O" and not _class_of(v)
+        for v in items.values()
+    ):  # the fields of a struct array are references, without a class of their own
+        fields = {
+            key: [
+                _from_hdf5(h5py, path, group.file[r], below[key]) if r else None
+                for r in v[()].T.flat
+            ]
+            for key, v in items.items()
+        }
+        return Structs(
+            dict(zip(fields, e, strict=True)) for e in zip(*fields.values(), strict=True)
+        )
+    return {key: _from_hdf5(h5py, path, item, below[key]) for key, item in items.items()}
 
-    def load(position: int) -> np.ndarray:
-        part = f"a MATLAB 7.3 file, at its variable {names[position]!r}"
-        with read_as(path, part), h5py.File(path, "r") as file:
-            dataset = file[places[names[position]]]
-            if dataset.attrs.get("MATLAB_empty", 0):
-                # An empty array is stored as its shape.
-                return np.empty(0)
-            values = dataset[()]
+
+def _class_of(item: Any) -> str:
+    return _text(item.attrs.get("MATLAB_class", b""))
+
+
+def _from_hdf5(h5py: Any, path: Path, item: Any, name: str) -> Any:
+    matlab_class = _class_of(item)
+    if "MATLAB_sparse" in item.attrs:
+        return Unreadable(f"is sparse: save full({name}).")
+    if "MATLAB_object_decode" in item.attrs:
+        return _is_object(name, matlab_class)
+    if isinstance(item, h5py.Group):
+        known = matlab_class in ("", "struct")
+        return _of_group(h5py, path, item, name) if known else _is_object(name, matlab_class)
+    if matlab_class == "function_handle":
+        return Unreadable(_IS_FUNCTION)
+    if matlab_class not in _NUMERIC_CLASSES | {"cell", "char"}:
+        return _is_object(name, matlab_class)
+    with read_as(path, f"a MATLAB 7.3 file, at its variable {name!r}"):
+        values = item[()]
+        if item.attrs.get("MATLAB_empty", 0):  # an empty array is stored as its shape
+            return "" if matlab_class == "char" else np.empty(0)
+        if h5py.check_ref_dtype(item.dtype):
+            return [_from_hdf5(h5py, path, item.file[r], name) if r else "" for r in values.T.flat]
+        if matlab_class == "cell":
+            return []
         if values.dtype.names == ("real", "imag"):
             values = values["real"] + 1j * values["imag"]
         # MATLAB stores by columns and HDF5 by rows, so the axes come reversed.
-        return np.asarray(values).T
-
-    return FileTable(path, names, one_by_one(load), unreadable=unreadable, kind="variable")
-
-
-def _list_hdf5(
-    h5py: Any, group: Any, prefix: str, places: dict[str, str], unreadable: dict[str, str]
-) -> None:
-    for key, item in group.items():
-        # MATLAB keeps the content of cells and objects in #refs# and #subsystem#.
-        if key.startswith("#") or item is None:  # a link to nothing
-            continue
-        name = f"{prefix}{key}"
-        what = _not_numbers(h5py, name, item)
-        if what is None:
-            places[name] = item.name
-            continue
-        unreadable[name] = what
-        if _is_struct(h5py, item):
-            _list_hdf5(h5py, item, f"{name}.", places, unreadable)
-
-
-def _name_class(item: Any) -> str:
-    found = item.attrs.get("MATLAB_class", b"")
-    return found.decode() if isinstance(found, bytes) else str(found)
-
-
-def _is_struct(h5py: Any, item: Any) -> bool:
-    other = {"MATLAB_sparse", "MATLAB_object_decode"} & {*item.attrs}
-    return isinstance(item, h5py.Group) and not other and _name_class(item) in ("", "struct")
-
-
-def _not_numbers(h5py: Any, name: str, item: Any) -> str | None:
-    """What an object in a file is instead of numbers; None if it holds numbers."""
-    is_group = isinstance(item, h5py.Group)
-    matlab_class = _name_class(item)
-    if "MATLAB_sparse" in item.attrs:
-        return f"is sparse: save full({name})."
-    if "MATLAB_object_decode" in item.attrs:
-        return _IS_OBJECT
-    if _is_struct(h5py, item):
-        return _IS_STRUCT.format(f"{name}.{next(iter(item), 'field')}")
-    if matlab_class in _NOT_NUMBERS:
-        return _NOT_NUMBERS[matlab_class]
-    if is_group or matlab_class not in _NUMERIC_CLASSES or not isinstance(item, h5py.Dataset):
-        return _IS_OBJECT
-    # The fields of a struct array are references, without a class of their own.
-    return _STRUCT_ARRAY if item.dtype.kind == "O" else None
+        values = np.asarray(values).T
+        if matlab_class == "char":
+            rows = ["".join(map(chr, row)).rstrip() for row in np.atleast_2d(values)]
+            return rows if len(rows) > 1 else rows[0]
+        return values

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ...io.files import FileTable, as_numbers, first_run, one_by_one, read_as, squeezed
-from ...io.matlab import is_hdf5, read_content
+from ...io.matlab import read_tree
 from ...runs import TIME
 from .names import LEVELS, labelled
 from .words import find_label, roles_by_name
@@ -259,29 +259,24 @@ def split_groups(
 
 
 def _tree(table: FileTable) -> dict[Place, dict[str, Any]]:
-    """Arrays, or what loads them, by the struct that holds them and their own name."""
+    """Arrays by the struct that holds them and their own name."""
     tree: dict[Place, dict[str, Any]] = {}
-    if is_hdf5(table.path):
-        for position, name in enumerate(table.names):
-            *place, leaf = name.split(".")
-            tree.setdefault(tuple(place), {})[leaf] = table.load([position], None)[0][0]
-        return tree
-    for name, value in read_content(table.path).items():
-        if not name.startswith("__"):
-            _walk((), name, value, tree)
+    for name, value in read_tree(table.path).items():
+        _walk((), name, value, tree)
     return tree
 
 
 def _walk(place: Place, name: str, value: Any, tree: dict[Place, dict[str, Any]]) -> None:
-    if not isinstance(value, np.ndarray):
-        return
-    if value.dtype.names:
-        several = value.size > 1
-        for number, element in enumerate(value.flat, 1):
-            below = (*place, name, f"({number})") if several else (*place, name)
-            for key in value.dtype.names:
-                _walk(below, key, element[key], tree)
-    elif value.dtype.kind in "biufU":
+    if isinstance(value, dict):
+        for key, below in value.items():
+            _walk((*place, name), key, below, tree)
+    elif isinstance(value, list):
+        for number, element in enumerate(value, 1):
+            if isinstance(element, dict):
+                _walk((*place, name), f"({number})", element, tree)
+    elif isinstance(value, str):
+        tree.setdefault(place, {})[name] = np.array([value])
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and value.size:
         tree.setdefault(place, {})[name] = value
 
 

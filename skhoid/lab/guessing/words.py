@@ -176,8 +176,13 @@ def find_label(header: str) -> str:
     return next((level for level, some in OUTER.items() if words[0] in some), "")
 
 
+_OF_MATRIX = re.compile(r"\((:,\d+|\d+,:)\)$")
+
+
 def roles_by_name(header: str) -> dict[str, int]:
     """Roles that a column may have by its name (``u`` for the output), with a score up to 10."""
+    if _OF_MATRIX.search(header):  # the name is that of all channels
+        return {}
     words = _own_words(header)
     if not words:
         return {}
