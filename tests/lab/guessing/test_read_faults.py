@@ -115,7 +115,7 @@ def test_named_columns(folder):
     ("e", "u", "dims", "message"),
     [
         ((5, 40, 3), (5, 40, 3), None, r"\(5, 40, 3\): the first dimension is not the longest"),
-        ((40, 5, 3), (40, 5), None, "different shapes"),
+        ((40, 5, 3), (40, 5), None, "is a matrix of 5 channels"),
         ((40, 5, 3), (40, 5, 3), ("time", "run"), "have 3 dimensions"),
         ((40, 5), (40, 5), ("rows", "time"), "each dimension once"),
         ((40, 5), (40, 5), {"time": None, "run": ["a"]}, "1 labels of the run.* have 5"),

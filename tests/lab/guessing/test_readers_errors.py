@@ -252,7 +252,6 @@ class TestMatlab:
         fails(f"'d' {MATLAB_OBJECT}", path, inputs="d.InputData")
         fails(r"'n' is a MATLAB object \(string\).*cellstr\(n\)", path, inputs="n")
         fails("'c' is a cell array", path, inputs="c")
-        fails("'w' of .* is not numeric", path, inputs="w")
         fails("'f' is a function handle", path, inputs="f")
         fails("'s' is a struct: .*such as s.e", path, inputs="s")
         fails("'array.e' is a struct array", path, inputs="array.e")
