@@ -27,6 +27,7 @@ __all__ = [
     "WINDOW",
     "BaseComposition",
     "BaseSearchCV",
+    "CallbackSupportMixin",
     "CoefficientsOfLags",
     "FittedDisplay",
     "HasMethods",
@@ -36,13 +37,65 @@ __all__ = [
     "checked",
     "fill_docs",
     "fit_context",
+    "list_progress_bars",
     "output_container",
     "raise_for_params",
     "routing_enabled",
     "safe_indexing",
+    "with_callbacks",
 ]
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+try:
+    from sklearn.callback import CallbackSupportMixin, ProgressBar, with_callbacks
+except ModuleNotFoundError:  # before scikit-learn 1.9 a fit tells nobody how far it is
+
+    class _Untold:
+        """A context of callbacks that nobody listens to."""
+
+        parent = None
+
+        def subcontext(self, **_: Any) -> "_Untold":
+            return self
+
+        def call_on_fit_task_begin(self, **_: Any) -> None: ...
+
+        def call_on_fit_task_end(self, **_: Any) -> None: ...
+
+    class CallbackSupportMixin:  # type: ignore[no-redef]
+        """What searches call of scikit-learn's class of this name."""
+
+        def set_callbacks(self, *callbacks: Any) -> Any:
+            """Take callbacks, which scikit-learn calls since 1.9, and call none.
+
+            Parameters
+            ----------
+            *callbacks : callbacks
+                As scikit-learn has them.
+
+            Returns
+            -------
+            self : estimator
+            """
+            return self
+
+        def _init_callback_context(self, **_: Any) -> _Untold:
+            return _Untold()
+
+    class BaseSearchCV(CallbackSupportMixin, BaseSearchCV):  # type: ignore[no-redef]
+        """Scikit-learn's class, which has callbacks since 1.9."""
+
+    ProgressBar = None
+
+    def with_callbacks(fit: F) -> F:
+        return fit
+
+
+def list_progress_bars(**options: Any) -> tuple[Any, ...]:
+    """Return a progress bar as the callbacks of a fit; none where scikit-learn has none."""
+    return () if ProgressBar is None else (ProgressBar(**options),)
+
 
 # Constraints that functions have in common.
 COUNT = [Interval(Integral, 1, None, closed="left"), None]

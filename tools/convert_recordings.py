@@ -55,7 +55,7 @@ def main() -> None:
         "bicycle_rider.npz": convert_bicycle_rider,
     }.items():
         path = arguments.destination / name
-        np.savez_compressed(path, allow_pickle=False, **convert(arguments.source))
+        np.savez_compressed(path, **convert(arguments.source))
         print(f"{path}: {path.stat().st_size} bytes")
 
 

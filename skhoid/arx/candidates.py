@@ -196,6 +196,7 @@ class CandidateTable:
         """Factorise the rows whose lags all lie in each of several parts of the data, and all."""
         belongs = np.array([rows.whole for rows in training])
         _, unit_of = np.unique(belongs, axis=1, return_inverse=True)
+        unit_of = unit_of.ravel()  # NumPy 2.0 keeps a second axis
         members = [np.flatnonzero(unit_of == unit) for unit in dict.fromkeys(unit_of.tolist())]
         units = [self._factorised(runs) for runs in members]
         # Merged up to each unit, and from it on, so that to leave one out takes one merge more.

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
-from sklearn.callback import CallbackSupportMixin, with_callbacks
 
 from .. import _kernels
-from .._sklearn import fit_context
+from .._sklearn import CallbackSupportMixin, fit_context, with_callbacks
 from ..exceptions import RunCutWarning
 from ..metrics import VAFScorer, scored_rows, vaf_of_rows
 from ..text import ModelSummary, TextTable, number, vaf_name

@@ -11,7 +11,6 @@ from typing import Any, Self
 import numpy as np
 from scipy.stats import rankdata, sem
 from sklearn.base import clone
-from sklearn.callback import with_callbacks
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.utils.validation import check_is_fitted
 
@@ -22,6 +21,7 @@ from .._sklearn import (
     Interval,
     StrOptions,
     fit_context,
+    with_callbacks,
 )
 from ..metrics import VAFScorer
 from ..pipelines import final_step, raw_layout, reach_model, taken_apart

@@ -192,7 +192,9 @@ def _find_encoding(path: Path) -> str:
                 pass
     except UnicodeDecodeError as error:
         if is_wide:
-            raise ValueError(f"{path} is no UTF-16 text ({error}). Save it as UTF-8.") from error
+            raise ValueError(
+                f"{path} begins as UTF-16 text, but is none. Save it as UTF-8."
+            ) from error
         # Western European Windows: what spreadsheets write for the degree sign in "e [°]".
         return "cp1252"
     return "utf-16" if is_wide else "utf-8-sig"

@@ -160,7 +160,7 @@ def select_runs(
     firsts = X.index[layout.run_starts[:-1]].to_frame(index=False)
     inner = firsts["run"].tolist()
     others = firsts.drop(columns=["run", "time"])
-    outer = list(others.itertuples(index=False, name=None))
+    outer = list(map(tuple, others.to_numpy(dtype=object)))  # itertuples drops rows without columns
     keep = np.zeros(len(inner), dtype=bool)
     if runs is not None:
         wanted = [runs] if np.ndim(runs) == 0 else list(runs)

@@ -10,12 +10,18 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from sklearn.base import clone
-from sklearn.callback import with_callbacks
 from sklearn.metrics import check_scoring
 from sklearn.utils.validation import check_is_fitted
 from threadpoolctl import threadpool_limits
 
-from .._sklearn import BaseSearchCV, FittedDisplay, Interval, StrOptions, fit_context
+from .._sklearn import (
+    BaseSearchCV,
+    FittedDisplay,
+    Interval,
+    StrOptions,
+    fit_context,
+    with_callbacks,
+)
 from ..arx.folds import SplitsRuns
 from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES

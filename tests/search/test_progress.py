@@ -1,10 +1,11 @@
 """Progress of a search for effects, by scikit-learn's callbacks."""
 
 import pytest
-from sklearn.callback import ProgressBar
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import Bias
+
+callback = pytest.importorskip("sklearn.callback", reason="came with scikit-learn 1.9")
 
 
 class Counts:
@@ -58,5 +59,5 @@ def test_a_bar_is_drawn_where_it_is_asked_for(runs, capsys):
     search = EffectSearchCV(OperatorRegressor(), effects=["bias"])
     search.fit(*runs)
     assert capsys.readouterr() == ("", "")
-    search.set_callbacks(ProgressBar()).fit(*runs)
+    search.set_callbacks(callback.ProgressBar()).fit(*runs)
     assert "EffectSearchCV - effects tried" in capsys.readouterr().out

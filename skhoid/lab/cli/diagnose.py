@@ -375,14 +375,14 @@ def show_search(
 ) -> Searched:
     """Search, and print what is found, beside the truth where it is known."""
     from sklearn.base import clone
-    from sklearn.callback import ProgressBar
 
+    from ..._sklearn import list_progress_bars
     from ...runs import read_layout
     from ...search import control_of, without_output
 
     search = search_for(options, estimator)
     if shows_progress(options):
-        search.set_callbacks(ProgressBar())
+        search.set_callbacks(*list_progress_bars())
     kept = without_output(y, control_of(estimator, X, search.lost_control, search.domain))
     baseline = clone(estimator).fit(X, kept)
     if not options.json:

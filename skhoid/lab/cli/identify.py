@@ -170,9 +170,9 @@ def _one_or_each(numbers: list[int] | None) -> Any:
 
 
 def _progress() -> tuple[Any, ...]:
-    from sklearn.callback import ProgressBar
+    from ..._sklearn import list_progress_bars
 
-    return (ProgressBar(max_propagation_depth=0),)
+    return list_progress_bars(max_propagation_depth=0)
 
 
 def _read(

@@ -102,7 +102,7 @@ def read_groups(X: pd.DataFrame, y: Any) -> list[Group]:
     starts, runs = _runs(X.index)
     by = [name for name in (SUBJECT, CONDITION) if name in names]
     found: dict[tuple[Any, ...], list[int]] = {}
-    for number, row in enumerate(runs[by].itertuples(index=False, name=None)):
+    for number, row in enumerate(map(tuple, runs[by].to_numpy(dtype=object))):
         found.setdefault(row, []).append(number)
     output = y if isinstance(y, pd.Series) else pd.Series(np.asarray(y).ravel(), name="u")
     table = list(runs.drop(columns=by).itertuples(index=False, name=None))

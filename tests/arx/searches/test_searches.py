@@ -5,7 +5,6 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
-from sklearn.callback import ProgressBar
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import GridSearchCV, KFold, LeaveOneGroupOut
 from sklearn.pipeline import make_pipeline
@@ -330,8 +329,9 @@ def test_a_split_that_cuts_a_run_is_warned_of_once():
     ids=["one_step", "order", "recursive"],
 )
 def test_progress_bars(data, search, capsys):
+    callback = pytest.importorskip("sklearn.callback", reason="came with scikit-learn 1.9")
     X, y = data
-    search.set_callbacks(ProgressBar())
+    search.set_callbacks(callback.ProgressBar())
     search.fit(X, y)
     assert np.isfinite(search.predict(X)).all()
     assert type(search).__name__ in capsys.readouterr().out
