@@ -1,4 +1,4 @@
-"""NumPy archives, Parquet and XDF files as tables."""
+"""NumPy archives, Parquet, Feather, Excel and XDF files as tables."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ..exceptions import UsageError
+from .delimited import read_csv
 from .files import Columns, FileTable, coded, one_by_one, read_as, require
 from .structs import find_columns
 
@@ -41,16 +43,96 @@ def read_npz(path: Path) -> FileTable:
 
 
 def read_parquet(path: Path) -> FileTable:
-    """Read a Parquet file; the named levels of a stored row index count as columns."""
-    require("pyarrow", f"Reading the Parquet file {path}")
+    """Read a Parquet or Feather file; the named levels of a stored row index count as columns."""
+    is_feather = path.suffix.lower() in (".feather", ".arrow")
+    kind = "Feather" if is_feather else "Parquet"
+    require("pyarrow", f"Reading the {kind} file {path}")
     # PyArrow opens no files whose names are not UTF-8.
-    with read_as(path, "Parquet"), path.open("rb") as file:
-        frame = pd.read_parquet(file, engine="pyarrow")
+    with read_as(path, kind), path.open("rb") as file:
+        if is_feather:
+            frame = pd.read_feather(file)
+        else:
+            frame = pd.read_parquet(file, engine="pyarrow")
     units = {str(key): str(unit) for key, unit in (frame.attrs.get("units") or {}).items()}
     named = [name for name in frame.index.names if name is not None]
     frame = frame.reset_index(level=named, allow_duplicates=True) if named else frame
+    names = [str(name) for name in frame.columns]
+    remarks = []
+    for position, name in enumerate(names):
+        values = frame.iloc[:, position]
+        if values.dtype.kind == "M" and values.nunique() > 1:
+            values = values - values.iloc[0]
+        if values.dtype.kind == "m":
+            frame.isetitem(position, values.dt.total_seconds())
+            units[name] = "s"
+            remarks.append(f'"{name}" is read in seconds from its beginning')
     load = one_by_one(lambda position: frame.iloc[:, position])
-    return FileTable(path, [str(name) for name in frame.columns], load, units=units)
+    return FileTable(path, names, load, units=units, remarks=remarks)
+
+
+def read_excel(path: Path) -> FileTable:
+    """Read a workbook: sheets with the same columns are runs; ``file.xlsx#sheet`` is one of them.
+
+    A sheet is read as the text that it would be if it were saved as such.
+    """
+    book, _, sheet = str(path).partition("#")
+    require("openpyxl", f"Reading the Excel file {book}", "excel")
+    with read_as(path, "an Excel workbook"):
+        frames = pd.read_excel(book, sheet_name=None, header=None, engine="openpyxl")
+    if sheet and sheet not in frames:
+        raise ValueError(f"{book} has no sheet {sheet!r}, only {', '.join(map(repr, frames))}.")
+    tables, faults = {}, {}
+    for name, frame in frames.items():
+        if sheet in ("", name):
+            try:
+                tables[name] = _sheet(path, name, frame)
+            except ValueError as error:
+                faults[name] = error
+    if not tables:
+        raise next(iter(faults.values()))
+    longest = max(tables, key=lambda name: len(tables[name][1][0]))
+    names, _, units, remarks = tables[longest]
+    runs = [name for name, (own, *_) in tables.items() if own == names]
+    aside = [name for name in frames if name not in runs and sheet == ""]
+    if aside:
+        said = ", ".join(f'"{name}"' for name in aside)
+        remarks = [*remarks, f"sheets with other columns are not read: {said}"]
+    columns = [
+        pd.concat([tables[run][1][k] for run in runs], ignore_index=True) for k in range(len(names))
+    ]
+    run_name = None
+    if len(runs) > 1:
+        run_name = "sheet"
+        names = [*names, run_name]
+        lengths = [len(tables[run][1][0]) for run in runs]
+        columns.append(pd.Series(np.repeat(np.array(runs, dtype=object), lengths)))
+        remarks = [*remarks, "each sheet is a run"]
+    return FileTable(
+        path,
+        names,
+        one_by_one(columns.__getitem__),
+        units=units,
+        run_name=run_name,
+        remarks=remarks,
+    )
+
+
+_Sheet = tuple[list[str], list[pd.Series], dict[str, str], list[str]]
+
+
+def _sheet(path: Path, name: str, frame: pd.DataFrame) -> _Sheet:
+    """Names, columns, units and remarks of a sheet, by the rules for text."""
+    filled = frame.dropna(how="all").dropna(axis=1, how="all")
+    with TemporaryDirectory() as folder:
+        text = Path(folder) / "sheet.tsv"
+        filled.to_csv(text, sep="\t", header=False, index=False)
+        try:
+            table = read_csv(text)
+            columns = [pd.Series(v) for v in table.load(range(len(table.names)), None)[0]]
+        except ValueError as error:
+            said = str(error).replace(str(text), f"The sheet {name!r} of {path}")
+            raise ValueError(said) from error
+    return table.names, columns, table.units, table.remarks
 
 
 TIME_NAME = "time"
@@ -58,7 +140,7 @@ _LONGEST_GAP = 3.5  # steps of a stream, across which nothing is interpolated
 
 
 @dataclass(frozen=True)
-class _Stream:
+class Stream:
     """Samples of one stream; ``rate`` is the nominal one (Hz), 0 for an irregular stream."""
 
     name: str
@@ -93,7 +175,7 @@ def read_xdf(path: Path, dt: float | None = None) -> FileTable:
             found, _ = pyxdf.load_xdf(path, synchronize_clocks=True, dejitter_timestamps=True)
     finally:
         quiet.setLevel(level)
-    streams: list[_Stream] = []
+    streams: list[Stream] = []
     names, units, of = [TIME_NAME], {TIME_NAME: "s"}, [(-1, 0)]
     unreadable: dict[str, str] = {}
     remarks: list[str] = []
@@ -112,7 +194,7 @@ def read_xdf(path: Path, dt: float | None = None) -> FileTable:
             stamps = np.asarray(raw["time_stamps"], dtype=np.float64)
             kept = np.append(True, np.diff(stamps) > 0)  # several samples of one instant
             rate = float(info["nominal_srate"][0])
-            streams.append(_Stream(name, stamps[kept], values[kept], rate))
+            streams.append(Stream(name, stamps[kept], values[kept], rate))
             for k, (label, unit) in enumerate(_labels(info, values.shape[1])):
                 names.append(f"{name}.{label}")
                 of.append((len(streams) - 1, k))
@@ -126,7 +208,7 @@ def read_xdf(path: Path, dt: float | None = None) -> FileTable:
     def load(numbers: Sequence[int], labels: int | None) -> Columns:
         asked = [*numbers, *([] if labels is None else [labels])]
         own = sorted({of[k][0] for k in asked if of[k][0] >= 0}) or list(range(len(streams)))
-        instants, start = _grid(path, [streams[k] for k in own], dt)
+        instants, start = grid_of(path, [streams[k] for k in own], dt)
         columns: list[Any] = [
             instants if of[k][0] < 0 else streams[of[k][0]].at(instants + start, of[k][1])
             for k in asked
@@ -171,7 +253,7 @@ def _labels(info: dict[str, Any], count: int) -> list[tuple[str, str]]:
     return found
 
 
-def _grid(path: Path, streams: list[_Stream], dt: float | None) -> tuple[np.ndarray, float]:
+def grid_of(path: Path, streams: list[Stream], dt: float | None) -> tuple[np.ndarray, float]:
     """Instants from 0 on, and when 0 is by the clock of the file."""
     fastest = max(streams, key=lambda stream: stream.rate)
     if dt is None:

@@ -8,6 +8,7 @@ import importlib
 import os
 import re
 import reprlib
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -43,13 +44,10 @@ def _expand(item: Any) -> list[Path]:
         )
     path = Path(item).expanduser()
     if path.is_dir():
-        raise ValueError(
-            f"{path} is a folder: name its files with a pattern, such as "
-            f"{os.fspath(path / '*.csv')!r}."
-        )
+        return find_files(path)[0]
     # A file whose name has brackets is taken as a file before it is taken as a pattern.
-    if path.is_file():
-        return [path]
+    if path.is_file() or ("#" in path.name and Path(str(path).partition("#")[0]).is_file()):
+        return [path]  # after # stands the sheet of a workbook
     pattern = os.fspath(path)
     if glob.has_magic(pattern):
         found = [Path(name) for name in glob.glob(pattern, recursive=True)]
@@ -62,6 +60,48 @@ def _expand(item: Any) -> list[Path]:
     if path.exists():
         raise ValueError(f"{path} is not a regular file and cannot be read.")
     raise FileNotFoundError(f"There is no file {path} (working folder: {Path.cwd()}).")
+
+
+MOTION = "_motion.tsv"
+# Tables beside the recordings in a data set of BIDS, and notes.
+_ASIDE = ("participants", "_channels", "_events", "_scans", "_sessions", "samples", "readme")
+_NOTES = (".txt", ".log")  # that may stand beside recordings of another kind
+
+
+def find_files(folder: Path) -> tuple[list[Path], int]:
+    """The recordings in a folder and those below it, and how many other files were left out."""
+    from .reading import READERS
+
+    found = [
+        path
+        for path in folder.rglob("*")
+        if path.suffix.lower() in READERS
+        and path.is_file()
+        and not any(part.startswith((".", "_", "~$")) for part in path.relative_to(folder).parts)
+    ]
+    motion = [path for path in found if path.name.endswith(MOTION)]
+    kept = motion or [path for path in found if not _is_aside(path.stem)]
+    if not kept:
+        raise FileNotFoundError(
+            f"The folder {shown(folder)} has no file that can be read ({', '.join(READERS)})."
+        )
+    kinds = Counter(path.suffix.lower() for path in kept)
+    if len(set(kinds) - {*_NOTES}) == 1:
+        kinds = Counter({kind: n for kind, n in kinds.items() if kind not in _NOTES})
+    if len(kinds) > 1:
+        counts = ", ".join(f"{number} {kind}" for kind, number in kinds.most_common())
+        example = os.fspath(folder / "**" / f"*{kinds.most_common(1)[0][0]}")
+        raise ValueError(
+            f"The folder {shown(folder)} has files of several kinds ({counts}): say which are the "
+            f"recordings, as {example!r}, or with a pattern."
+        )
+    kept = [path for path in kept if path.suffix.lower() in kinds]
+    return sorted(kept, key=_natural), 0 if motion else len(found) - len(kept)
+
+
+def _is_aside(stem: str) -> bool:
+    stem = stem.casefold()
+    return any(stem == name or (name[0] == "_" and stem.endswith(name)) for name in _ASIDE)
 
 
 def _natural(path: Path) -> list[Any]:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from .archives import read_npz, read_parquet, read_xdf
+from .archives import read_excel, read_npz, read_parquet, read_xdf
 from .assembling import Channel, FileRuns, assemble, cut_runs, gather_units
 from .delimited import read_csv
 from .files import FileTable, Paths, expand_paths, shown
+from .joining import are_parts, join_parts
 from .matlab import read_mat
 
 READERS: dict[str, Callable[[Path], FileTable]] = {
@@ -21,6 +23,10 @@ READERS: dict[str, Callable[[Path], FileTable]] = {
     ".txt": read_csv,
     ".parquet": read_parquet,
     ".pq": read_parquet,
+    ".feather": read_parquet,
+    ".arrow": read_parquet,
+    ".xlsx": read_excel,
+    ".xlsm": read_excel,
     ".mat": read_mat,
     ".npz": read_npz,
     ".xdf": read_xdf,
@@ -30,7 +36,7 @@ DOTTED = (".mat", ".xdf")  # whose names may be paths, of which the last part na
 
 def open_table(path: Path) -> FileTable:
     """One file as a table, by its extension."""
-    reader = READERS.get(path.suffix.lower())
+    reader = READERS.get(path.suffix.lower().partition("#")[0])
     if reader is None:
         raise ValueError(
             f"{path} has the extension {path.suffix!r}; skhoid reads {', '.join(READERS)}."
@@ -38,20 +44,32 @@ def open_table(path: Path) -> FileTable:
     return reader(path)
 
 
+def each_table(paths: Paths, opened: FileTable | None = None) -> Iterator[FileTable]:
+    """The files as tables, one by one; those that hold signals of one run as one table."""
+    files = expand_paths(paths)
+    first = opened if opened is not None and opened.path == files[0] else open_table(files[0])
+    second = open_table(files[1]) if len(files) > 1 else None
+    if second is not None and are_parts(first, second):
+        tables = [first, second, *map(open_table, files[2:])]
+        yield from join_parts(tables) or tables
+        return
+    yield first
+    yield from () if second is None else (second,)
+    yield from map(open_table, files[2:])
+
+
 def read_named(
-    files: list[Path],
+    tables: Iterable[FileTable],
     channels: list[Channel],
     clock: str | float,
     given: dict[str, str],
     run: str | None,
     levels: Mapping[str, str] | None = None,
-    opened: FileTable | None = None,
 ) -> tuple[pd.DataFrame, pd.Series]:
     """X and y of files; ``levels`` as in cut_runs, with the names of their levels."""
     pieces: list[FileRuns] = []
     known: dict[str, tuple[str, Path]] = {}
-    for path in files:
-        table = opened if opened is not None and opened.path == path else open_table(path)
+    for table in tables:
         pieces.append(
             cut_runs(
                 table,
@@ -65,6 +83,8 @@ def read_named(
         gather_units(table, channels, given, known)
     if levels is not None:
         pieces = _told_apart(pieces)
+    if run is None:
+        pieces = _by_folder(pieces)
     _check_labels(pieces, run)
     return assemble(
         pieces, [channel.name for channel in channels], known, list((levels or {}).values())
@@ -89,9 +109,23 @@ def _told_apart(pieces: list[FileRuns]) -> list[FileRuns]:
     ]
 
 
+def _by_folder(pieces: list[FileRuns]) -> list[FileRuns]:
+    """Files of the same name in several folders: the run is labelled by the folder too."""
+    stems = [shown(piece.path.stem) for piece in pieces]
+    paths = {piece.path.absolute() for piece in pieces}
+    alone = all(piece.labels == [stem] for piece, stem in zip(pieces, stems, strict=True))
+    if not alone or len(set(stems)) == len(stems) or len(paths) < len(pieces):
+        return pieces
+    root = os.path.commonpath([path.parent for path in paths])
+    return [
+        replace(piece, labels=[shown(os.path.relpath(piece.path.with_suffix(""), root))])
+        for piece in pieces
+    ]
+
+
 def first_table(paths: Paths) -> FileTable:
-    """The first of the files, opened."""
-    return open_table(expand_paths(paths)[0])
+    """The first of the files, opened; joined with others if these are of the same run."""
+    return next(each_table(paths))
 
 
 def _check_labels(pieces: list[FileRuns], run: str | None) -> None:

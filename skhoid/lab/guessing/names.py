@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...io.files import expand_paths, shown
-from ...io.reading import READERS
+from ...io.files import MOTION, expand_paths, find_files, shown
 from .words import find_label
 
 LEVELS = ("subject", "condition", "run")
@@ -313,11 +312,6 @@ def _unclear(
     )
 
 
-_MOTION = "_motion.tsv"
-# Tables beside the recordings in a data set of BIDS, and notes.
-_ASIDE = ("participants", "_channels", "_events", "_scans", "_sessions", "samples", "readme")
-
-
 @dataclass(frozen=True)
 class Sources:
     """Files, and the labels that a pattern found in their names; None: names may be guessed.
@@ -355,43 +349,17 @@ def find_sources(paths: Any) -> Sources:
 
 
 def _of_folder(folder: Path) -> Sources:
-    found = [
-        path
-        for path in folder.rglob("*")
-        if path.suffix.lower() in READERS
-        and path.is_file()
-        and not any(part.startswith((".", "_")) for part in path.relative_to(folder).parts)
-    ]
-    motion = [path for path in found if path.name.endswith(_MOTION)]
-    kept = motion or [path for path in found if not _is_aside(path.stem)]
-    if not kept:
-        raise FileNotFoundError(
-            f"The folder {shown(folder)} has no file that can be read ({', '.join(READERS)})."
-        )
-    kinds = Counter(path.suffix.lower() for path in kept)
-    if len(kinds) > 1:
-        counts = ", ".join(f"{number} {kind}" for kind, number in kinds.most_common())
-        example = os.fspath(folder / "**" / f"*{kinds.most_common(1)[0][0]}")
-        raise ValueError(
-            f"The folder {shown(folder)} has files of several kinds ({counts}): say which are the "
-            f"recordings, as {example!r}, or with a pattern."
-        )
+    kept, aside = find_files(folder)
     depths = {len(path.relative_to(folder).parts): path for path in kept}
-    if len(depths) > 1 and not motion:
+    if len(depths) > 1 and not kept[0].name.endswith(MOTION):
         some = [shown(path.relative_to(folder)) for _, path in sorted(depths.items())]
         raise ValueError(
             f"The folder {shown(folder)} has files at several depths, such as "
             f"{' and '.join(map(repr, some[:2]))}: say which are the recordings, with a pattern "
             f"such as {os.fspath(folder / '{subject}' / '{condition}_{run}.csv')!r}."
         )
-    aside = len(found) - len(kept)
-    remark = f"{aside} other tables in the folder are not read" if aside and not motion else ""
+    remark = f"{aside} other tables in the folder are not read" if aside else ""
     return Sources(sorted(kept, key=natural), folder, remark=remark)
-
-
-def _is_aside(stem: str) -> bool:
-    stem = stem.casefold()
-    return any(stem == name or (name[0] == "_" and stem.endswith(name)) for name in _ASIDE)
 
 
 def _common(files: list[Path]) -> Path:

@@ -19,9 +19,11 @@ from ...io.assembling import (
     wanted_channels,
 )
 from ...io.files import FileTable, Paths, expand_paths
-from ...io.reading import DOTTED, first_table, open_table, read_named
+from ...io.reading import DOTTED, each_table, first_table, read_named
+from ...runs import RUN, TIME
 from ...runs.roles import role_of
 from .columns import make_guess
+from .names import LEVELS, UnclearNamesError, names_guess
 from .problems import (
     ColumnGuess,
     UnclearColumnsError,
@@ -113,8 +115,7 @@ def read_runs(
     Examples
     --------
     >>> import tempfile
-    >>> from pathlib import Path
-    >>> from skhoid import read_runs
+    >>>     >>> from skhoid import read_runs
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     for name in ("run1", "run2"):
     ...         rows = "t [ms];error [deg];u\\n0;1,5;0\\n10;1,25;-0,5\\n"
@@ -153,7 +154,7 @@ def read_runs(
     check_names(channels)
     clock = checked_clock(time, dt)
     given = checked_units(units or {}, channels, time)
-    return read_named(files, channels, clock, given, run)
+    return read_named(each_table(files), channels, clock, given, run)
 
 
 def _guessed(
@@ -189,13 +190,13 @@ def read_guessed(
     failure: Exception | None = None
     if not guess.problems:
         try:
-            X, y = _read_guess(guess, files, opened)
+            X, y = _read_guess(guess, opened)
             problems = problems_of_runs(X, y, irregular=irregular)
             if not problems:
                 return X, y
         except ValueError as error:
             failure = error
-    problems = [*guess.problems, *problems_of_files([open_table(path) for path in files], guess)]
+    problems = [*guess.problems, *problems_of_files(list(each_table(files, opened)), guess)]
     if not problems:
         assert failure is not None
         raise failure
@@ -219,9 +220,7 @@ def add_error(X: pd.DataFrame, guess: ColumnGuess) -> None:
         X["e"] = -X["e"]
 
 
-def _read_guess(
-    guess: ColumnGuess, files: list[Path], opened: FileTable | None
-) -> tuple[pd.DataFrame, pd.Series]:
+def _read_guess(guess: ColumnGuess, opened: FileTable | None) -> tuple[pd.DataFrame, pd.Series]:
     assert guess.output is not None
     channels = [
         Channel(asked, name, renamed=True)
@@ -230,6 +229,35 @@ def _read_guess(
     check_names(channels)
     clock = checked_clock(guess.time, guess.dt)
     given = checked_units(guess.units, channels, guess.time)
-    X, y = read_named(files, channels, clock, given, guess.run, guess.levels, opened)
+    tables = each_table(guess.paths, opened)
+    X, y = read_named(tables, channels, clock, given, guess.run, guess.levels)
     add_error(X, guess)
+    return _of_subfolders(X, y, guess)
+
+
+def _of_subfolders(
+    X: pd.DataFrame, y: pd.Series, guess: ColumnGuess
+) -> tuple[pd.DataFrame, pd.Series]:
+    """Subject and condition as levels, where the names of subfolders say them."""
+    paths = [guess.paths] if isinstance(guess.paths, str | os.PathLike) else list(guess.paths)
+    root = Path(paths[0])
+    if len(paths) > 1 or not root.is_dir() or guess.run is not None or guess.levels:
+        return X, y
+    files, runs = expand_paths(root), X.index.unique(RUN)
+    if len(runs) != len(files) or all(path.parent == root for path in files):
+        return X, y
+    try:
+        labels, pattern = names_guess(files, root, LEVELS)
+    except UnclearNamesError:
+        return X, y
+    of_run = pd.DataFrame(labels, index=runs)
+    outer = [level for level in LEVELS if level in of_run and level != RUN]
+    of_run = of_run.assign(**{RUN: of_run.get(RUN, "1")})[[*outer, RUN]]
+    if not outer or of_run.isna().any(axis=None) or of_run.duplicated().any():
+        return X, y
+    guess.remarks.append(f"labels by {pattern}")
+    rows = of_run.loc[X.index.get_level_values(RUN)]
+    time = X.index.get_level_values(TIME)
+    arrays = [rows[level].to_numpy() for level in rows]
+    X.index = y.index = pd.MultiIndex.from_arrays([*arrays, time], names=[*rows, TIME])
     return X, y

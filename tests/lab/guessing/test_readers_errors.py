@@ -52,11 +52,12 @@ class TestArguments:
         fails("holds 3 .int.", [path, 3], TypeError)
         fails("no file .*absent.csv", tmp_path / "absent.csv", FileNotFoundError)
         fails(r"No file matches the pattern .*\*\.mat", f"{tmp_path}/*.mat", FileNotFoundError)
-        fails("is a folder: name its files with a pattern", tmp_path)
+        (tmp_path / "empty").mkdir()
+        fails("has no file that can be read", tmp_path / "empty", FileNotFoundError)
         fails("is named twice", [path, f"{path.parent}/*.csv"])
-        other = tmp_path / "run.xlsx"
+        other = tmp_path / "run.xls"
         other.touch()
-        fails(r"extension '.xlsx'; skhoid reads .csv.*\.mat", other)
+        fails(r"extension '.xls'; skhoid reads .csv.*\.mat", other)
 
 
 class TestColumns:
@@ -129,7 +130,8 @@ class TestRuns:
         (tmp_path / "b").mkdir()
         first = write(tmp_path, "csv", COLUMNS | {"r": [1, 1, 2]})
         second = write(tmp_path / "b", "csv", COLUMNS | {"r": [3, 2, 2]})
-        fails(f"labelled 'run1', {first} and {second}: rename a file", [first, second])
+        X, _ = read_runs([first, second], **ROLES)
+        assert list(X.index.unique("run")) == ["csv/run1", "b/csv/run1"]
         fails(f"labelled 2, {first} and {second}: give every run", [first, second], run="r")
 
     def test_not_contiguous(self, tmp_path, write):

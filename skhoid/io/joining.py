@@ -1,0 +1,163 @@
+"""Several files of one run: one signal a file, joined by their clock or by their rows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..runs.roles import names_time
+from ..runs.tables import advances_evenly
+from .archives import Stream, grid_of
+from .files import FileTable, numbers_of, one_by_one, split_header
+
+_ROWS_LOOKED_AT = 1000
+
+
+@dataclass(frozen=True)
+class _Signals:
+    """One file: the positions of its signals, and of its clock."""
+
+    table: FileTable
+    at: tuple[int, ...]
+    clock: int | None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.table.names[k] for k in self.at)
+
+
+def are_parts(first: FileTable, second: FileTable) -> bool:
+    """Whether two files may hold signals of one run: one signal each, or none in common."""
+    one, other = _look(first), _look(second)
+    return len(one.at) == len(other.at) == 1 or bool(
+        one.at and other.at and not set(one.names) & set(other.names)
+    )
+
+
+def join_parts(tables: Sequence[FileTable]) -> list[FileTable] | None:
+    """One table for each run; None if the files are none of single signals."""
+    found = [_look(table) for table in tables]
+    groups: dict[Any, list[_Signals]] = {}
+    for one in found:
+        groups.setdefault(one.names, []).append(one)
+    named = len(groups) > 1
+    if not named:  # the header is the same in all: names of files say which signal it is
+        place = _place_of_signal([_words(one.table.path) for one in found])
+        if place is None or any(len(one.at) != 1 for one in found):
+            return None
+        groups = {}
+        for one in found:
+            groups.setdefault(_words(one.table.path)[place], []).append(one)
+    counts = {len(group) for group in groups.values()}
+    if len(groups) < 2 or len(counts) > 1:
+        return None
+    runs = list(zip(*groups.values(), strict=True))
+    if any(len({_numbers(one.table.path) for one in run}) > 1 for run in runs):
+        return None
+    labels = list(map(str, groups)) if not named else None
+    return [_joined(run, labels, alone=len(runs) == 1) for run in runs]
+
+
+def _look(table: FileTable) -> _Signals:
+    clock = None
+    signals = []
+    for k, (name, raw) in enumerate(zip(table.names, table.peek(_ROWS_LOOKED_AT), strict=True)):
+        values = numbers_of(raw)
+        if names_time(split_header(name)[0].rpartition(".")[2]) or advances_evenly(values):
+            clock = k if clock is None else clock
+        elif values.size > 1:
+            signals.append(k)
+    return _Signals(table, tuple(signals), clock)
+
+
+def _words(path: Path) -> list[str]:
+    return [word for word in re.split(r"[\W_]+", path.stem) if word] or [path.stem]
+
+
+def _numbers(path: Path) -> tuple[str, ...]:
+    return tuple(re.findall(r"\d+", path.stem))
+
+
+def _place_of_signal(rows: list[list[str]]) -> int | None:
+    """The part of the names of files that is a word, another in each file of a run."""
+    width = len(rows[0])
+    if any(len(row) != width for row in rows):
+        return None
+    for place in reversed(range(width)):
+        signals = {row[place] for row in rows}
+        rest = {tuple(row[:place] + row[place + 1 :]) for row in rows}
+        are_words = len(signals) > 1 and not any(map(str.isdecimal, signals))
+        if are_words and len(signals) * len(rest) == len(rows):
+            return place
+    return None
+
+
+def _joined(parts: Sequence[_Signals], labels: list[str] | None, *, alone: bool) -> FileTable:
+    """The signals of one run on one clock."""
+    first = parts[0].table
+    folder = first.path.parent
+    common = set(_words(first.path)).intersection(*(_words(one.table.path) for one in parts[1:]))
+    own = "_".join(word for word in _words(first.path) if word in common)
+    if not own and not alone:
+        own = "_".join(_numbers(first.path))
+    path = folder / (own or folder.absolute().name)
+    names: list[str] = []
+    columns: list[Any] = []
+    units: dict[str, str] = {}
+    for k, one in enumerate(parts):
+        loaded = one.table.load(one.at, None)[0]
+        for position, values in zip(one.at, loaded, strict=True):
+            name = one.table.names[position] if labels is None else labels[k]
+            unit = one.table.unit_of(position)
+            units |= {name: unit} if unit else {}
+            names.append(name)
+            columns.append(numbers_of(values))
+    timed = [
+        pd.Series(np.ravel(one.table.load([one.clock], None)[0][0]))
+        for one in parts
+        if one.clock is not None
+    ]
+    lengths = {len(values) for values in columns}
+    listed = ", ".join(one.table.path.name for one in parts)
+    how = "row by row"
+    if len(timed) < len(parts) or all(timed[0].equals(clock) for clock in timed):
+        if len(lengths) > 1:
+            raise ValueError(
+                f"{listed} of {folder} look like the signals of one run, but have "
+                f"{' and '.join(map(str, sorted(lengths)))} rows and not all have a clock: add "
+                "the column of the time to each."
+            )
+        how = "by their clock" if timed else how
+    else:
+        by_part = [(numbers_of(clock), one.at) for clock, one in zip(timed, parts, strict=True)]
+        each = [clock for clock, at in by_part for _ in at]
+        streams = [_stream(*pair) for pair in zip(names, each, columns, strict=True)]
+        instants, start = grid_of(folder, streams, None)
+        columns = [stream.at(instants + start, 0) for stream in streams]
+        timed = [pd.Series(instants)]
+        how = "interpolated onto one clock, with the step of the fastest"
+    if timed:
+        clock = next(one for one in parts if one.clock is not None)
+        names.insert(0, clock.table.names[clock.clock])  # type: ignore[index]
+        columns.insert(0, timed[0])
+        unit = clock.table.unit_of(clock.clock)  # type: ignore[arg-type]
+        units |= {names[0]: unit} if unit else {}
+    return FileTable(
+        path,
+        names,
+        one_by_one(columns.__getitem__),
+        units=units,
+        remarks=[f"{len(parts)} files are one run, {how}: {listed}"],
+    )
+
+
+def _stream(name: str, clock: np.ndarray, values: np.ndarray) -> Stream:
+    later = np.append(True, np.diff(clock) > 0)
+    clock, values = clock[later], values[later]
+    return Stream(name, clock, values[:, None], 1 / float(np.median(np.diff(clock))))
