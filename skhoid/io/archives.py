@@ -60,7 +60,7 @@ def read_parquet(path: Path) -> FileTable:
     remarks = []
     for position, name in enumerate(names):
         values = frame.iloc[:, position]
-        if values.dtype.kind == "M" and values.nunique() > 1:
+        if values.dtype.kind == "M" and (values != values.iloc[0]).any():
             values = values - values.iloc[0]
         if values.dtype.kind == "m":
             frame.isetitem(position, values.dt.total_seconds())
