@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import codecs
 import csv
-import itertools
+import gzip
+import io
 import re
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ..text import counted
-from .files import Columns, FileTable, coded
+from .files import Columns, FileTable, coded, read_as
 
 UNITS = {"deg": "deg", "degree": "deg", "rad": "rad", "px": "px", "pixel": "px", "mm": "mm"}
 UNITS |= {"cm": "cm", "m": "m", "nm": "Nm", "volt": "V", "v": "V", "mv": "mV", "pct": "%"}
@@ -28,8 +29,10 @@ _KNOWN_UNITS = {*UNITS, *TIME_UNITS, *UNITS.values()}
 _KNOWN_UNITS |= {"\u00b0", "%", "m/s", "rad/s", "hz", "\u00b0/s"}
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?\s*$")
 _DECIMAL_POINT = re.compile(_DECIMAL_COMMA.pattern.replace(",", r"\."))
-_CHUNK = 1 << 20  # bytes, or characters
 _FAR = 200  # lines in which the header must come
+_COMMENT = re.compile(r"\s*[#%;!*/]+\s*(?=\S|$)")
+_RULE = re.compile(r"[-=_*+|\s]*$")
+_SPACE = " "  # stands for white space of any kind
 # The default parser of pandas < 3.1 is off by an ulp for some numbers; later it is exact, and the
 # option deprecated.
 _EXACT: dict[str, Any] = (
@@ -40,22 +43,25 @@ _EXACT: dict[str, Any] = (
 
 
 def read_csv(path: Path) -> FileTable:
-    """Read a text file with a header row; separator comma, semicolon or tab."""
-    sheet = _find_header(path)
+    """Read a text file: separator comma, semicolon, tab or white space; a header if it has one."""
+    sheet = _find_table(path)
     names = [_mend(name) for name in sheet.names]
-    note = ""
-    if all(map(_is_number, names)):
-        note = "Its first row holds numbers: add a header row with the names of the columns."
-    elif len(names) == 1 and len(names[0].split()) > 1:
-        note = "Separate cells with commas, semicolons or tabs, not with spaces."
 
     def load(numbers: Sequence[int], labels: int | None) -> Columns:
         columns = [sheet.column(position) for position in numbers]
         return columns, None if labels is None else coded(sheet.column(labels))
 
+    note = "It has no header: its columns are named by their numbers." if sheet.numbered else ""
     table = FileTable(path, names, load, note=note, first_rows=sheet.peek)
+    if sheet.numbered:
+        table.remarks.append(f"no header, so that columns are numbered from 1 to {len(names)}")
+    if sheet.remark:
+        table.remarks.append(sheet.remark)
     if sheet.above:
-        table.remarks.append(f"{counted(sheet.above, 'line')} above the header skipped")
+        where = "rows" if sheet.numbered else "header"
+        table.remarks.append(f"{counted(sheet.above, 'line')} above the {where} skipped")
+    for whole in sheet.rests:
+        table.remarks.append(f'the nanoseconds of "{names[sheet.rests[whole]]}" are added')
     garbled = [new for old, new in zip(sheet.names, names, strict=True) if old != new]
     if garbled:
         table.remarks.append(
@@ -75,34 +81,34 @@ class _Sheet:
     """A table of text: the names in its header, and the rows below."""
 
     path: Path
-    encoding: str
+    text: str
     separator: str
     names: list[str]
-    skip: int  # lines
+    skip: int  # lines before the first row
     above: int = 0  # of these, lines above the header
     units: tuple[str, ...] = ()
+    numbered: bool = False  # there is no header
+    remark: str = ""
+
+    @cached_property
+    def body(self) -> str:
+        """The rows; comments among them are blank lines."""
+        rows = self.text.split("\n", self.skip)[-1] if self.skip else self.text
+        return re.sub(r"(?m)^[ \t]*[#%].*$", "", rows)
 
     @cached_property
     def cells(self) -> pd.DataFrame:
         return self._parse()
 
-    def _parse(self, **options: Any) -> pd.DataFrame:
-        with _open(self.path, self.encoding, self.skip) as file, warnings.catch_warnings():
-            # pandas only warns when a row has more cells than the header, and drops the rest.
-            warnings.simplefilter("error", pd.errors.ParserWarning)
-            try:
-                cells = pd.read_csv(
-                    file,
-                    sep=self.separator,
-                    header=None,
-                    names=range(len(self.names)),
-                    index_col=False,
-                    skipinitialspace=True,
-                    low_memory=False,
-                    **_EXACT,
-                    **options,
-                )
-            except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
+    def _parse(self) -> pd.DataFrame:
+        try:
+            cells = self._parse_text(self.body)
+        except (pd.errors.ParserError, pd.errors.ParserWarning) as error:
+            sign = re.escape(self.separator)
+            whole = re.sub(rf"(?m)(?<=[^{sign}\s])[{sign} \t]+$", "", self.body)
+            try:  # separators at the end of rows
+                cells = self._parse_text(whole)
+            except (pd.errors.ParserError, pd.errors.ParserWarning):
                 raise ValueError(self.wrong_row(str(error))) from error
         for _, column in cells.select_dtypes(exclude="number").items():
             broken = np.flatnonzero(column.astype(str).str.contains("\n"))
@@ -110,19 +116,47 @@ class _Sheet:
                 raise ValueError(_open_quote(self.path, self.skip + int(broken[0]) + 1))
         return cells
 
-    def peek(self, n_rows: int) -> list[Any]:
-        """The first cells of each column."""
-        cells = self._parse(nrows=n_rows)
-        return [cells[position] for position in cells]
+    def _parse_text(self, text: str) -> pd.DataFrame:
+        with warnings.catch_warnings():
+            # pandas only warns when a row has more cells than the header, and drops the rest.
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            return pd.read_csv(
+                io.StringIO(text),
+                sep=r"\s+" if self.separator == _SPACE else self.separator,
+                header=None,
+                names=range(len(self.names)),
+                index_col=False,
+                skipinitialspace=True,
+                low_memory=False,
+                **_EXACT,
+            )
 
-    def column(self, position: int) -> pd.Series:
+    def peek(self, count: int | None) -> list[Any]:
+        """The first cells of each column."""
+        return [self.column(k, strict=False)[:count] for k in range(len(self.names))]
+
+    @cached_property
+    def rests(self) -> dict[int, int]:
+        """Columns of whole seconds, and those of the nanoseconds that belong to them, as in ROS."""
+        places = {name: k for k, name in enumerate(self.names)}
+        pairs = {}
+        for k, name in enumerate(self.names):
+            head = re.sub("secs?$", "", name)
+            for rest in ("nsecs", "nanosec", "nsec") if head != name else ():
+                if f"{head}{rest}" in places:
+                    pairs[k] = places[f"{head}{rest}"]
+        return pairs
+
+    def column(self, position: int, *, strict: bool = True) -> pd.Series:
         """A column; decimal commas become points if no number of the file has a point."""
         column = self.cells[position]
+        if position in self.rests:
+            return column + self.cells[self.rests[position]] * 1e-9
         if self.separator == "," or pd.api.types.is_numeric_dtype(column.dtype):
             return column
         commas = column.dropna().astype(str)
         commas = commas[commas.str.match(_DECIMAL_COMMA)]
-        if commas.empty:
+        if commas.empty or (self._with_points and not strict):
             return column
         if self._with_points:
             raise ValueError(
@@ -153,134 +187,187 @@ class _Sheet:
         if "EOF inside string" in said:
             last = int(said.rpartition(" ")[2])
             return _open_quote(self.path, self.skip + last + 1)
-        with _open(self.path, self.encoding, self.skip) as file:
-            rows = csv.reader(file, delimiter=self.separator, skipinitialspace=True)
-            for row in rows:
-                if len(row) > len(self.names):
-                    return (
-                        f"{self.path} cannot be read as a table of "
-                        f"{counted(len(self.names), 'column')} separated by {self.separator!r}, as "
-                        f"in its first line ({self.separator.join(self.names)[:60]!r}): line "
-                        f"{self.skip + rows.line_num} has {len(row)} cells. The first line must be "
-                        "the header: delete anything above the names of the columns. Every row "
-                        "needs as many cells as the header."
-                    )
+        for number, line in enumerate(self.body.split("\n"), self.skip + 1):
+            row = _without_end(_split(line, self.separator))
+            if len(row) > len(self.names):
+                separator = "white space" if self.separator == _SPACE else repr(self.separator)
+                return (
+                    f"{self.path} cannot be read as a table of "
+                    f"{counted(len(self.names), 'column')} separated by {separator}, as "
+                    f"in its header ({self.separator.join(self.names)[:60]!r}): line "
+                    f"{number} has {len(row)} cells. Every row needs as many cells as the header."
+                )
         return f"{self.path}: {said}"
 
 
-def _open(path: Path, encoding: str, skip: int = 0) -> TextIO:
-    errors = "replace" if encoding == "cp1252" else "strict"
-    file = path.open(encoding=encoding, errors=errors)
-    for _ in range(skip):
-        file.readline()
-    return file
-
-
-def _find_encoding(path: Path) -> str:
-    with path.open("rb") as file:
-        is_wide = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-        file.seek(0)
-        while not is_wide and (chunk := file.read(_CHUNK)):
-            if b"\0" in chunk:
-                raise ValueError(
-                    f"{path} has a zero byte, which no text has: it is damaged, or not a text "
-                    "file. Save it again, as UTF-8."
-                )
+def _read_text(path: Path) -> str:
+    """The text of a file in whatever encoding, with one kind of line end."""
+    content = path.read_bytes()
+    if content[:2] == b"\x1f\x8b":
+        with read_as(path, "a gzip archive"):
+            content = gzip.decompress(content)
+    is_wide = content[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+    if not is_wide and b"\0" in content:
+        raise ValueError(
+            f"{path} has a zero byte, which no text has: it is damaged, or not a text "
+            "file. Save it again, as UTF-8."
+        )
     try:
-        with path.open(encoding="utf-16" if is_wide else "utf-8") as text:
-            while text.read(_CHUNK):
-                pass
+        text = content.decode("utf-16" if is_wide else "utf-8-sig")
     except UnicodeDecodeError as error:
         if is_wide:
             raise ValueError(
                 f"{path} begins as UTF-16 text, but is none. Save it as UTF-8."
             ) from error
         # Western European Windows: what spreadsheets write for the degree sign in "e [°]".
-        return "cp1252"
-    return "utf-16" if is_wide else "utf-8-sig"
+        text = content.decode("cp1252", "replace")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def _find_header(path: Path) -> _Sheet:
-    """Read the header of a file, and make sure that rows follow."""
-    encoding = _find_encoding(path)
-    with _open(path, encoding) as file:
-        above = _count_lines_above(list(itertools.islice(file, _FAR)))
-    with _open(path, encoding, above) as file:
-        skip = above
-        while not (first := file.readline()).strip():
-            skip += 1
-            if not first:
-                raise ValueError(f"{path} is empty.")
-        separator = next((sign for sign in "\t;" if sign in first), ",")
-        lines = itertools.chain([first], file)
-        rows = csv.reader(lines, delimiter=separator, skipinitialspace=True)
-        header = skip + 1
-        try:
-            names = [name.strip() for name in next(rows)]
-            length, units = rows.line_num, list[str]()
-            row = _next_row(rows)
-            if row is not None and are_units(row) and not any(map(_is_number, row)):
-                end, after = rows.line_num, _next_row(rows)
-                if after is not None and any(map(_is_number, after)):
-                    units, row, length = [_unit_in(cell) for cell in row], after, end
-        except csv.Error as error:  # a cell of more than 128 kB
-            raise ValueError(_open_quote(path, header)) from error
-    # A quote that is closed further down makes rows a part of a name.
-    if any(name.count("\n") > 1 for name in names):
-        raise ValueError(_open_quote(path, header))
-    if row is None:
+def _find_table(path: Path) -> _Sheet:
+    """Find separator, header and first row of a text: rows of numbers say where they are."""
+    text = _read_text(path)
+    lines = text.split("\n", _FAR)[:_FAR]
+    for k in range(len(lines) - 1):  # a name of two lines, in quotes
+        if re.search('(^|[\t;, ])"[^"]*$', lines[k]) and re.match(
+            '[^"]*"($|[\t;, ])', lines[k + 1]
+        ):
+            lines[k : k + 2] = "", f"{lines[k]} {lines[k + 1]}"
+    first = next((k for k, line in enumerate(lines) if line.strip()), None)
+    if first is None:
+        raise ValueError(f"{path} is empty.")
+    found = max((_find_rows(lines, sign) for sign in "\t;, "), key=lambda rows: rows.weight)
+    if not found.weight:  # of one column, or of text
+        sign = next((sign for sign in "\t;," if sign in lines[first]), ",")
+        return _below(path, text, sign, lines, first, first, _split(lines[first], sign))
+    start, sign, width = found.start, found.sign, found.width
+    row = _split(lines[start], sign)
+    while start and _continues(_split(lines[start - 1], sign), row):  # where numbers are missing
+        start -= 1
+    above = [k for k in range(start) if not _RULE.match(lines[k].replace(sign, " "))]
+    while above:
+        names = _names(lines, above[-1], sign, width, row)
+        if names and len(above) > 1 and not any(map(_is_number, names)):
+            over = _names(lines, above[-2], sign, width, row)
+            whole = over and all(over) and len(set(over)) == width and above[-2] == above[-1] - 1
+            if over and (whole or are_units(names)) and not any(map(_is_number, over)):
+                return _below(path, text, sign, lines, above[-2], above[-1], over, names)
+        if names and not any(map(_is_number, names)):
+            return _below(path, text, sign, lines, above[-1], above[-1], names)
+        is_comment = _COMMENT.match(lines[above[-1]])
+        cells = _without_end(_split(lines[above[-1]], sign))
+        if not is_comment and (len(cells) > 1 and sign != _SPACE):
+            sheet = _below(path, text, sign, lines, above[-1], above[-1], cells)
+            if len(cells) > width:
+                return sheet  # rows that end early
+            raise ValueError(sheet.wrong_row(""))
+        if not is_comment:
+            break
+        above.pop()
+    row = _split(lines[start], sign)
+    after = next((_split(line, sign) for line in lines[start + 1 :] if line.strip()), None)
+    if after and not _continues(row, after):
+        return _below(path, text, sign, lines, start, start, row)
+    counted_up = [[str(k + base) for k in range(width)] for base in (0, 1)]
+    if after and width > 2 and row in counted_up and float(after[0] or "nan") <= int(row[0]):
+        sheet = _below(path, text, sign, lines, start, start, row)
+        return replace(sheet, remark=f"its first row, {', '.join(row)}, is taken for the header")
+    names = [str(k + 1) for k in range(width)]
+    return _Sheet(path, text, sign, names, start, start - first, numbered=True)
+
+
+def _continues(row: list[str], after: list[str]) -> bool:
+    """Whether a row is one of samples, as the next one is: there are numbers, and no names."""
+    return (
+        len(row) == len(after)
+        and any(map(_is_number, row))
+        and not any(
+            cell and not _is_number(cell) and _is_number(below)
+            for cell, below in zip(row, after, strict=True)
+        )
+    )
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Rows of numbers in the first lines of a text, if a sign separates their cells."""
+
+    sign: str
+    weight: float  # share of cells that are numbers; 0 if there are no such rows
+    start: int = 0
+    width: int = 0
+
+
+def _find_rows(lines: list[str], sign: str) -> _Rows:
+    rows = {k: _without_end(_split(line, sign)) for k, line in enumerate(lines) if line.strip()}
+    counts = {k: sum(map(_is_number, row)) for k, row in rows.items()}
+    there = [k for k, count in counts.items() if count >= 2]
+    if not there:
+        return _Rows(sign, 0.0)
+    widths = [len(rows[k]) for k in there]
+    width = max(set(widths), key=lambda w: (widths.count(w), w))
+    there = [k for k in there if len(rows[k]) == width]
+    share = sum(counts[k] for k in there) / (width * len(there))
+    return _Rows(sign, share, there[0], width)
+
+
+def _names(lines: list[str], k: int, sign: str, width: int, row: list[str]) -> list[str] | None:
+    """The cells of a line as names of columns, if there are as many; units may stand apart."""
+    line = lines[k]
+    for text in (line, _COMMENT.sub("", line, count=1)):
+        ways = [_split(text, sign)]
+        if sign == _SPACE:
+            ways += [_split(text, other) for other in "\t;,"]
+            ways += [re.split(r"\s{2,}|\t", text.strip())]
+            whole = re.sub(r"\s+(?=[\[(][^\])]*[\])])", "\0", text)
+            ways += [[cell.replace("\0", " ") for cell in _split(whole, sign)]]
+        for cells in ways:
+            for names in (cells, _without_end(cells)):
+                if len(names) == width:
+                    return names
+            if len(cells) == width - 1 and lines[k + 1].startswith('"'):
+                return ["", *cells]  # numbers of rows, as R writes them
+    return None
+
+
+def _below(
+    path: Path,
+    text: str,
+    sign: str,
+    lines: list[str],
+    header: int,
+    last: int,
+    names: list[str],
+    units: list[str] | None = None,
+) -> _Sheet:
+    """The table whose header stands in a line; ``last`` is that of the units below it."""
+    if lines[header].count('"') % 2:
+        raise ValueError(_open_quote(path, header + 1))
+    if not any(line.strip() for line in text.split("\n", last + 1)[last + 1 :]):
         raise ValueError(f"{path} has a header but no rows.")
-    sheet = _Sheet(path, encoding, separator, names, skip + length, above, tuple(units))
-    if len(row) > len(names):
-        raise ValueError(sheet.wrong_row(""))
-    return sheet
-
-
-def _count_lines_above(lines: list[str]) -> int:
-    """How many lines of other text stand above the header.
-
-    The rows below it have as many cells and hold numbers; the first line is the header unless it
-    has fewer cells.
-    """
-    first = next((k for k, line in enumerate(lines) if line.strip()), 0)
-    for sign in "\t;,":
-        rows = [_split(line, sign) for line in lines]
-        starts = (k for k in range(first + 1, len(rows) - 1) if _are_samples(rows[k], rows[k + 1]))
-        data = next(starts, None)
-        if data is None:
-            continue
-        width = len(rows[data])
-        header = data - 1
-        while header > first and len(rows[header]) <= 1:
-            header -= 1
-        if are_units(rows[header]) and len(rows[header - 1]) == width:
-            header -= 1
-        named = len(rows[header]) == width and not any(map(_is_number, rows[header]))
-        filled = [cell for cell in rows[first] if cell]
-        is_other = len(rows[first]) < width or 2 * len(filled) <= width
-        return header if named and header > first and is_other else 0
-    return 0
+    first = next(k for k, line in enumerate(lines) if line.strip())
+    found = tuple(map(_unit_in, units or ()))
+    names = [name.strip() for name in names]
+    return _Sheet(path, text, sign, names, last + 1, header - first, found)
 
 
 def _split(line: str, sign: str) -> list[str]:
+    line = " ".join(line.split()) if sign == _SPACE else line
     if '"' not in line:
         return [cell.strip() for cell in line.split(sign)]
     try:
-        return next(csv.reader([line], delimiter=sign, skipinitialspace=True), [])
+        row = next(csv.reader([line], delimiter=sign, skipinitialspace=True), [])
     except csv.Error:  # a cell of more than 128 kB
         return [line]
+    return [cell.strip() for cell in row]
 
 
-def _are_samples(row: list[str], after: list[str]) -> bool:
-    """Whether two rows are samples of several columns, at least two of them numbers."""
-    if len(row) < 3 or len(row) != len(after):
-        return False
-    pairs = zip(row, after, strict=True)
-    return sum(_is_number(one) and _is_number(other) for one, other in pairs) >= 2
-
-
-def _next_row(rows: Any) -> list[str] | None:
-    return next((row for row in rows if len(row) > 1 or "".join(row).strip()), None)
+def _without_end(cells: list[str]) -> list[str]:
+    """Cells without the empty ones at the end."""
+    end = len(cells)
+    while end and not cells[end - 1]:
+        end -= 1
+    return cells[:end]
 
 
 def are_units(cells: list[str]) -> bool:

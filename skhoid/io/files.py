@@ -8,6 +8,7 @@ import importlib
 import os
 import re
 import reprlib
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -175,15 +176,15 @@ class FileTable:
     unreadable: dict[str, str] = field(default_factory=dict)
     note: str = ""
     kind: str = "column"
-    first_rows: Callable[[int], list[Any]] | None = None
+    first_rows: Callable[[int | None], list[Any]] | None = None
     run_name: str | None = None
     remarks: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
     aliases: dict[str, str] = field(default_factory=dict)
     resolve: Callable[[str], bool] | None = None
 
-    def peek(self, count: int) -> list[Any]:
-        """The first samples of each column, or of its first run if its columns are runs."""
+    def peek(self, count: int | None = None) -> list[Any]:
+        """All samples of each column, or the first; of its first run if its columns are runs."""
         if self.first_rows is not None:
             return self.first_rows(count)
         columns, _ = self.load(range(len(self.names)), None)
@@ -338,6 +339,60 @@ def as_numbers(values: Any, where: str) -> np.ndarray:
             f"{advice}"
         )
     return numbers.to_numpy(dtype=np.float64, na_value=np.nan)
+
+
+_DAY = 86400.0  # s
+_TIME_OF_DAY = re.compile(
+    r"^(?P<date>.*?)[T\s,_]*(?:(?P<h>\d{1,2}):)?(?P<m>\d{1,2}):(?P<s>\d{1,2}(?:[.,:]\d+)?)"
+    r"\s*(?P<half>[AaPp])?(?(half)\.?\s?[Mm]\.?)\s*(?:Z|UTC|GMT|[+-]\d\d:?\d\d)?\s*$"
+)
+
+
+def read_clock(raw: Any) -> np.ndarray:
+    """A column of times as numbers; dates and times of day as seconds from the first of them.
+
+    A time of day that falls by more than half a day has passed midnight.
+    """
+    series = raw if isinstance(raw, pd.Series) else pd.Series(np.ravel(raw))
+    numbers = numbers_of(series)
+    if 2 * np.isfinite(numbers).sum() >= series.notna().sum():
+        return numbers
+    if series.dtype.kind in "mM":
+        return (series - series[series.first_valid_index()]).dt.total_seconds().to_numpy()
+    texts = series.where(series.notna(), "").astype(str).str.strip()
+    parts = texts.str.extract(_TIME_OF_DAY)
+    if 2 * parts["s"].notna().sum() < series.notna().sum():
+        return numbers
+    hours = pd.to_numeric(parts["h"]).fillna(0.0)
+    half = parts["half"].str.casefold()
+    hours = hours.where(half.isna(), hours % 12) + 12 * (half == "p")
+    seconds = pd.to_numeric(parts["s"].str.replace("[,:]", ".", regex=True))
+    time = (3600 * hours + 60 * pd.to_numeric(parts["m"]) + seconds).to_numpy()
+    dates = parts["date"].fillna("").str.strip()
+    if dates.str.len().max() > 0:
+        return _since_first(time + _DAY * dates.map(_days_of(dates)).to_numpy(dtype=float))
+    return _since_first(time + _DAY * np.cumsum(np.diff(time, prepend=time[0]) < -_DAY / 2))
+
+
+def _since_first(time: np.ndarray) -> np.ndarray:
+    there = time[np.isfinite(time)]
+    return time - there[0] if there.size else time
+
+
+def _days_of(dates: pd.Series) -> dict[str, float]:
+    """Days of dates as they are written, from an arbitrary one; NaN where one cannot be read."""
+    written = [date for date in dates.unique() if date]
+    spans = {date: re.fullmatch(r"(-?\d+) days?", date) for date in written}
+    if all(spans.values()):
+        return {date: float(span[1]) for date, span in spans.items() if span}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # each date may be of another form
+        ways = [
+            pd.to_datetime(pd.Series(written), errors="coerce", dayfirst=first, format="mixed")
+            for first in (True, False)
+        ]
+    days = min(ways, key=lambda way: (way.isna().sum(), way.max() - way.min()))
+    return dict(zip(written, (days - days[0]).dt.total_seconds() / _DAY, strict=True))
 
 
 def numbers_of(raw: Any) -> np.ndarray:

@@ -18,9 +18,7 @@ from .joining import are_parts, join_parts
 from .matlab import read_mat
 
 READERS: dict[str, Callable[[Path], FileTable]] = {
-    ".csv": read_csv,
-    ".tsv": read_csv,
-    ".txt": read_csv,
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc", ".log", ".res", ".gz"), read_csv),
     ".parquet": read_parquet,
     ".pq": read_parquet,
     ".feather": read_parquet,

@@ -32,7 +32,7 @@ _TIME_WORDS = (TIME, "timestamp", "elapsed")
 _SECONDS = ("second", "sec", "msec", "ms")
 _UNITS = (*_SECONDS, "s", "us")
 _NUMBERING = ("id", "no", "nr", "num", "number", "index", "idx")
-_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")  # also those of camelCase
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_A-Za-z]+")  # also those of camelCase
 _UNIT = re.compile(r"\s*(\([^()]*\)|\[[^][]*\])\s*$")
 
 

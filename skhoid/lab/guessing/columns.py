@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ...io import first_table
-from ...io.files import FileTable, numbers_of, split_header
+from ...io.files import FileTable, numbers_of, read_clock, split_header
 from ...runs.roles import OUTPUT, role_of
 from ...runs.tables import advances_evenly, labelled_stretches
-from .problems import MEANING, OPTION, ColumnGuess, Problem, quoted, said_alone
+from .loops import ANSWERS, IGNORES, answers, find_loop, influence
+from .problems import MEANING, MOST, OPTION, ColumnGuess, Problem, quoted, said_alone
 from .words import (
     STRONG,
     alike,
@@ -32,9 +34,10 @@ from .words import (
     unit_by_name,
 )
 
-PEEK = 1000  # rows
+PEEK = 1000  # rows that are shown
+_FALLS = 0.01  # most runs in a row of a clock, on average
 _OUTER, _OF_A_LABEL = ("subject", "condition", "session"), 50  # rows
-LONG_PEEK = 4000  # rows, where values must decide between columns
+_OFFERED = 4  # columns in a question
 _OF_PLANT = 8  # score of a name that says it is the plant's
 _DECIDES, _FAR_BEHIND = 0.6, 0.25  # coherence with the error, of the winner and of all others
 _THE = {"e": "the error e", "u": "the output u", "x": "x", "f_t": "the target f_t"}
@@ -116,10 +119,23 @@ class _Column:
     numbers: np.ndarray  # float64, NaN where there is no number
     raw: Any
 
-    @property
+    @cached_property
     def is_text(self) -> bool:
         given = pd.Series(self.raw).notna().sum()
         return bool(given and np.isfinite(self.numbers).sum() < 0.5 * given)
+
+    @cached_property
+    def times(self) -> np.ndarray:
+        """The values as those of a clock, of which dates and times of day are in seconds."""
+        return read_clock(self.raw) if self.is_text else self.numbers
+
+    @cached_property
+    def falls(self) -> np.ndarray | None:
+        """Rows in which a clock is set back, as runs begin there; None if this is no clock."""
+        step = np.diff(self.times)
+        falls = np.flatnonzero(step < 0) + 1
+        is_clock = step.size > 1 and np.count_nonzero(step > 0) + falls.size == step.size
+        return falls if is_clock and falls.size <= _FALLS * step.size else None
 
 
 class _Guess:
@@ -127,7 +143,7 @@ class _Guess:
 
     def __init__(self, table: FileTable, guess: ColumnGuess, taken: Mapping[int, str]):
         self.table, self.guess = table, guess
-        peeked = table.peek(PEEK)
+        peeked = table.peek()
         self.columns = {
             position: _Column(position, name, numbers_of(raw), raw)
             for position, (name, raw) in enumerate(zip(table.names, peeked, strict=False))
@@ -151,13 +167,21 @@ class _Guess:
         self.found: dict[str, _Column] = {}
         self.doubled: set[str] = set()
         self.tied: dict[str, list[_Column]] = {}
+        self.outputs: list[_Column] = []  # that may be the output, the likeliest first
         self._by_name(open_roles, least=STRONG)
         self._by_value(open_roles)
-        self._by_name(open_roles, least=1)
+        self._by_name(open_roles - {"dist"}, least=1)
         self._by_value(open_roles)
         self._settle_output()
+        self._by_loop(open_roles, known)
+        self._by_name(open_roles & {"dist"}, least=1)
+        self._as_plant(open_roles, known)
         for role, column in self.found.items():
-            if role == "u":
+            if role == "driven":
+                guess.channels[column.header], guess.roles["u"] = "u", "e"
+            elif role == "answer":
+                guess.output = (column.header, "y")
+            elif role == "u":
                 guess.output = (column.header, OUTPUT)
             else:
                 guess.channels[column.header] = role
@@ -169,6 +193,8 @@ class _Guess:
         self._say_ties()
         self._say_doubled(open_roles)
         self._say_missing(known, output_known, signals)
+        if len(guess.columns) > MOST:  # what may be asked for comes first
+            guess.columns.sort(key=[c.header for c in self._nameless()].__contains__, reverse=True)
         guess.unused = [
             c.header
             for c in self.free.values()
@@ -177,6 +203,26 @@ class _Guess:
 
     def _take(self, position: int) -> _Column:
         return self.free.pop(position)
+
+    def _as_plant(self, open_roles: set[str], known: set[str]) -> None:
+        """Where nothing but u and what follows it was recorded, the element is identified."""
+        there = set(self.signals) | known | set(self.tied)
+        left = [*self._signals(), *(self.found[r] for r in ("x",) if r in self.found)]
+        left = [c for c in left if moves(c.numbers) and not is_row_number(c.header)]
+        if there & {"e", "f_t"} or "e" not in open_roles or "u" not in self.found or len(left) != 1:
+            return
+        driven, answer = self.found["u"], left[0]
+        forth, back = influence([driven.numbers, answer.numbers])[[0, 1], [1, 0]]
+        letters = (folded(driven.header).casefold(), folded(answer.header).casefold()) == ("u", "y")
+        if not letters and not (forth > ANSWERS and back < IGNORES):
+            return
+        self.free.pop(answer.position, None)
+        self.found, self.guess.is_driven = {"driven": driven, "answer": answer}, True
+        self.signals |= {"e": driven.numbers, "u": answer.numbers}
+        self.guess.remarks.append(
+            f"there is no error and no target, so that {quoted(driven.header)} is what drives an "
+            f"element and {quoted(answer.header)} its output"
+        )
 
     def _find_clock(self) -> None:
         guess = self.guess
@@ -189,16 +235,16 @@ class _Guess:
         if guess.dt is not None:
             return
         named = [c for c in self.free.values() if may_be_time(c.header) and c.numbers.size > 1]
-        named = [c for c in named if not c.is_text] or named
-        if not named:
-            named = [
+        named = [c for c in named if np.isfinite(c.times).any()] or named
+        if not named:  # the column that rises in every row, but where runs begin
+            rising = [
                 c
                 for c in self.free.values()
-                if c.numbers.size > 1
-                and advances_evenly(c.numbers)
+                if c.falls is not None
                 and not is_row_number(c.header)
                 and not roles_by_name(c.header)
-            ][:1]
+            ]
+            named = [c for c in rising if len(rising) == 1 or advances_evenly(c.times)][:1]
         if not named:
             guess.dt = self._stored_dt()
             if guess.dt is None:
@@ -218,7 +264,7 @@ class _Guess:
     def _clock_score(self, column: _Column) -> tuple[bool, bool, bool]:
         name = folded(column.header).casefold().rpartition(".")[2]
         whole = name in ("t", "time", "zeit", "temps", "tijd")
-        return advances_evenly(column.numbers), not column.is_text, whole
+        return advances_evenly(column.times), not column.is_text, whole
 
     def _stored_dt(self) -> float | None:
         """Sampling time of a MATLAB file in a variable of one number."""
@@ -237,6 +283,10 @@ class _Guess:
     def _time_unit(self, position: int, asked: bool = False) -> None:
         guess, column = self.guess, self.columns.get(position)
         if column is None or "time" in guess.units or guess.time in guess.units:
+            return
+        if column.is_text and np.isfinite(column.times).any():
+            guess.units["time"] = "s"
+            guess.time_remark = f"{quoted(column.header)} is read as seconds from its first row"
             return
         if self.table.unit_of(position):
             return
@@ -282,9 +332,19 @@ class _Guess:
             for column in runs[:-1]:
                 guess.levels[self._take(column.position).header] = "block"
         found.pop("run", None)
+        falls = None if guess.time is None else self.columns[self.table.find(guess.time)].falls
+        if guess.run is None and falls is not None and falls.size:
+            for column in list(self.free.values()):
+                codes = pd.factorize(pd.Series(column.raw))[0]
+                if guess.run is None and np.array_equal(np.flatnonzero(np.diff(codes)) + 1, falls):
+                    guess.run = self._take(column.position).header
+                    found = {k: [c for c in v if c is not column] for k, v in found.items()}
+                    guess.remarks.append(
+                        f"{quoted(guess.run)} changes where the clock is set back, and is the run"
+                    )
         if guess.run is None:  # then the innermost label that there is
             for level in ("block", "session"):
-                if level in found and self.table.kind == "column":
+                if found.get(level) and self.table.kind == "column":
                     guess.run = self._take(found.pop(level)[0].position).header
                     break
         for level in ("subject", "session", "condition", "block"):
@@ -358,11 +418,10 @@ class _Guess:
         columns = self.tied.get("u", [])
         if not columns:
             return
-        peeked = self.table.peek(LONG_PEEK)
-        error = self._find_error(peeked)
+        error = self._find_error()
         if error is None:
             return
-        shares = [coherence(numbers_of(peeked[c.position]), error) for c in columns]
+        shares = [coherence(c.numbers, error) for c in columns]
         best, *others = sorted(shares, reverse=True)
         if best < _DECIDES or max(others) > _FAR_BEHIND:
             return
@@ -374,16 +433,42 @@ class _Guess:
         )
         self._give("u", column)
 
-    def _find_error(self, peeked: list[Any]) -> np.ndarray | None:
-        """The error in rows that were looked at, or what stands for it."""
-        at = {role: column.position for role, column in self.found.items()} | {
-            role: position for position, role in self.taken.items()
-        }
-        if "e" in at:
-            return numbers_of(peeked[at["e"]])
-        if "f_t" in at and "x" in at:
-            return numbers_of(peeked[at["f_t"]]) - numbers_of(peeked[at["x"]])
-        return numbers_of(peeked[at["x"]]) if "x" in at else None
+    def _find_error(self) -> np.ndarray | None:
+        """The error, or what stands for it."""
+        if "e" in self.signals:
+            return self.signals["e"]
+        if {"f_t", "x"} <= self.signals.keys():
+            return self.signals["f_t"] - self.signals["x"]
+        return self.signals.get("x")
+
+    def _by_loop(self, open_roles: set[str], known: set[str]) -> None:
+        """Let values and what is left over say what names do not."""
+        left = [c for columns in self.tied.values() for c in columns]
+        left = left or self._nameless() or [c for c in self._signals() if moves(c.numbers)]
+        there = set(self.signals) | known
+        taken: list[_Column] = []
+        error = self._find_error()
+        if there == {"u"} and "e" in open_roles and "u" not in open_roles and len(left) == 1:
+            self._give("e", left[0])  # the output was said
+            taken = left
+        elif "u" in open_roles - there and there & {"e", "f_t"} and len(left) == 1:
+            if error is not None and answers(left[0].numbers, error):
+                self._give("u", left[0])
+                taken = left
+        elif {"u", "e"} & open_roles - there or ({"u", "x"} <= there and not there & {"e", "f_t"}):
+            columns = {c.header: c for c in left}
+            own = {role: f"\0{role}" for role in self.signals if role in ("e", "f_t", "x", "u")}
+            values = {name: self.signals[role] for role, name in own.items()}
+            loop = find_loop(values | {name: c.numbers for name, c in columns.items()}, own)
+            self.outputs = [columns[name] for name in loop.outputs if name in columns]
+            self.tied = {} if loop.roles else self.tied
+            for role, name in loop.roles.items():
+                if role in open_roles and name in columns:
+                    self._give(role, columns[name])
+                    taken.append(columns[name])
+        if taken:
+            names = ", ".join(quoted(c.header) for c in taken)
+            self.guess.remarks.append(f"{names} by values and what is left over, not by name")
 
     def _by_value(self, open_roles: set[str]) -> None:
         """Find what is missing of e, f_t and x by e = f_t - x."""
@@ -470,33 +555,40 @@ class _Guess:
             )
 
     def _say_missing(self, known: set[str], output_known: bool, signals: bool) -> None:
-        guess, tied = self.guess, self.tied
-        there = set(self.signals) | known | set(tied) | self.doubled
+        """Ask for the output, or for the input; for both only if one would not settle the other."""
+        there = set(self.signals) | known | set(self.tied) | self.doubled
+        asks_error = signals and not there & {"e", "f_t"}
+        left = self._nameless() or [c for c in self._signals() if moves(c.numbers)]
+        left = [*self.outputs, *(c for c in left if c not in self.outputs)]
+        offered = left[:_OFFERED]
+        place = self.found.get("x")
+        plainly = "by its name, nor plainly by its values,"
         if not output_known and "u" not in there:
-            left = self._nameless()
-            place = self.found.get("x")
+            text = f"No column is {plainly} the output u, what the person did."
+            options = [("output", c.header) for c in offered]
             # A cursor may be what the person moves; a plant is not.
-            own = place is not None and roles_by_name(place.header).get("x", 0) < _OF_PLANT
-            text = "No column is by its name the output u, what the person did."
-            options = [("output", c.header) for c in left[:4]]
-            if place is not None and own and not left:
+            if not left and place and roles_by_name(place.header).get("x", 0) < _OF_PLANT:
                 text += " If the person moves x itself, that is the output."
                 options = [("output", place.header)]
-            guess.problems.append(Problem(text, tuple(options) or (("output", "NAME"),)))
-        if signals and not there & {"e", "f_t"}:
-            left = self._nameless()
-            options = [("input", c.header) for c in left[:4]] or [("input", "NAME")]
-            guess.problems.append(
-                Problem(
-                    "No column is by its name the error e, or the target f_t, which the person "
-                    "answers.",
-                    tuple(options),
-                )
+            self.guess.problems.append(Problem(text, tuple(options) or (("output", "NAME"),)))
+            if len(left) == 2 or (
+                left and find_loop({c.header: c.numbers for c in left}, {"u": left[0].header}).roles
+            ):
+                asks_error = False
+        if asks_error:
+            text = (
+                f"No column is {plainly} the error e, or the target f_t, which the person answers."
             )
+            options = [("target" if place else "input", c.header) for c in offered]
+            if not left and place:
+                text += " The person may answer x; or x the output, as a driven element does."
+                options = [("input", place.header)]
+                options += [] if output_known else [("output", place.header)]
+            self.guess.problems.append(Problem(text, tuple(options) or (("input", "NAME"),)))
 
 
 def guess_columns(paths: Any, **given: Any) -> ColumnGuess:
-    """Guess which column of the first file is which, from the headers and the first 1,000 rows.
+    """Guess which column of the first file is which, from headers and values.
 
     ``roles`` are those of columns that are known, {"err": "e"}, which keep their names; with
     ``signals=False`` no other channels are taken than these, and the output. Output, time, run,

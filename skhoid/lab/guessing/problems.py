@@ -12,7 +12,7 @@ import pandas as pd
 
 from ...exceptions import ColumnError, IrregularSamplingError, RunIndexError
 from ...io.assembling import count_per_second, find_restarts, plain_labels
-from ...io.files import FileTable, as_numbers, numbers_of, shown
+from ...io.files import FileTable, as_numbers, numbers_of, read_clock, shown
 from ...runs import GAP, RUN, TIME, contiguous_runs, read_layout
 from ...runs.roles import role_of
 
@@ -128,6 +128,7 @@ class ColumnGuess:
     problems: list[Problem] = field(default_factory=list)
     columns: list[str] = field(default_factory=list)
     guessed: bool = True
+    is_driven: bool = False  # an element that u drives, and no person who answers an error
 
     @property
     def all_remarks(self) -> list[str]:
@@ -148,16 +149,18 @@ class ColumnGuess:
         by_role = {self._role(channel): (name, channel) for name, channel in self.channels.items()}
         for role in sorted(by_role, key=lambda r: _ORDER.index(r) if r in _ORDER else 9):
             name, channel = by_role[role]
-            parts.append(f"{MEANING.get(role, channel)} {quoted(name)}")
+            meaning = "input" if role == "e" and self.is_driven else MEANING.get(role, channel)
+            parts.append(f"{meaning} {quoted(name)}")
             if role == "e" and self.error_from == "-e":
                 parts[-1] += " with its sign turned, as it is x - f_t"
         if self.error_from == "f_t - x":
             parts.append("error e = f_t - x")
         if self.output is not None:
-            parts.append(f"output u {quoted(self.output[0])}")
+            parts.append(f"output{'' if self.is_driven else ' u'} {quoted(self.output[0])}")
         text = f"Columns: {', '.join(parts)}"
         if self.unused:
-            text += f"; not used: {', '.join(map(quoted, self.unused))}"
+            text += f"; not used: {', '.join(map(quoted, self.unused[:MOST]))}"
+            text += f" and {len(self.unused) - MOST} more" * (len(self.unused) > MOST)
         return text + "".join(f"; {remark}" for remark in self.all_remarks)
 
     def _role(self, channel: str) -> str:
@@ -260,7 +263,7 @@ def _find_problems(table: FileTable, guess: ColumnGuess) -> list[Problem]:
     if guess.output is not None:
         asked[guess.output[0]] = "u"
     names = [*asked, *([] if guess.time is None else [guess.time])]
-    columns = {name: _numbers(table, name, found) for name in names}
+    columns = {name: _numbers(table, name, found, name == guess.time) for name in names}
     codes, labels = _runs(table, guess, found)
     signals: dict[str, tuple[str, np.ndarray]] = {}
     for name, channel in asked.items():
@@ -290,13 +293,18 @@ def _find_problems(table: FileTable, guess: ColumnGuess) -> list[Problem]:
     )
 
 
-def _numbers(table: FileTable, name: str, found: list[Problem]) -> np.ndarray | None:
+def _numbers(
+    table: FileTable, name: str, found: list[Problem], is_clock: bool
+) -> np.ndarray | None:
     """Numbers of a column, NaN in place of other cells; what is wrong is added to ``found``."""
     try:
         values = table.load([table.find(name)], None)[0][0]
     except ValueError as error:
         found.append(Problem(said_alone(error)))
         return None
+    times = read_clock(values) if is_clock and not np.isfinite(numbers_of(values)).any() else None
+    if times is not None and np.isfinite(times).any():
+        return times
     try:
         as_numbers(values, f"{table.kind.capitalize()} {quoted(name)}")
     except ValueError as error:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from ..._sklearn import DT, checked
@@ -22,6 +23,7 @@ from ...io.files import FileTable, Paths, expand_paths
 from ...io.reading import DOTTED, each_table, first_table, read_named
 from ...runs import RUN, TIME
 from ...runs.roles import role_of
+from ...runs.tables import JITTER_TOLERANCE
 from .columns import make_guess
 from .names import LEVELS, UnclearNamesError, names_guess
 from .problems import (
@@ -31,6 +33,9 @@ from .problems import (
     problems_of_runs,
     where_of,
 )
+
+_TICK_ERROR = 1e-3  # of a tick, by which floats may miss whole ones
+_ROUNDED = 1.5  # ticks, by which a clock that is read late and rounded misses an even one
 
 
 @checked(
@@ -191,6 +196,7 @@ def read_guessed(
     if not guess.problems:
         try:
             X, y = _read_guess(guess, opened)
+            _even_out(X, y, guess)
             problems = problems_of_runs(X, y, irregular=irregular)
             if not problems:
                 return X, y
@@ -203,6 +209,36 @@ def read_guessed(
     raise UnclearColumnsError(
         where_of(files), problems, guess.columns, guess.all_remarks
     ) from failure
+
+
+def _even_out(X: pd.DataFrame, y: pd.Series, guess: ColumnGuess) -> None:
+    """Take a clock that only rounds its times, to whole ms or us, as the even one that it reads."""
+    time = X.index.get_level_values(TIME).to_numpy()
+    for tick in (1e-3, 1e-6):
+        ticks = time / tick
+        if np.abs(ticks - np.round(ticks)).max() > _TICK_ERROR:
+            continue
+        codes = pd.factorize(X.index.droplevel(TIME))[0]
+        starts = np.append(0, np.flatnonzero(np.diff(codes)) + 1)
+        even, uneven = ticks.copy(), 0.0
+        for start, stop in zip(starts, np.append(starts[1:], time.size), strict=True):
+            rows = np.arange(stop - start)
+            if rows.size < 3:
+                return
+            step, first = np.polyfit(rows, ticks[start:stop], 1)
+            even[start:stop] = first + step * rows
+            uneven = max(uneven, np.abs(np.diff(ticks[start:stop]) / step - 1).max())
+        if np.abs(even - ticks).max() > _ROUNDED or uneven <= JITTER_TOLERANCE:
+            return
+        arrays = [X.index.get_level_values(name) for name in X.index.names if name != TIME]
+        X.index = pd.MultiIndex.from_arrays([*arrays, even * tick], names=X.index.names)
+        y.index = X.index
+        unit = "ms" if tick == 1e-3 else "us"
+        guess.remarks.append(
+            f"the clock is in whole {unit} and even but for {_ROUNDED:g} {unit}, and is taken as "
+            f"even, {step * tick:.6g} s a row"
+        )
+        return
 
 
 def add_error(X: pd.DataFrame, guess: ColumnGuess) -> None:

@@ -158,7 +158,7 @@ def first_slices(table: FileTable, dims: Dims | None) -> FileTable:
         return table
     axis = dims.names.index(TIME)
 
-    def peek(count: int) -> list[Any]:
+    def peek(count: int | None) -> list[Any]:
         arrays, _ = table.load(range(len(table.names)), None)
         return [first_run(values, axis)[:count] for values in arrays]
 

@@ -149,7 +149,7 @@ def may_be_time(header: str) -> bool:
 def is_row_number(header: str) -> bool:
     """Whether a column counts rows by its name, or has none."""
     words = put_in_words(folded(header).rpartition(".")[2]) or put_in_words(folded(header))
-    return not words or all(word in ROW_NUMBERS for word in words)
+    return all(word in ROW_NUMBERS for word in words) if words else not re.search(r"\d", header)
 
 
 def is_no_signal(header: str) -> bool:
@@ -191,6 +191,8 @@ def roles_by_name(header: str) -> dict[str, int]:
         return {}
     less = 5 if there & OF_OTHERS else 0
     found = _of_symbols(words) or _of_words(there)
+    if not found and len(words) == 2 and words[1] in ("u", "y"):  # controle_u, saida_y
+        found = {"u": 5} if words[1] == "u" else {"x": 5}
     return {role: score - less for role, score in found.items() if score > less}
 
 
@@ -200,6 +202,8 @@ def _of_symbols(words: list[str]) -> dict[str, int]:
         return {role: score}
     if len(words) == 2 and words[0] in "eux" and (words[0] == "e" or len(words[1]) == 1):
         return {words[0]: 7}  # u_h, e_theta
+    if words[0] == "delta":  # of the elevator, the ailerons
+        return {"u": 6}
     if len(words) == 2 and words[1] == "e":
         return {"e": 6}
     return {}
@@ -212,6 +216,8 @@ def _of_words(there: set[str]) -> dict[str, int]:
         return {"dist": 8}
     if there & TARGET or {"set", "point"} <= there:
         return {"f_t": 8}
+    if any(word.endswith("ref") for word in there):  # yref
+        return {"f_t": 6}
     if there & DEVICE:
         return {"u": 8}
     if there & ACTOR:

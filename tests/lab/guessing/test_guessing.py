@@ -217,7 +217,7 @@ def test_labels_of_two_words(header, level):
 
 
 def test_the_rate_of_a_signal_is_not_offered_as_the_output(tmp_path):
-    nameless = FRAME.rename(columns={"stick": "signal"}).assign(signal_rate=smooth())
+    nameless = FRAME.rename(columns={"stick": "signal"}).assign(signal_rate=smooth(), signal=X**2)
     told = complaint(write(tmp_path, nameless))
     assert "output='signal'" in told
     assert "output='signal_rate'" not in told
