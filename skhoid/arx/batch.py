@@ -25,7 +25,7 @@ from .base import (
     pays,
 )
 from .instruments import estimate, instrument_columns
-from .least_squares import Triangle, newey_west
+from .least_squares import Triangle, robust_covariance
 from .model_summary import (
     CLOSED_LOOP,
     JUDGE,
@@ -70,8 +70,9 @@ class ARXRegressor(BaseARX):
         External signals for ``method="iv"``: forcing functions on target or disturbance. None
         means the columns of role ``f_t`` and ``dist...``.
     covariance : {"ols", "hac"}, default="ols"
-        ``"ols"`` takes the equation error as white; ``"hac"`` (Newey and West) allows for the
-        coloured error that remnant leaves.
+        ``"ols"`` takes the equation error as white; ``"hac"`` (Newey and West, after whitening)
+        allows for the coloured error that remnant leaves, and for one whose size varies. A
+        coefficient that acts in few rows, as after a step, has the error's variance in all rows.
     initial : {"rest", "estimate"} or None, default=None
         How simulations begin. ``"rest"``: with all signals zero before the first sample.
         ``"estimate"``: in ``score`` and where ``y`` is known, from the initial states that fit each
@@ -231,9 +232,9 @@ class ARXRegressor(BaseARX):
         if self.covariance == "hac":
             table, rows, _ = regressors(output, inputs, begin, end, orders)
             errors = table[:, -1] - table[:, :-1] @ self.coef_
-            # The sum over influences, not of scores, keeps variances positive near collinearity.
-            influence = (table[:, :-1] * errors[:, None]) @ bread
-            self.covariance_ = newey_west(influence, rows, grid.begin)
+            weights = table[:, :-1] @ bread
+            leverage = np.einsum("tp,tp->t", weights, table[:, :-1])
+            self.covariance_ = robust_covariance(weights, leverage, errors, rows, grid.begin)
         else:
             self.covariance_ = self.noise_variance_ * bread
 
@@ -392,7 +393,7 @@ class ARXRegressor(BaseARX):
         if not (instrumental or hac) and p > 0 and sse > 0:
             facts["Condition"] = f"{condition(self.covariance_):.3g} (scaled regressors)"
         notes = [
-            "Standard errors allow for a coloured equation error (Newey and West)."
+            "Standard errors allow for a coloured equation error."
             if hac
             else WHITE.format(
                 " after filtering by the remnant model"

@@ -20,7 +20,7 @@ from scipy.signal import lfilter
 from ..exceptions import RankDeficiencyError, ShortRunError
 from ..runs import input_columns
 from ..runs.roles import is_external, role_of
-from .least_squares import newey_west
+from .least_squares import robust_covariance
 from .orders import Orders, regressors
 
 FIRST_LAG, LAST_LAG = 0.05, 1.6  # s after the input delay; geometric steps between them
@@ -105,8 +105,10 @@ def estimate(
     bread = np.linalg.inv(scaled.T @ scaled) / np.outer(scale, scale)
     if coloured:
         begin_of_part = np.cumsum([0, *(part.y.size for part in parts[:-1])])
-        influence = (projected * filtered_error[:, None]) @ bread
-        covariance = newey_west(influence, np.arange(error.size), begin_of_part, settle - 1)
+        weights = projected @ bread
+        leverage = np.einsum("tp,tp->t", weights, projected)
+        rows = np.arange(error.size)
+        covariance = robust_covariance(weights, leverage, filtered_error, rows, begin_of_part)
     else:
         covariance = bread * (filtered_error @ filtered_error) / max(error.size - theta.size, 1)
     return InstrumentalEstimate(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dgeqrf, dgeqrf_lwork, dtpqrt
+from scipy.signal import lfilter
 
 from ..exceptions import RankDeficiencyError
 from ..regression import STILL, bad_output, still
@@ -106,26 +107,97 @@ def solutions(triangles: list[Triangle], columns: list[int]) -> np.ndarray:
     return found
 
 
-def newey_west(
-    scores: np.ndarray, rows: np.ndarray, begin: np.ndarray, n_lags: int | None = None
-) -> np.ndarray:
-    """Long-run covariance of regression scores with Bartlett weights.
+PRIOR = 30.0  # degrees of freedom, at which 95 % of Student's t is 4 % wider than of the normal
+MOST_LEVERAGE = 0.99  # of a row; one that a coefficient follows has no residual to enlarge
+MOST_CORRELATED = 0.97  # of one score with the next (Andrews and Monahan 1992)
 
-    ``scores`` are phi(t) eps(t) of ``rows``, ``begin`` the first rows of the stretches, between
-    which nothing is correlated; left-out rows count as zero. The number of lags is by default
-    floor(4 (n / 100)^(2/9)) (Newey and West 1994).
+
+def robust_covariance(
+    weights: np.ndarray,
+    leverage: np.ndarray,
+    errors: np.ndarray,
+    rows: np.ndarray,
+    begin: np.ndarray,
+) -> np.ndarray:
+    """Covariance of sums of ``weights`` (n, p) times errors that are coloured or vary in size.
+
+    D of an autoregressive model D e = n of the errors is moved to the weights (den Haan and Levin
+    1997), so that the products of weights and the white n are hardly correlated. Their long-run
+    covariance (Newey and West 1987; bandwidth of Andrews 1991; n over sqrt(1 - h), MacKinnon and
+    White 1985) knows only rows in which a coefficient acts: at a step, one or two. So it and the
+    covariance for a stationary n are averaged by degrees of freedom: its own (Satterthwaite), and
+    ``PRIOR`` (Smyth 2004). ``begin`` are the first rows of the stretches, between which nothing is
+    correlated; left-out rows count as zero.
     """
-    if n_lags is None:
-        n_lags = int(4 * (len(scores) / 100) ** (2 / 9))
+    n, p = weights.shape
+    correction = np.sqrt(n / max(n - p, 1))
     stretch = np.searchsorted(begin, rows, side="right")
-    spaced = rows + stretch * n_lags
-    dense = np.zeros((spaced[-1] + 1, scores.shape[1]))
-    dense[spaced] = scores
-    total = scores.T @ scores
-    for lag in range(1, min(n_lags, len(dense) - 1) + 1):
-        cross = dense[lag:].T @ dense[:-lag]
-        total += (1 - lag / (n_lags + 1)) * (cross + cross.T)
-    return total
+    parts = np.split(np.arange(n), np.flatnonzero(np.diff(stretch)) + 1)
+    columns = np.column_stack(
+        [weights, errors, 1 / np.sqrt(1 - np.minimum(leverage, MOST_LEVERAGE))]
+    )
+    dense = []
+    for part in parts:
+        at = rows[part] - rows[part[0]]
+        dense.append(np.zeros((at[-1] + 1, p + 2)))
+        dense[-1][at] = columns[part]
+    D, sd = _whitening([table[:, p] for table in dense], n)
+    sd *= correction
+    stationary, acting, scores = np.zeros((p, p)), [], []
+    for table in dense:
+        # What precedes the first row has an influence on the errors too.
+        ahead = np.concatenate([table[::-1, :p], np.zeros((len(table) if D.size > 1 else 0, p))])
+        ahead = lfilter([1.0], D, ahead, axis=0)
+        stationary += ahead.T @ ahead
+        acting.append(ahead[len(table) - 1 :: -1])
+        white = lfilter(D, [1.0], table[:, p]) * table[:, p + 1]
+        scores.append(acting[-1] * white[:, None])
+    stationary *= sd**2
+    bandwidth = _bandwidth(scores, n)
+    long_run = np.zeros((p, p))
+    spread = np.zeros(p)
+    for lag in range(int(bandwidth) + 1):
+        share = 1 - lag / (bandwidth + 1)
+        for score, act in zip(scores, acting, strict=True):
+            cross = share * score[lag:].T @ score[: len(score) - lag]
+            long_run += cross + cross.T if lag else cross
+            squares = np.einsum("tp,tp->p", act[lag:] ** 2, act[: len(act) - lag] ** 2)
+            spread += (2 if lag else 1) * share**2 * squares
+    power = sum(np.einsum("tp,tp->p", act, act) for act in acting)
+    known = power**2 / np.maximum(spread, np.finfo(float).tiny)
+    share = np.sqrt(known / (known + PRIOR))
+    rest = np.sqrt(PRIOR / (known + PRIOR))
+    return np.outer(share, share) * long_run + np.outer(rest, rest) * stationary
+
+
+def _whitening(errors: list[np.ndarray], n: int) -> tuple[np.ndarray, float]:
+    """D of an autoregressive model of errors, by the BIC, and the sd of what is left."""
+    most = min(int(10 * np.log10(n)), n // 10)
+    covariance = np.zeros(most + 1)
+    for error in errors:
+        for lag in range(min(most, len(error) - 1) + 1):
+            covariance[lag] += error[lag:] @ error[: len(error) - lag]
+    D, variance = np.ones(1), covariance[0] / n
+    best, found = n * np.log(max(variance, np.finfo(float).tiny)), (D, variance)
+    for order in range(1, most + 1):  # Levinson and Durbin
+        if variance <= 0:
+            break
+        turn = -(D @ covariance[order:0:-1]) / (n * variance)
+        D = np.r_[D, 0.0] + turn * np.r_[0.0, D[::-1]]
+        variance *= 1 - turn**2
+        bic = n * np.log(max(variance, np.finfo(float).tiny)) + order * np.log(n)
+        if bic < best:
+            best, found = bic, (D, variance)
+    return found[0], float(np.sqrt(found[1]))
+
+
+def _bandwidth(scores: list[np.ndarray], n: int) -> float:
+    """Lags of the Bartlett window for scores that are like autoregressions of order 1."""
+    power = sum(np.einsum("tp,tp->p", s, s) for s in scores)
+    next_one = sum(np.einsum("tp,tp->p", s[1:], s[:-1]) for s in scores)
+    rho = np.clip(next_one / np.maximum(power, np.finfo(float).tiny), -1, 1) * MOST_CORRELATED
+    alpha = np.sum(4 * rho**2 / ((1 - rho) ** 6 * (1 + rho) ** 2)) / np.sum(1 / (1 - rho) ** 4)
+    return float(min(1.1447 * (alpha * n) ** (1 / 3), n // 4))
 
 
 def rank_error(

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.signal import lfilter
 from support import naive
 
 from skhoid import _kernels
 from skhoid.arx.candidates import FittedCandidates
-from skhoid.arx.least_squares import Triangle, newey_west, solutions
+from skhoid.arx.least_squares import Triangle, robust_covariance, solutions
 from skhoid.arx.orders import Orders, regressors
 
 BOUND = 1e100
@@ -169,18 +170,31 @@ def test_triangle_is_least_squares(seed, n_extra, p):
         np.testing.assert_allclose(triangle.rss, rss[0], atol=rounding * size, rtol=0)
 
 
-def n_lags(n_rows):
-    return int(4 * (n_rows / 100) ** (2 / 9))
+@pytest.mark.parametrize("pole", [0.0, 0.7])
+@pytest.mark.parametrize("n", [30, 120])
+def test_robust_covariance_of_one_run(n, pole):
+    rng = np.random.default_rng(n)
+    Phi, noise = rng.standard_normal((n, 3)), rng.standard_normal(n)
+    Phi[n // 2 :, 2] = 0.0
+    errors = lfilter([1.0], [1.0, -pole], noise)
+    errors -= Phi @ np.linalg.lstsq(Phi, errors, rcond=None)[0]
+    weights = Phi @ np.linalg.inv(Phi.T @ Phi)
+    leverage = np.sum(weights * Phi, axis=1)
+    found = robust_covariance(weights, leverage, errors, np.arange(n) + 7, np.array([0]))
+    twin = naive.robust_covariance(weights, leverage, errors)
+    np.testing.assert_allclose(found, twin, rtol=1e-8, atol=1e-12 * twin.max())
 
 
-@pytest.mark.parametrize("n_rows", [2, 30, 300])
-def test_newey_west_on_one_run(n_rows):
-    scores = np.random.default_rng(n_rows).standard_normal((n_rows, 3))
-    rows = np.arange(n_rows) + 7
-    twin = naive.newey_west(scores, rows, n_lags(n_rows))
-    np.testing.assert_allclose(
-        newey_west(scores, rows, np.array([0])), twin, rtol=1e-12, atol=1e-12
-    )
+def test_robust_covariance_of_runs_is_that_of_each():
+    rng = np.random.default_rng(0)
+    weights, errors = rng.standard_normal((120, 2)), rng.standard_normal(120)
+    apart = np.r_[np.arange(60), np.arange(60) + 500]
+    both = [
+        robust_covariance(weights, np.zeros(120), errors, rows, np.array([0, begin]))
+        for rows, begin in ((np.arange(120), 60), (apart, 500), (apart, 400))
+    ]
+    np.testing.assert_allclose(both[1], both[0], rtol=1e-12)
+    np.testing.assert_allclose(both[2], both[0], rtol=1e-12)
 
 
 @settings(max_examples=60, deadline=None)

@@ -4,6 +4,7 @@ They share no code with the package. Runs are given as stretches ``(begin, end)`
 """
 
 import numpy as np
+from scipy.linalg import solve_toeplitz
 
 
 def regressor_rows(y, X, stretches, na, nb, nk, intercept=False):
@@ -133,16 +134,6 @@ def delay(signal, n_samples, stretches):
             if t - n_samples >= begin:
                 out[t] = signal[t - n_samples]
     return out
-
-
-def newey_west(scores, rows, n_lags):
-    """Sum over all pairs of rows no more than ``n_lags`` apart, with Bartlett weights."""
-    total = np.zeros((scores.shape[1], scores.shape[1]))
-    for s, t in zip(scores, rows, strict=True):
-        for other, at in zip(scores, rows, strict=True):
-            if abs(t - at) <= n_lags:
-                total += (1 - abs(t - at) / (n_lags + 1)) * np.outer(s, other)
-    return total
 
 
 def measurements(y, X, stretches, numbers, na, nb, nk, intercept=False):
@@ -304,3 +295,41 @@ def predict_ahead_along(y, X, stretches, split, path, nk, horizon):
             out[t] = history[t]
             measured[t] = value_at(t, measured, t) if np.isnan(y[t]) else float(y[t])
     return out
+
+
+def robust_covariance(weights, leverage, errors):
+    """Covariance of weights' errors of one run without gaps, by matrices of all pairs of rows."""
+    n, p = weights.shape
+    gamma = np.array([errors[k:] @ errors[: n - k] / n for k in range(min(20, n // 10) + 1)])
+    models = [(n * np.log(gamma[0]), np.ones(1), gamma[0])]
+    for order in range(1, min(int(10 * np.log10(n)), n // 10) + 1):
+        a = solve_toeplitz(gamma[:order], gamma[1 : order + 1])
+        left = gamma[0] - a @ gamma[1 : order + 1]
+        models.append((n * np.log(left) + order * np.log(n), np.r_[1.0, -a], left))
+    _, D, variance = min(models, key=lambda model: model[0])
+    impulse = np.zeros(2 * n)
+    for t in range(2 * n):
+        impulse[t] = (t == 0) - sum(D[i] * impulse[t - i] for i in range(1, min(D.size, t + 1)))
+    before = n if D.size > 1 else 0
+    H = np.zeros((n, n + before))  # errors from white ones, of rows before the first too
+    for t in range(n):
+        for s in range(t + before + 1):
+            H[t, s] = impulse[t + before - s]
+    moved = H.T @ weights
+    acting = moved[before:]
+    white = [sum(D[i] * errors[t - i] for i in range(min(D.size, t + 1))) for t in range(n)]
+    scores = acting * (np.array(white) / np.sqrt(1 - np.minimum(leverage, 0.99)))[:, None]
+    above = below = 0.0
+    for score in scores.T:
+        rho = 0.97 * (score[1:] @ score[:-1]) / (score @ score)
+        above += 4 * rho**2 / ((1 - rho) ** 6 * (1 + rho) ** 2)
+        below += 1 / (1 - rho) ** 4
+    lags = min(1.1447 * (above / below * n) ** (1 / 3), n // 4)
+    apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    kernel = np.where(apart <= lags, 1 - apart / (lags + 1), 0.0)
+    long_run = scores.T @ kernel @ scores
+    stationary = moved.T @ moved * variance * n / (n - p)
+    squares = acting**2
+    known = squares.sum(axis=0) ** 2 / np.diag(squares.T @ kernel**2 @ squares)
+    share, rest = (np.diag(np.sqrt(x / (known + 30))) for x in (known, 30.0))
+    return share @ long_run @ share + rest @ stationary @ rest
