@@ -12,6 +12,7 @@ from ..effects.composition import Effects
 from ..effects.free_form import FreeForm
 from ..effects.parameter import Dimension
 from ..effects.record import Record
+from .effort import is_spent
 from .fitting import Criterion, Fit, derivatives, minimise, sse_at, sum_up
 from .jumps import Scan, search_pattern
 from .model import Model, find_best, find_scaled_sse, fit_by_halving, in_order, make_start, without
@@ -65,6 +66,8 @@ def extended(
         return Simulator(core, Effects([*parent.effects.steps, (name, variant)]), record)
 
     for number, variant in enumerate(effect.variants(record)):
+        if explored and is_spent():
+            break
         least = min((item[0] for item in explored), default=before)
         is_shade = effect.shades and explored and variant.form != explored[0][2].form
         if is_shade and before - least < enough:

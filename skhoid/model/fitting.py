@@ -12,6 +12,7 @@ from scipy.linalg import solve_toeplitz
 from .. import _kernels
 from ..effects.record import Record
 from .cores import Prior
+from .effort import is_spent
 from .simulator import Simulator
 
 # From many starting points, fits of all runs would mostly repeat what a few runs already show:
@@ -257,6 +258,8 @@ def minimise(
         theta, sse = rescale(simulator, criterion, theta, sse)
     better, hopeless = True, False
     for i in range(max_iter):
+        if i and is_spent():
+            break
         if i or at_start is None:
             normal, gradient = make_normal_equations(simulator, criterion, theta)
         else:

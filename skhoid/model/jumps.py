@@ -16,6 +16,7 @@ from ..effects.composition import Effects
 from ..effects.parameter import U
 from ..effects.record import differentiated
 from .cores import BOUND
+from .effort import is_spent
 from .fitting import Criterion, Fit, RemnantModel, minimise, sse_at
 from .model import Model, find_scaled_sse, make_start
 from .simulator import Simulator
@@ -318,7 +319,7 @@ def search_pattern(
         if not best.sse < 0.999 * before:
             break
     for size in sizes:
-        for i in mine:
+        for i in [] if is_spent() else mine:
             width = size * max(abs(best.theta[i]), 0.1 * simulator.scale[i])
             for sign in (1.0, -1.0):
                 for _ in range(4):

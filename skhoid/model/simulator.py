@@ -17,6 +17,7 @@ from ..effects.operator_signals import Command, Gains, Spring
 from ..effects.parameter import ScaledParameter
 from ..effects.record import Record
 from .cores import ARXCore, Core, Prior, Usual, neutral_gains
+from .effort import spend
 from .initial import LASTING, find_horizon, fit_pulses, fit_start, make_free_responses
 
 
@@ -269,6 +270,7 @@ class Simulator:
         if self._parts:
             self._theta, self._whole = theta.copy(), self._of_parts(theta)
             return self._whole
+        spend(self.record.known.size)
         begin = 0
         if self._theta is not None:
             changed = np.flatnonzero(theta != self._theta)
@@ -292,6 +294,7 @@ class Simulator:
         theta[position] = value
         if self._parts:
             return self._of_parts(theta)
+        spend(self.record.known.size)
         begin = self._begins[position]
         state = self._states[begin]
         for stage in self._stages[begin:]:

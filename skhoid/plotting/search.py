@@ -15,7 +15,7 @@ from matplotlib.offsetbox import AnnotationBbox, HPacker, TextArea
 from ..effects.registry import title_of, titles_of
 from ..preprocessing.base import as_fitted
 from ..runs import RunLayout, read_layout, run_name
-from ..search import EffectSearchCV, Status, with_effects
+from ..search import TRIED, EffectSearchCV, Status, with_effects
 from ._axes import cut, letters, letters_above, say_instead, with_unit, wrapped
 from ._display import Display, check_option, check_search
 from ._roles import BLUE, ORANGE, ROLES, background, dimmed, faded, foreground, greyed, scaled
@@ -362,7 +362,7 @@ class SearchDisplay(Display):
         if len(every):
             check_option("step", self.step, sorted(set(every["step"])))
         ranking = every[every["step"] == self.step]
-        refused = (ranking["status"] == Status.REFUSED).to_numpy()
+        refused = ~ranking["status"].isin(TRIED).to_numpy()
         tried, refused = ranking[~refused], ranking[refused]
         if self.n_candidates is not None:
             tried, refused = tried.head(self.n_candidates), refused[:0]
@@ -453,7 +453,7 @@ class SearchDisplay(Display):
     def _write_name(self, i: int, row: dict[str, Any], with_form: bool) -> None:
         """Name of a candidate left of its bar, and its form, smaller."""
         look = {
-            "color": dimmed(0.55) if row["status"] == Status.REFUSED else foreground(),
+            "color": foreground() if row["status"] in TRIED else dimmed(0.55),
             "fontsize": "small",
             "fontweight": "bold" if row["status"] == Status.ADDED else "normal",
         }

@@ -15,6 +15,7 @@ from .shape import BY_HAND as BY_HAND
 from .shape import Shape
 from .share import Share
 from .sketch import checked_name as checked_name
+from .statuses import TRIED as TRIED
 from .statuses import Reason, Status, Verdict
 from .telling import HOW_TO_GO_ON as HOW_TO_GO_ON
 from .telling import limits_table as limits_table

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import weakref
 from dataclasses import fields, replace
 from numbers import Integral, Real
@@ -63,6 +64,7 @@ from .steps import Progress, Search, output_error_fit
 from .telling import (
     experiments_for,
     note_changes,
+    note_left_out,
     note_more_runs,
     note_untried,
     short_ranking,
@@ -70,6 +72,9 @@ from .telling import (
     tell_search,
 )
 
+TRYING = (
+    0.5  # of a time limit: judging what was tried takes as long at most, of a relay's 9,800 rows
+)
 NOT_KEPT = ("parameters", "max_effects")  # the best estimator has these, and the search itself
 
 # Data of fits, for as long as others hold them: a search itself keeps none, and is small.
@@ -124,6 +129,10 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     max_rows : int or None, default=200_000
         Maximum number of rows in which to look for effects, in whole runs spread evenly over the
         data; None uses all. The models found are those of all rows.
+    time_limit : float or None, default=None
+        Seconds that ``fit`` may take, about. In the first half effects are tried; in the other the
+        best model so far is judged and told. What was not tried has the status "not tried" in
+        ``ranking_``, and a note lists it. None means as long as it takes.
 
     Attributes
     ----------
@@ -236,6 +245,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         "domain": [StrOptions({"human", "machine"}), None],
         "lost_control": [StrOptions({*CHOICES})],
         "max_rows": [Interval(Integral, 1, None, closed="left"), None],
+        "time_limit": [Interval(Real, 0, None, closed="neither"), None],
     }
 
     # What BaseSearchCV asks itself.
@@ -257,6 +267,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         domain: str | None = None,
         lost_control: str = LEAVE_OUT,
         max_rows: int | None = MOST_ROWS,
+        time_limit: float | None = None,
     ):
         self.estimator = estimator
         self.effects = effects
@@ -269,6 +280,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         self.domain = domain
         self.lost_control = lost_control
         self.max_rows = max_rows
+        self.time_limit = time_limit
 
     @with_callbacks
     @fit_context(prefer_skip_nested_validation=False)
@@ -297,6 +309,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         TypeError
             If the estimator is not a model that simulates effects; the message says what it lacks.
         """
+        limit = np.inf if self.time_limit is None else float(self.time_limit)
+        until = time.monotonic() + TRYING * limit
         model = clone(simulated_model(self.estimator, "EffectSearchCV"))
         self.keep_parameters()
         context = self._init_callback_context(max_subtasks=None)  # steps until none helps
@@ -307,7 +321,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
             data = self.read_data(model, X, y, groups, params)
             core, effects = data.prepared.core, self.list_effects()
             progress = Progress(self, context)
-            search = Search(core, data.record, effects, data.folds, self.n_jobs, progress)
+            search = Search(core, data.record, effects, data.folds, self.n_jobs, progress, until)
             most, tries_all = int(self.max_effects), self.tries_all
             found = search_effects(search, model, data, as_output(y), most, tries_all)
             self.best_estimator_, self.baseline_ = found.best, found.baseline
@@ -365,7 +379,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         ranking = ranking_table(numbers, prepared, self.display)
         path = error_path(numbers, prepared)
         last = path.iloc[-1]
-        unknown = Verdict.beyond(self.tries_all)
+        unknown = Verdict.beyond(self.tries_all and not numbers.path.ended_early)
         ending = name_if_sure(found.ending, numbers, self.confidence, unknown)
         ending = end_explained(ending, last["vaf"], last["ceiling"], numbers.share)
         notes = [*_note_searched(data), *_note_controller(data), *note_changes(numbers.changes)]
@@ -374,6 +388,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
             notes += note_more_runs(numbers.path, ending.stand_ins, n_runs, self.confidence)
         if self.max_effects:
             notes += note_untried(self.list_effects(), ranking)
+        notes += note_left_out(ranking, self.time_limit)
         least = getattr(prepared.core, "least", 0.0)
         notes += [Note("delay", text) for text in delay_notes(best.parameters_, least)]
         if hasattr(best, "simulation_parameters_"):  # an operator
@@ -599,7 +614,7 @@ def search_effects(
     )
     measured = np.where(prepared.known, y, np.nan)
     numbers = measure_path(search, path, best, prepared, measured, recorded, held)
-    ended = find_unnamed(search, numbers, tries_all=tries_all)
+    ended = find_unnamed(search, numbers, tries_all=tries_all and not path.ended_early)
     shape = fit_shape(ended, model, prepared, measured)
     if len(path.model.effects):  # choices made, numbers to be estimated
         best.set_params(effects=path.model.effects)

@@ -68,4 +68,4 @@ def _row(out: str, c: Candidate) -> tuple[Any, ...]:
     """What all judges say of a candidate, in nats."""
     judged = [c.evidence.get(judge, np.nan) for judge in (FREE_RUN, LIKELIHOOD, INSTRUMENTS)]
     numbers = c.least if c.evidence else np.nan, c.gain, *judged
-    return out, c.effect.name, *numbers, c.inapplicable
+    return out, c.effect.name, *numbers, "" if c.untried is None else c.untried.text

@@ -24,6 +24,7 @@ from ..effects.record import (
     find_step,
     find_stop,
 )
+from ..model.effort import bounded
 from ..model.estimator import vaf_of_output
 from ..model.extend import refitted, shared_derivatives
 from ..model.fitting import Criterion, minimise, whitened_derivatives
@@ -117,7 +118,8 @@ def without_folds(
     """Each fold and the model of :func:`refitted_prediction` that was fitted without its rows."""
     rows = shared_derivatives(model, criterion)
     for fold in folds:
-        fitted = refitted(model, criterion, fold.train, rows=rows, **ends)
+        with bounded(fold.train.size):
+            fitted = refitted(model, criterion, fold.train, rows=rows, **ends)
         theta = fitted.theta
         for share in TAKEN_BACK:
             if np.isfinite(fitted.output).all():

@@ -45,7 +45,7 @@ class Candidate:
     effect: Effect
     model: Model | None = None
     before: tuple[Model, Model] | None = None
-    inapplicable: str = ""  # what it needs and the data do not have
+    untried: Against | None = None  # why it is not fitted, such as what the data do not have
     evidence: dict[str, float] = field(default_factory=dict)
     n_parameters: float = 0
     vaf: float = -np.inf
@@ -187,8 +187,8 @@ def find_lead(one: Candidate, other: Candidate) -> float:
 def find_why_not(candidate: Candidate, winner: str, *, taken_out: bool) -> Against:
     """Why a candidate is not part of what was found; ``winner`` is what its step added, or none."""
     c = candidate
-    if c.inapplicable:
-        return Against(Reason.REFUSED, c.inapplicable)
+    if c.untried is not None:
+        return c.untried
     if c.refused is not None:
         return c.refused
     if not c.passes and c.judge != HELD_OUT:

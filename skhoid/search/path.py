@@ -10,12 +10,13 @@ from scipy.stats import chi2
 
 from ..effects.base import Effect
 from ..effects.composition import Effects
-from ..model.extend import extended, refit_each_beside
+from ..model.extend import refit_each_beside
 from ..model.fitting import Criterion, minimise
 from ..model.model import Model, in_order
 from ..model.simulator import Simulator
 from .judging import CLAIM, Candidate
 from .probability import Alternative
+from .statuses import Reason
 from .steps import Search, SearchStep, output_error_fit, unique_name
 
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
@@ -37,6 +38,12 @@ class Path:
     @property
     def ids(self) -> list[str]:
         return [effect.name for _, effect in self.model.effects]
+
+    @property
+    def ended_early(self) -> bool:
+        """Whether time was over before all effects were tried beside the last model."""
+        why = [c.untried.code for c in self.steps[-1].candidates if c.untried is not None]
+        return Reason.TIME in why
 
     @property
     def added(self) -> list[str]:
@@ -123,7 +130,7 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
     found: list[Path] = []
     for start in [c for c in first.candidates[:2] if c.passes and c.least >= least]:
         assert start.model is not None
-        if found and explains(search, found[0], start):
+        if found and (search.is_over or explains(search, found[0], start)):
             break
         known = [first.best.name] if found else []
         one = follow(search, Path([first], start.model), most, known)
@@ -140,9 +147,8 @@ def try_beside(search: Search, parent: Model, effect: Effect) -> SearchStep:
     search.remember(parent)
     with search.progress.step(2):  # fitted, and refined
         name = unique_name(effect, parent.effects)
-        model = extended(parent, name, effect, search.criterion, search.coarse)
+        one = search.candidate(parent, name, effect)
         search.progress.done(1)
-        one = Candidate(name, dict(model.effects.steps)[name], model=model)
         return search.judge_candidates(parent, [one])
 
 
@@ -225,6 +231,8 @@ def drop_least(search: Search, path: Path) -> Path | None:
 
 def fit_again(search: Search, path: Path) -> Path:
     """Each of several effects refitted with the others: the first was fitted without them."""
+    if search.is_over:
+        return path
     templates: dict[str, Effect] = {effect.name: effect for effect in search.effects}
     plain = output_error_fit(path.model)
     model = refit_each_beside(plain, templates, search.criterion, search.coarse)

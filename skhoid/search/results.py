@@ -20,7 +20,7 @@ from .judging import FREE_RUN, INSTRUMENTS, LIKELIHOOD, Candidate, find_why_not
 from .leftover import Leftover, SearchNumbers
 from .shape import Shape
 from .share import Share
-from .statuses import Reason, Status, Verdict
+from .statuses import TRIED, Reason, Status, Verdict
 
 DESCRIBED = 5  # candidates of a step whose parameters are written out
 # What an effect on a compensatory display can only be equivalent to, and why.
@@ -101,9 +101,14 @@ class SearchResult:
         return [str(name) for name in self.error_path["effect"].iloc[1:]]
 
     @property
+    def ended_early(self) -> bool:
+        """Whether the time limit was reached before all effects were tried."""
+        return bool((self.ranking["reason_code"] == Reason.TIME).any())
+
+    @property
     def tried(self) -> pd.DataFrame:
-        """Rows of the ranking whose effects apply to the data."""
-        return self.ranking[self.ranking["status"] != Status.REFUSED]
+        """Rows of the ranking whose effects were fitted to the data."""
+        return self.ranking[self.ranking["status"].isin(TRIED)]
 
     def as_dict(self) -> dict[str, Any]:
         """The same as numbers and names, for JSON.
@@ -291,15 +296,15 @@ def ranking_table(found: SearchNumbers, prepared: Prepared, display: str | None)
                 words=describe_effect(c.effect, display, domain)
                 + (f" {c.trace}." if c.trace else ""),
             )
-            if not c.inapplicable:
+            if c.untried is None:
                 row.delta_bic, row.evidence, row.judge = c.delta_bic, c.least, c.judge
                 row.free_run = c.evidence.get(FREE_RUN, np.nan)
                 row.likelihood = c.evidence.get(LIKELIHOOD, np.nan)
                 row.instruments = c.evidence.get(INSTRUMENTS, np.nan)
                 row.vaf_after, row.vaf_gain = before + c.gain, c.gain
             if c.name not in chosen:
-                row.status = Status.REFUSED if c.inapplicable else Status.NOT_BETTER
                 against = find_why_not(c, winner, taken_out=c.name in of_step)
+                row.status = Status.of(against.code)
                 row.reason_code, row.reason = against
             rows.append(row)
     first = path.steps[0]

@@ -17,7 +17,6 @@ from ..effects.free_forms import TIME, one_sided
 from ..effects.record import Record
 from ..effects.registry import titles_of
 from ..model.estimator import GreyBox, vaf_of_output
-from ..model.extend import extended
 from ..model.fitting import Criterion, RemnantModel, derivatives, scaled_inverse
 from ..model.likelihood import TOLERATED, settled
 from ..model.model import Model
@@ -453,13 +452,14 @@ def list_candidates(search: Search, parent: Model, hints: Sequence[Hint]) -> lis
     candidates = []
     for which, hint in enumerate(hints):
         name = f"{NAME}_{which}"
-        model = extended(parent, name, hint.effect, search.criterion, search.coarse)
-        candidates.append(Candidate(name, dict(model.effects.steps)[name], model=model))
+        candidates.append(search.candidate(parent, name, hint.effect))
     return candidates
 
 
 def find_hints(search: Search, parent: Model) -> list[Hint]:
     """Forms at every place where they apply, those first that explain most, and the likeliest."""
+    if search.is_over:
+        return []
     record = replace(search.record, prediction=parent.output)
     criterion = Criterion(search.record)
     criterion.set_noise(criterion.remnant_model(parent.output))

@@ -79,6 +79,17 @@ class Status(StrEnum):
     ADDED = "added"
     NOT_BETTER = "not better"
     REFUSED = "does not apply"
+    NOT_FITTED = "could not be fitted"
+    NOT_TRIED = "not tried"
+
+    @classmethod
+    def of(cls, reason: Reason) -> Status:
+        """That of a candidate that was not added for a reason."""
+        return {
+            Reason.REFUSED: cls.REFUSED,
+            Reason.NOT_FITTED: cls.NOT_FITTED,
+            Reason.TIME: cls.NOT_TRIED,
+        }.get(reason, cls.NOT_BETTER)
 
 
 class Reason(StrEnum):
@@ -102,12 +113,17 @@ class Reason(StrEnum):
     REFUTED = "refuted"  # by instruments, or by a noise model that is estimated along
     SUPERFLUOUS = "superfluous"  # once later effects are there
     RIVAL = "rival_added"  # it counts, and another was added instead
+    NOT_FITTED = "not_fitted"  # arithmetic failed, such as overflow
+    TIME = "time_limit"  # which was reached before
     CUT_SHORT = "max_effects"  # it counts, and no more effects may be added
 
     @property
     def counts(self) -> bool:
         """Whether the candidate meets all criteria in spite of it."""
         return self in (Reason.RIVAL, Reason.CUT_SHORT)
+
+
+TRIED = (Status.ADDED, Status.NOT_BETTER)  # candidates that were fitted and judged
 
 
 class Against(NamedTuple):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Container, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.record import Record
 from ..model.cores import Core
+from ..model.effort import OutOfTimeError, bounded
 from ..model.estimator import vaf_of_output
 from ..model.extend import explored_from, extended
 from ..model.fitting import Criterion, Fit, RemnantModel
@@ -178,7 +180,12 @@ class SearchStep:
 
     def judge(self, candidate: Candidate) -> None:
         """Ask all judges of a candidate, until one of them is against it."""
-        c = candidate
+        record = self.at_likelihood.simulator.record
+        failed = attempt(partial(self._ask_in_turn, candidate), record)
+        if failed is not None:
+            candidate.refused = failed
+
+    def _ask_in_turn(self, c: Candidate) -> None:
         assert c.model is not None
         if not c.trace:
             self.ask_all(c, least=THRESHOLD)
@@ -193,7 +200,13 @@ class SearchStep:
         """Find what a candidate gains on held-out rows with parameters fitted without them."""
         assert c.model is not None
         before = self.at_least_error if c.before is None else c.before[1]
-        c.gain, c.refit = self.refit(c.model) - self.refit(before), True
+        model, record = c.model, self.at_likelihood.simulator.record
+        gain = attempt(lambda: self.refit(model) - self.refit(before), record)
+        c.refit = True
+        if isinstance(gain, Against):
+            c.gain, c.refused = -np.inf, gain
+        else:
+            c.gain = gain
 
     def ask_all(self, candidate: Candidate, least: float = -np.inf) -> None:
         """Ask judges that were not asked yet, as long as there is more than the ``least``."""
@@ -231,6 +244,18 @@ class SearchStep:
                 return
 
 
+def attempt(work: Callable[[], Any], record: Record, until: float = np.inf) -> Any:
+    """What some work on a candidate returns, or why it failed, or that time was over."""
+    try:
+        with bounded(record.known.size, until), np.errstate(all="ignore"):
+            return work()
+    except OutOfTimeError:
+        return Against(Reason.TIME, "the time limit was reached before")
+    except (ArithmeticError, ValueError) as error:  # LinAlgError is a ValueError
+        text = f"it could not be fitted to these runs: {error or type(error).__name__}"
+        return Against(Reason.NOT_FITTED, text.rstrip("."))
+
+
 def find_leak(leak: LeakTest | None, of_parent: LeakTest | None) -> Against | None:
     """What speaks against a model that rebuilds the output from x, more than its parent does."""
     if leak is None or not leak.leaks:
@@ -250,8 +275,10 @@ class Search:
         folds: list[HeldOutRows],
         n_jobs: int | None = None,
         progress: Progress | None = None,
+        until: float = np.inf,
     ):
         self.progress = Progress() if progress is None else progress
+        self.until = until  # of time.monotonic(): when no further effect is tried
         self.core, self.record, self.folds = core, record, folds
         self.instruments = InstrumentJudge.of(record, THRESHOLD) if core.kind.is_operator else None
         self.curves = Curves(record, self.instruments)
@@ -279,7 +306,13 @@ class Search:
         if record is None:
             return None
         effects = [*self.effects, *self.noises]
-        return Search(self.core, record, effects, self.folds, self.n_jobs, self.progress)
+        options = self.n_jobs, self.progress, self.until
+        return Search(self.core, record, effects, self.folds, *options)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the time for trying effects is over."""
+        return time.monotonic() > self.until
 
     def _each(self, function: Callable[..., Any], items: Sequence[Any], *args: Any) -> list[Any]:
         """``function(item, *args)`` of each item, in ``n_jobs`` processes."""
@@ -315,26 +348,50 @@ class Search:
             if effect.name in taken:
                 continue
             name = unique_name(effect, parent.effects)
-            lacks = effect.refusal_in(self.record, self.core.kind) or ""
+            lacks = effect.refusal_in(self.record, self.core.kind)
+            against = Against(Reason.REFUSED, lacks) if lacks else None
             tried_apart = [effect] if lacks else effect.alternatives(self.record)
-            candidates += [Candidate(name, one, inapplicable=lacks) for one in tried_apart]
-        tried = [c for c in candidates if not c.inapplicable]
+            candidates += [Candidate(name, one, untried=against) for one in tried_apart]
+        tried = [c for c in candidates if c.untried is None]
         added = [(c.name, c.effect) for c in tried]
         with self.progress.step(2 * len(tried)):  # fitted, and refined
             rough = explored_from(parent, self.coarse)
             done = self._each(self._extended, added, parent, rough, self._stepped)
             self._stepped = True
             for c, found in zip(tried, done, strict=True):
-                c.model = self._model(found, parent)
+                self._take(found, c, parent)
             return self.judge_candidates(parent, candidates)
 
     def _extended(
         self, added: tuple[str, Effect], parent: Model, rough: Model, again: bool
-    ) -> tuple[Effects, Fit]:
+    ) -> tuple[Effects, Fit] | Against:
         worth = HOPELESS / 2 * self.share
-        criteria = self.criterion, self.coarse
-        model = extended(parent, *added, *criteria, worth=worth, rough=rough, again=again)
-        return model.effects, model.fit
+        return self.extend(parent, *added, worth=worth, rough=rough, again=again)
+
+    def extend(
+        self, parent: Model, name: str, effect: Effect, **how: Any
+    ) -> tuple[Effects, Fit] | Against:
+        """One more effect fitted beside a parent, or why it is not."""
+
+        def fit() -> tuple[Effects, Fit]:
+            model = extended(parent, name, effect, self.criterion, self.coarse, **how)
+            return model.effects, model.fit
+
+        return attempt(fit, self.record, self.until)
+
+    def candidate(self, parent: Model, name: str, effect: Effect) -> Candidate:
+        """One more effect beside a parent, as it is fitted."""
+        one = Candidate(name, effect)
+        self._take(self.extend(parent, name, effect), one, parent)
+        if one.model is not None:
+            one.effect = dict(one.model.effects.steps)[name]
+        return one
+
+    def _take(self, found: tuple[Effects, Fit] | Against, c: Candidate, parent: Model) -> None:
+        if isinstance(found, Against):
+            c.untried = found
+        else:
+            c.model = self._model(found, parent)
 
     def _model(self, found: tuple[Effects, Fit], parent: Model) -> Model:
         effects, fit = found
@@ -369,8 +426,12 @@ class Search:
         fitted = [(c.model.effects, c.model.fit, bool(c.trace)) for c in tried if c.model]
         items = list(zip(fitted, noises, strict=True))
         refined = self._each(self._refined, items, parent)
-        for (c, plain), noise, (fit, vaf, prediction) in zip(pairs, noises, refined, strict=True):
+        for (c, plain), noise, found in zip(pairs, noises, refined, strict=True):
+            if isinstance(found, Against):
+                c.untried, c.model = found, None
+                continue
             assert c.model is not None
+            fit, vaf, prediction = found
             sse, before, of_before = c.model.sse, at_likelihood, vaf_before
             c.model = self._model((c.model.effects, fit), parent)
             if plain is not parent:
@@ -442,6 +503,11 @@ class Search:
         return base, [fitted.theta for _, fitted in fits]
 
     def _refined(
+        self, found: tuple[tuple[Effects, Fit, bool], RemnantModel], parent: Model
+    ) -> tuple[Fit, float, np.ndarray | None] | Against:
+        return attempt(partial(self._refine, found, parent), self.record)
+
+    def _refine(
         self, found: tuple[tuple[Effects, Fit, bool], RemnantModel], parent: Model
     ) -> tuple[Fit, float, np.ndarray | None]:
         """A model at the minimum under a noise model, and what it predicts of held-out rows."""

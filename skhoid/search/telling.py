@@ -38,7 +38,7 @@ from .likeness import experiment_between
 from .path import Path
 from .probability import alike, runs_to_decide
 from .results import SearchResult, with_effects
-from .statuses import UNKNOWN, Status, Verdict
+from .statuses import TRIED, UNKNOWN, Reason, Status, Verdict
 
 HOW_TO_GO_ON = {
     Verdict.NOT_TRIED: 'Try the rest of the catalogue too: effects="all", which is the default.',
@@ -50,6 +50,7 @@ HOW_TO_GO_ON = {
         "synchronisation, runs that do not belong together."
     ),
 }
+LONGER = "Let the search take longer: set a larger time_limit."
 ALLOWED_SHOWN = 6  # rows of limits in a summary
 IF_SHOWN = {"at most": "from", "at least": "up to"}
 P_OF_CHANGE = 0.005  # of a parameter that changes too: two are tested, which makes 0.01 for both
@@ -85,7 +86,8 @@ def tell_headline(found: SearchResult) -> str:
     top = f"noise ceiling {last['ceiling']:.1f} %" if np.isfinite(last["ceiling"]) else ""
     unknown = found.verdict.leaves_unknown
     if found.verdict is Verdict.NOTHING:
-        text = f"Nothing found{tell_shown(found)}"
+        early = " before the time limit" if found.ended_early else ""
+        text = f"Nothing found{early}{tell_shown(found)}"
     elif found.verdict is Verdict.TOO_LITTLE:
         text = "The model explains too little to say what it is missing"
     elif found.verdict is Verdict.POSSIBLE:
@@ -160,8 +162,8 @@ def tell_step(found: SearchResult, step: int) -> Paragraph:
 def tell_candidates(found: SearchResult, step: int, n: int) -> list[Block]:
     """The best n candidates of a step as a table, and the first one's reason if none was added."""
     candidates = found.ranking[found.ranking["step"] == step]
-    tried = candidates[candidates["status"] != Status.REFUSED]
-    n_refused = len(candidates) - len(tried)
+    tried = candidates[candidates["status"].isin(TRIED)]
+    n_refused = int((candidates["status"] == Status.REFUSED).sum())
     aside = f" ({n_refused} {'does' if n_refused == 1 else 'do'} not apply)" if n_refused else ""
     head = f"Search, step {step}: {counted(len(tried), 'effect')} tried{aside}, judged on "
     head += "held-out rows"
@@ -206,7 +208,7 @@ def tell_end(found: SearchResult) -> list[Block]:
         blocks += [Paragraph(f"What {unexplained_by(found)}:"), Items(left, numbered=False)]
     texts = tell_no_name(found)
     if found.verdict in HOW_TO_GO_ON:
-        texts.append(HOW_TO_GO_ON[found.verdict])
+        texts.append(LONGER if found.ended_early else HOW_TO_GO_ON[found.verdict])
     if found.added:
         texts.append(f"{tell_closed(found)}.")
     last = found.error_path.iloc[-1]
@@ -268,7 +270,7 @@ def unexplained_by(found: SearchResult) -> str:
         return "no effect of the catalogue explains"
     n_tried = int((found.tried["step"] == 1).sum())
     if n_tried == 0:
-        return "no effect was there to explain"
+        return "no effect was tried to explain"
     if n_tried == 1:
         return "the only effect tried does not explain"
     return f"none of the {n_tried} effects tried explains"
@@ -349,6 +351,24 @@ def note_untried(candidates: Sequence[Effect], ranking: pd.DataFrame) -> list[No
     ]
 
 
+def note_left_out(ranking: pd.DataFrame, limit: float | None) -> list[Note]:
+    """Which effects were not tried, as time was over, and which could not be fitted."""
+    notes, last = [], ranking[ranking["step"] == ranking["step"].max()]
+    late = last[last["reason_code"] == Reason.TIME]
+    if len(late):
+        beside = titles_of(next(iter(late["beside"]))) if late["beside"].iloc[0] else ""
+        text = f"the time limit of {limit:g} s was reached. Not tried"
+        text += f" beside {beside}" if beside else ""
+        text += f": {titles_of(late['effect'])}. What has no name was not looked for"
+        notes.append(
+            Note("time limit", text, "time_limit=None tries all", [("time_limit", "SECONDS")])
+        )
+    for _, row in ranking[ranking["status"] == Status.NOT_FITTED].iterrows():
+        text = f"{title_of(row['effect'])} was not judged: {row['reason']}"
+        notes.append(Note("not fitted", text))
+    return notes
+
+
 def candidates_table(candidates: pd.DataFrame, caption: str) -> TextTable:
     """The best candidates of a step: what each gains, how likely it is, and its numbers."""
     cells: dict[str, list[str]] = {
@@ -364,7 +384,7 @@ def candidates_table(candidates: pd.DataFrame, caption: str) -> TextTable:
 
 def short_ranking(ranking: pd.DataFrame, n: int, step: int | None) -> pd.DataFrame:
     """The best n candidates of each step (or of one) as texts."""
-    tried = ranking[ranking["status"] != Status.REFUSED]
+    tried = ranking[ranking["status"].isin(TRIED)]
     if step is not None:
         steps = ranking["step"].unique()
         if step not in steps:

@@ -43,7 +43,9 @@ RAW = re.compile(
     r"broadcast|out of bounds|object of type|object is not|has no attribute|not subscriptable|"
     r"unsupported operand|ufunc|did not converge|SVD|Singular matrix|cannot reindex|"
     r"Length mismatch|truth value|positional argument|codec can't|zero-size array|"
-    r"list index|need at least one array|could not convert string"
+    r"list index|need at least one array|could not convert string|infs or NaNs|"
+    r"cannot convert float|array must not contain|Eigenvalues|not positive definite|"
+    r"empty sequence|zero-dimensional"
 )
 QUOTED = re.compile(
     "cannot be read as|is broken, or|failed for the array|it failed for "

@@ -333,6 +333,7 @@ def search_for(options: argparse.Namespace, estimator: Any) -> Any:
         max_effects=MAX_EFFECTS if options.max_effects is None else options.max_effects,
         domain=getattr(options, "domain", None),
         lost_control=options.lost_control,
+        time_limit=options.time_limit,
     )
 
 
@@ -389,7 +390,7 @@ def show_search(
         print_source(options, source)
         layout = read_layout(X, dt=baseline.dt, run=baseline.run)
         print_wrapped(describe_runs(layout, baseline.inputs_, y, _read_units(X, y)))
-        print_wrapped("Searching for what a linear model is missing (some 10 to 60 s) ...")
+        print_wrapped("Searching for what a linear model is missing ...")
     comparison, why_not = None, ""
     search.fit(X, y)
     if getattr(search.baseline_, "controller", None) is not None:  # the search has found

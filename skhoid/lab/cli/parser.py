@@ -23,7 +23,7 @@ MOST_ORDERS = 100
 MOST_SAMPLES = 100_000  # of a delay
 MOST_WORKERS = 8 * (os.cpu_count() or 1)
 OF_CORE = {"operator": ["delay"], "arx": ["na", "nb", "nk"]}
-OF_SEARCH = ["display", "max_effects", "controlled_element"]
+OF_SEARCH = ["display", "max_effects", "time_limit", "controlled_element"]
 MAX_EFFECTS = 4
 TABLES = "tsv"
 PICTURES = ("png", "pdf", "svg")
@@ -305,6 +305,8 @@ def add_search_options(add: Callable[..., Any], more: str = "") -> None:
     add("--effects", nargs="+", metavar="ID", help=f"effects to search for (default: all{more})")
     text = f"to add at most (default: {MAX_EFFECTS})"
     add("--max-effects", type=whole(0), metavar="N", help=text)
+    text = "end the search after about so long, with what was found by then (default: no limit)"
+    add("--time-limit", type=positive, metavar="S", help=text)
     add_lost_control(add)
 
 

@@ -76,6 +76,7 @@ class Choices:
     effects: list[str] | None = None
     max_effects: int | None = None
     lost_control: str = "leave_out"
+    time_limit: float | None = None
 
     @property
     def clock(self) -> float | None:
@@ -344,7 +345,14 @@ def read(paths: list[Path], columns: Columns, choices: Choices) -> Recorded:
 
 def search_settings(choices: Choices) -> dict[str, Any]:
     """Parameters of the search that the user has set."""
-    names = ("display", "controlled_element", "effects", "max_effects", "lost_control")
+    names = (
+        "display",
+        "controlled_element",
+        "effects",
+        "max_effects",
+        "lost_control",
+        "time_limit",
+    )
     settings = {name: getattr(choices, name) for name in names}
     settings["controlled_element"] = read_element(choices.controlled_element)
     return {name: value for name, value in settings.items() if value is not None}
