@@ -21,6 +21,7 @@ import pandas as pd
 
 from ..exceptions import ColumnError
 
+_BOOKS = (".xlsx", ".xlsm")  # of which one sheet can be named behind #
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 
@@ -44,11 +45,14 @@ def _expand(item: Any) -> list[Path]:
             f"({type(item).__name__})."
         )
     path = Path(item).expanduser()
+    book, sign, sheet = str(path).partition("#")
+    if sign and book.casefold().endswith(_BOOKS):
+        return [Path(f"{one}#{sheet}") for one in _expand(book)]
     if path.is_dir():
         return find_files(path)[0]
     # A file whose name has brackets is taken as a file before it is taken as a pattern.
-    if path.is_file() or ("#" in path.name and Path(str(path).partition("#")[0]).is_file()):
-        return [path]  # after # stands the sheet of a workbook
+    if path.is_file():
+        return [path]
     pattern = os.fspath(path)
     if glob.has_magic(pattern):
         found = [Path(name) for name in glob.glob(pattern, recursive=True)]

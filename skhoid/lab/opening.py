@@ -75,7 +75,7 @@ def make_estimator(said: Any, X: Any, y: Any, **shared: Any) -> Any:
         return OperatorRegressor(delay=said.delay, **shared)
     orders = {name: getattr(said, name) for name in ("na", "nb", "nk")}
     arx = ARXRegressor(**shared, **{k: v for k, v in orders.items() if v is not None})
-    if said.nk is not None:
+    if said.nk is not None or getattr(said, "dry_run", False):
         return arx
     return arx.set_params(nk=DelaySearchCV(arx).fit(X, y).best_nk_)
 

@@ -21,7 +21,7 @@ from ..._machine import ended_by_signals
 from ...exceptions import Hinted
 from . import compare, completion, diagnose, experiment, identify, simulate, study, workbench
 from .output import as_option, message_for, note
-from .parser import Parser, refuse_at_once
+from .parser import Parser, name_sheet, refuse_at_once
 
 __all__ = ["main", "make_parsers"]
 
@@ -30,6 +30,7 @@ UNEXPECTED = 1
 EXAMPLES = """\
 examples:
   skhoid demo                hide effects in a simulated person, and find them
+  skhoid diagnose run*.csv --dry-run         what is in the files? nothing is fitted
   skhoid diagnose run*.csv   what is missing? columns are guessed, and said
   skhoid identify run*.csv   the delay, the orders, and a linear model
   skhoid report run*.csv     the same as diagnose, as a page to keep
@@ -82,6 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if not options.debug:
                 warnings.showwarning = _show_warning(options)
             refuse_at_once(options)
+            name_sheet(options)
             code = int(options.work(options))
             sys.stdout.flush()
             return code

@@ -14,6 +14,7 @@ from typing import Any
 
 import skhoid
 
+from .dry_run import show_dry_run
 from .files import (
     check_folders,
     check_tables,
@@ -75,6 +76,7 @@ tracking a target."""
 OF_DIAGNOSE = """\
 examples:
   skhoid diagnose                     bundled recordings of a human tracker
+  skhoid diagnose lab.mat --dry-run   what is in the file, and what would be tried
   skhoid diagnose run*.csv            columns are guessed, and said
   skhoid diagnose run*.csv --output stick --x pitch --target command
   skhoid diagnose runs.mat --dt 0.01 --delay 0.28
@@ -179,6 +181,8 @@ def add_diagnose(commands: Any) -> None:
     """Add ``skhoid diagnose`` to the parser."""
     command = add_command(commands, diagnose, ABOUT_DIAGNOSE, "[FILES] [OPTIONS]", OF_DIAGNOSE)
     add_recording_options(command)
+    text = "say what was understood, what would be tried and for how long; fit nothing"
+    command.section("Data")("--dry-run", action="store_true", help=text)
     add = command.section("Search")
     add_search_options(add)
     text = "what was recorded: it decides the words, and which effects are tried (default: machine "
@@ -206,7 +210,11 @@ def diagnose(options: argparse.Namespace) -> int:
         sketch = _check_sketch(options.sketch, options.overwrite)
     folder = figure_folder(options, "skhoid-diagnose")
     check_tables(options)
+    if options.dry_run:
+        refuse(options, ["report", "sketch", "tables"], "is for results, and --dry-run has none.")
     X, y, estimator, source = read_recordings(options)
+    if options.dry_run:
+        return show_dry_run(options, X, y, search_for(options, estimator), source, folder)
     found = show_search(options, estimator, X, y, source)
     why_not = ""
     if sketch is not None:

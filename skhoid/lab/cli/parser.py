@@ -28,6 +28,8 @@ MAX_EFFECTS = 4
 TABLES = "tsv"
 PICTURES = ("png", "pdf", "svg")
 DOMAINS = ("human", "machine")
+USED = {"files", "--input", "--output", "--target", "--x", "--time", "--dt", "--run-in"}
+USED |= {"--effects", "--report", "--dry-run"}  # ten of those that diagnose has, and FILES
 NO_ROLES: Mapping[str, str] = MappingProxyType({})
 _CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
 _UNKNOWN = "unrecognized arguments: "
@@ -39,6 +41,7 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, *, description: str, **more: Any) -> None:
         self.arguments: list[argparse.Action] = []
         width = shutil.get_terminal_size().columns - 2  # as argparse
+        self._used: Any = None
         super().__init__(
             description=textwrap.fill(description, width),
             formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -46,11 +49,15 @@ class Parser(argparse.ArgumentParser):
         )
 
     def section(self, title: str) -> Callable[..., argparse.Action]:
-        """A function that adds arguments under a heading of the help."""
+        """A function that adds arguments under a heading of the help.
+
+        Those that people use stand before all others.
+        """
+        self._used = self._used or self.add_argument_group("What people use")
         group = self.add_argument_group(title)
 
         def add(*names: Any, **more: Any) -> argparse.Action:
-            argument = group.add_argument(*names, **more)
+            argument = (self._used if names[0] in USED else group).add_argument(*names, **more)
             self.arguments.append(argument)
             return argument
 
@@ -179,7 +186,7 @@ def refuse(options: argparse.Namespace, names: Iterable[str], why: str) -> None:
             raise ValueError(f"--{name.replace('_', '-')} {why}")
 
 
-ABOUT_FILES = ["time", "dt", "run", "subject", "condition", "unit", "resample"]
+ABOUT_FILES = ["time", "dt", "run", "sheet", "subject", "condition", "unit", "resample"]
 ABOUT_FILES += ["input", "instruments", "output", "x", "target", "role", "display"]
 BUNDLED = ("identify", "diagnose", "report", "experiment")  # which have recordings of their own
 NO_SEARCH = ("report", "experiment")  # which can do without
@@ -206,6 +213,15 @@ def refuse_at_once(options: argparse.Namespace) -> None:
         _check_effects(effects)
 
 
+def name_sheet(options: argparse.Namespace) -> None:
+    """Put the sheet of --sheet behind the names of Excel files."""
+    if getattr(options, "sheet", None) is not None:
+        books = [name for name in options.files if name.casefold().endswith((".xlsx", ".xlsm"))]
+        if not books:
+            raise ValueError("--sheet is for Excel files (.xlsx), and FILES has none.")
+        options.files = [f"{n}#{options.sheet}" if n in books else n for n in options.files]
+
+
 def _check_effects(names: list[str]) -> None:
     if names == ["all"]:
         return
@@ -230,11 +246,13 @@ def _check_effects(names: list[str]) -> None:
 
 def add_file_options(add: Callable[..., Any]) -> None:
     """Options that say which files, and what is in them."""
-    files = "CSV, Parquet or MAT files, or patterns; their columns are guessed, and said"
+    files = "CSV, MAT, Excel or Parquet files, patterns, or a folder; columns are guessed, and said"
     add("files", nargs="*", default=(), metavar="FILES", help=files)
     add("--output", metavar="NAME", help="output column (default: guessed)")
     add("--time", metavar="NAME", help="time column, in seconds (default: guessed)")
     add("--run", metavar="NAME", help="column with run labels (default: guessed, or each file)")
+    sheet = "sheet of Excel files (default: all that have the same columns, each a run)"
+    add("--sheet", metavar="NAME", help=sheet)
     for level in ("subject", "condition"):
         add(f"--{level}", metavar="LABEL", help=f"take the runs of one {level} only (default: all)")
     dt = "sampling time: of files without a time channel, or to resample to"
