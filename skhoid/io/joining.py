@@ -17,6 +17,7 @@ from .archives import Stream, grid_of
 from .files import FileTable, numbers_of, one_by_one, split_header
 
 _ROWS_LOOKED_AT = 1000
+_DIGIT = re.compile(r"\d")
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def _place_of_signal(rows: list[list[str]]) -> int | None:
     for place in reversed(range(width)):
         signals = {row[place] for row in rows}
         rest = {tuple(row[:place] + row[place + 1 :]) for row in rows}
-        are_words = len(signals) > 1 and not any(map(str.isdecimal, signals))
+        are_words = len(signals) > 1 and not any(map(_DIGIT.search, signals))
         if are_words and len(signals) * len(rest) == len(rows):
             return place
     return None

@@ -24,7 +24,7 @@ _IS_STRUCTS = "is a struct array: save one plain variable per channel, one colum
 _IS_CELL = "is a cell array: save one plain variable per channel, one column per run."
 _IS_MATRIX = "is a matrix of {} channels: name one of them, such as {}."
 _ARE_NAMES = "is text: the names of the channels of a matrix."
-_OF_NAMES = ("name", "label", "title", "channel", "signal", "blockname", "path")
+_OF_NAMES = ("name", "label", "labels", "title", "channel", "signal", "blockname", "path")
 
 
 class Structs(list[Any]):
@@ -97,7 +97,8 @@ def _is_clock(values: np.ndarray) -> bool:
 
 
 def _named(prefix: str, key: str) -> str:
-    return f"{prefix}.{key}" if prefix and key else prefix or key
+    between = "." if prefix and key and not key.startswith("(") else ""
+    return f"{prefix}{between}{key}"
 
 
 def _spread(
@@ -155,9 +156,10 @@ def _spread_struct(
                 _spread(own, value, found, shapes, skipped)
             continue
         by_column = value if value.shape[1] == len(labels) else value.T
-        found.unreadable[own] = _IS_MATRIX.format(len(labels), own + labels[0])
+        if own:
+            found.unreadable[own] = _IS_MATRIX.format(len(labels), own + labels[0])
         for number, (label, values) in enumerate(zip(labels, by_column.T, strict=True), 1):
-            column = own + label
+            column = (own + label).lstrip(".")
             found.arrays[column] = values
             found.aliases |= {f"{own}:{number}": column, column: column}
             found.aliases |= {f"{own}(:,{number})": column} if value is by_column else {}
@@ -208,6 +210,8 @@ def _named_signals(items: list[Any]) -> dict[str, Any] | None:
     clocks: dict[str, Any] = {}
     for name, item in zip(names, items, strict=True):
         held = {key: value for key, value in item.items() if _is_signal(value)}
+        if len(held) < sum(map(_is_signal, _each_array(item))):
+            return None  # there are others in structs of its own
         moving = {k: v for k, v in held.items() if not _is_clock(v)} if len(held) > 1 else held
         if len(moving) != 1 or max(*next(iter(moving.values())).shape, 0) < LEAST:
             return None
@@ -224,42 +228,49 @@ def _labels_of(
 ) -> list[str] | None:
     """What follows the name of a matrix in those of its channels; None if it is none of channels.
 
-    It is one where a list beside it names its columns, one of them is a clock, or no other matrix
-    of the file has its shape; else its columns are runs.
+    It is one where no other matrix of the file has its shape, or one of its columns is a clock;
+    else its columns are runs. A list beside it may name them.
     """
     if not _is_signal(value) or value.ndim != 2 or min(value.shape) < 2:
         return None
     count = min(value.shape)
     if max(value.shape) < max(LEAST, 2 * count):
         return None
+    by_column = value if value.shape[1] == count else value.T
+    if shapes[value.shape] > 1 and sum(map(_is_clock, by_column.T)) != 1:
+        return None
     lists = {k: _as_names(v) for k, v in beside.items()}
     lists = {k: names for k, names in lists.items() if len(set(names)) == count == len(names)}
     near = [k for k in lists if k[:3].casefold() == key[:3].casefold()]  # InputName, InputData
     if lists:
         return [f".{text}" for text in lists[(near or list(lists))[0]]]
-    by_column = value if value.shape[1] == count else value.T
-    if shapes[value.shape] > 1 and sum(map(_is_clock, by_column.T)) != 1:
-        return None
     form = "(:,{})" if value.shape[1] == count else "({},:)"
     return [form.format(number) for number in range(1, count + 1)]
 
 
 def _as_names(value: Any) -> list[str]:
-    """Names in a cell of text, or in one text with separators."""
+    """Names in a cell of text, in elements of a struct array, or in one text with separators."""
     if isinstance(value, str):
-        value = re.split(r"\s*[,;\t]\s*|\s+", value.strip())
+        value = re.split(r"\s*[,;\t]\s*", value.strip())
     elif isinstance(value, list) and value and isinstance(value[0], list):
         value = value[0]
+    elif isinstance(value, Structs) and value and not any(map(_is_signal, _each_array(value))):
+        value = _names_of(value)
     texts = isinstance(value, list) and all(isinstance(v, str) and v.strip() for v in value)
     return [text.strip() for text in value] if texts else []
 
 
-def _find_runs(prefix: str, node: Mapping[str, Any], shapes: Counter[Any]) -> _Runs | None:
+def _find_runs(
+    prefix: str, node: Mapping[str, Any], shapes: Counter[Any], least: int = 2
+) -> _Runs | None:
     """Runs in a struct: in its elements, in fields that are built alike, or in one field."""
     for parts in _collections(prefix, node, shapes):
+        if len(parts) < least:
+            continue
         runs: list[_Run] = []
         for where, label, element, _ in parts:
-            inner = _find_runs(where, element, shapes)
+            holds = any(map(_is_signal, element.values()))
+            inner = _find_runs(where, element, shapes, least=2 if holds else 1)
             if inner is not None:
                 runs += [_Run(r.where, f"{label} {r.label}", r.columns) for r in inner.runs]
                 continue
@@ -270,7 +281,7 @@ def _find_runs(prefix: str, node: Mapping[str, Any], shapes: Counter[Any]) -> _R
             runs.append(_Run(where, label, columns))
         else:
             names = list(dict.fromkeys(name for *_, held in parts for name in held))
-            own = names[0] if len(names) == 1 else prefix
+            own = names[0] if len(names) == 1 and isinstance(parts[0][1], int) else prefix
             return _Runs(own, runs, names)
     below = [
         found
@@ -306,20 +317,27 @@ def _collections(
                 if all(item.ndim == 2 and min(item.shape) > 1 for item in value):
                     texts = {k: v for k, v in node.items() if _as_names(v)}
                     yield [
-                        (w, k, {key: e, **texts}, [own])
+                        (w, k, {"": e, **texts}, [own])
                         for k, (w, e) in enumerate(zip(wheres, value, strict=True), 1)
                     ]
                 cells.setdefault(len(value), {})[key] = value
         elif isinstance(value, dict) and _recorded(value) is None:
-            build: tuple[Any, ...] = ("struct", *sorted(value))
+            stem = _STEM.sub("", key)
+            if not any(map(_is_signal, value.values())):
+                build: tuple[Any, ...] = ("structs",)
+            elif stem != key:
+                build = ("struct", stem)
+            else:
+                build = ("struct", *sorted(value))
             alike.setdefault(build, []).append((own, key, value, [own]))
         elif _labels_of(key, value, node, shapes) is not None:
             stem = _STEM.sub("", key)
             texts = {k: v for k, v in node.items() if _as_names(v)}
-            element = {stem or "run": value, **texts}
+            element = {"": value, **texts}
             build = ("matrix", stem, min(value.shape))
             alike.setdefault(build, []).append((own, key, element, [own]))
-    yield from ([*parts] for parts in alike.values() if len(parts) > 1 and _are_alike(parts))
+    yield from ([*parts] for parts in alike.values() if _are_alike(parts))
+    yield from _numbered(prefix, node)
     for count, held in cells.items():
         if len(held) > 1:
             names = [_named(prefix, key) for key in held]
@@ -327,6 +345,22 @@ def _collections(
                 (prefix, k + 1, {key: items[k] for key, items in held.items()}, names)
                 for k in range(count)
             ]
+
+
+def _numbered(prefix: str, node: Mapping[str, Any]) -> Iterator[list[_Part]]:
+    """Vectors t1, e1, u1, t2, e2, u2: each number is a run, and has a clock."""
+    by_number: dict[str, dict[str, Any]] = {}
+    for key, value in node.items():
+        found = re.fullmatch(r"(.*?)(\d+)", key)
+        if found and _is_signal(value):
+            by_number.setdefault(found[2], {})[found[1].rstrip("_")] = value
+    kinds = {tuple(sorted(held)) for held in by_number.values()}
+    clocks = all(any(map(_is_clock, held.values())) for held in by_number.values())
+    if len(by_number) > 1 and len(kinds) == 1 and clocks:
+        yield [
+            (f"run {k}", int(k), held, [_named(prefix, key) for key in node if key.endswith(k)])
+            for k, held in by_number.items()
+        ]
 
 
 def _are_alike(parts: list[_Part]) -> bool:
