@@ -375,7 +375,8 @@ def read_clock(raw: Any) -> np.ndarray:
     dates = parts["date"].fillna("").str.strip()
     if dates.str.len().max() > 0:
         return _since_first(time + _DAY * dates.map(_days_of(dates)).to_numpy(dtype=float))
-    return _since_first(time + _DAY * np.cumsum(np.diff(time, prepend=time[0]) < -_DAY / 2))
+    whole = _DAY / 2 if half.isna().all() and hours.between(1, 12).all() else _DAY
+    return _since_first(time + whole * np.cumsum(np.diff(time, prepend=time[0]) < -whole / 2))
 
 
 def _since_first(time: np.ndarray) -> np.ndarray:

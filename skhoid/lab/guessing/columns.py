@@ -205,24 +205,31 @@ class _Guess:
         return self.free.pop(position)
 
     def _as_plant(self, open_roles: set[str], known: set[str]) -> None:
-        """Where nothing but u and what follows it was recorded, the element is identified."""
-        there = set(self.signals) | known | set(self.tied)
-        left = [*self._signals(), *(self.found[r] for r in ("x",) if r in self.found)]
-        left = [c for c in left if moves(c.numbers) and not is_row_number(c.header)]
-        if there & {"e", "f_t"} or "e" not in open_roles or "u" not in self.found or len(left) != 1:
+        """Settle the roles of two signals alone, where neither is an error or a target."""
+        left = [c for c in self._signals() if moves(c.numbers) and not is_row_number(c.header)]
+        alone = {*self.signals, *known} & {"e", "f_t", "dist"} or "e" not in open_roles or self.tied
+        if alone or len(pair := [*self.found.values(), *left]) > 2:
             return
-        driven, answer = self.found["u"], left[0]
-        forth, back = influence([driven.numbers, answer.numbers])[[0, 1], [1, 0]]
-        letters = (folded(driven.header).casefold(), folded(answer.header).casefold()) == ("u", "y")
-        if not letters and not (forth > ANSWERS and back < IGNORES):
-            return
-        self.free.pop(answer.position, None)
-        self.found, self.guess.is_driven = {"driven": driven, "answer": answer}, True
-        self.signals |= {"e": driven.numbers, "u": answer.numbers}
-        self.guess.remarks.append(
-            f"there is no error and no target, so that {quoted(driven.header)} is what drives an "
-            f"element and {quoted(answer.header)} its output"
-        )
+        if "u" in known and len(pair) == 1:  # the output was said
+            self.found.pop("x", None)
+            self.free.setdefault(pair[0].position, pair[0])
+            self._give("e", pair[0])
+            self.guess.remarks.append(f"{quoted(pair[0].header)} is what is left over")
+        elif "u" in open_roles and len(pair) == 2:
+            x, u = self.found.get("x"), self.found.get("u")
+            pair.sort(key=lambda c: (c is x) - (c is u))
+            driven, answer = pair
+            forth, back = influence([driven.numbers, answer.numbers])[[0, 1], [1, 0]]
+            letters = [folded(c.header).casefold() for c in pair] == ["u", "y"]
+            if letters or (forth > ANSWERS and back < IGNORES and self.found):
+                self.found, self.guess.is_driven = {"driven": driven, "answer": answer}, True
+                self.free.pop(answer.position, None)
+                self.free.pop(driven.position, None)
+                self.signals |= {"e": driven.numbers, "u": answer.numbers}
+                self.guess.remarks.append(
+                    f"there is no error and no target: {quoted(driven.header)} drives an element, "
+                    f"whose output is {quoted(answer.header)}"
+                )
 
     def _find_clock(self) -> None:
         guess = self.guess
@@ -433,6 +440,9 @@ class _Guess:
         )
         self._give("u", column)
 
+    def _is_strong(self, role: str) -> bool:
+        return roles_by_name(self.found[role].header).get(role, 0) >= STRONG
+
     def _find_error(self) -> np.ndarray | None:
         """The error, or what stands for it."""
         if "e" in self.signals:
@@ -444,8 +454,10 @@ class _Guess:
     def _by_loop(self, open_roles: set[str], known: set[str]) -> None:
         """Let values and what is left over say what names do not."""
         left = [c for columns in self.tied.values() for c in columns]
-        left = left or self._nameless() or [c for c in self._signals() if moves(c.numbers)]
+        left = left or self._nameless()
         there = set(self.signals) | known
+        if not left and ("e" not in self.found or not self._is_strong("e")):
+            left = [c for c in self._signals() if moves(c.numbers)]
         taken: list[_Column] = []
         error = self._find_error()
         if there == {"u"} and "e" in open_roles and "u" not in open_roles and len(left) == 1:
@@ -560,31 +572,34 @@ class _Guess:
         asks_error = signals and not there & {"e", "f_t"}
         left = self._nameless() or [c for c in self._signals() if moves(c.numbers)]
         left = [*self.outputs, *(c for c in left if c not in self.outputs)]
-        offered = left[:_OFFERED]
-        place = self.found.get("x")
+        place, output = self.found.get("x"), self.found.get("u")
+        two = [c for c in (output, *left, place) if c is not None]
         plainly = "by its name, nor plainly by its values,"
+        if asks_error and not output_known and len(two) == 2 and not there & {"dist"}:
+            text = "Of the two signals neither is by its name the error e, or the target f_t."
+            text += " Which is the output? It answers the other."
+            options = [("output", c.header) for c in two]
+            self.guess.problems.append(Problem(text, tuple(options)))
+            return
         if not output_known and "u" not in there:
             text = f"No column is {plainly} the output u, what the person did."
-            options = [("output", c.header) for c in offered]
+            options = [("output", c.header) for c in left[:_OFFERED]]
             # A cursor may be what the person moves; a plant is not.
             if not left and place and roles_by_name(place.header).get("x", 0) < _OF_PLANT:
                 text += " If the person moves x itself, that is the output."
                 options = [("output", place.header)]
             self.guess.problems.append(Problem(text, tuple(options) or (("output", "NAME"),)))
-            if len(left) == 2 or (
-                left and find_loop({c.header: c.numbers for c in left}, {"u": left[0].header}).roles
-            ):
+            values = {c.header: c.numbers for c in left}
+            if left and find_loop(values, {"u": left[0].header}).roles:
                 asks_error = False
         if asks_error:
             text = (
                 f"No column is {plainly} the error e, or the target f_t, which the person answers."
             )
-            options = [("target" if place else "input", c.header) for c in offered]
-            if not left and place:
-                text += " The person may answer x; or x the output, as a driven element does."
-                options = [("input", place.header)]
-                options += [] if output_known else [("output", place.header)]
-            self.guess.problems.append(Problem(text, tuple(options) or (("input", "NAME"),)))
+            inputs = left if output_known or "u" in there or len(left) < 2 else left[1:]
+            options = [("target" if place else "input", c.header) for c in inputs[:_OFFERED]]
+            options = options or ([("input", place.header)] if place else [("input", "NAME")])
+            self.guess.problems.append(Problem(text, tuple(options)))
 
 
 def guess_columns(paths: Any, **given: Any) -> ColumnGuess:

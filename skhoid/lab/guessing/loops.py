@@ -84,7 +84,9 @@ def find_loop(columns: Mapping[str, np.ndarray], known: Mapping[str, str]) -> Lo
         return LoopRoles({}, free)
     effects = influence([columns[name] for name in names])
     gain = {(a, b): effects[i, j] for i, a in enumerate(names) for j, b in enumerate(names)}
-    near = [c for pair in combinations(free, 2) if _share(columns, pair) < _TRACKS for c in pair]
+    shares = {pair: _share(columns, pair) for pair in combinations(free, 2)}
+    limit = max(_TRACKS, min(1.0, min(shares.values(), default=1.0)))
+    near = {c for pair, share in shares.items() if share <= limit and share < 1 for c in pair}
     net = {c: sum(gain[o, c] - gain[c, o] for o in names) for c in free}
     apart = {c: max(max(gain[o, c], gain[c, o]) for o in names) < IGNORES for c in free}
 
