@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +18,8 @@ from .archives import Stream, grid_of
 from .files import FileTable, numbers_of, one_by_one, split_header
 
 _ROWS_LOOKED_AT = 1000
-_DIGIT = re.compile(r"\d")
+_LIKE = 0.01  # of a step
+_DIGITS = re.compile(r"\d+")
 
 
 @dataclass(frozen=True)
@@ -44,25 +46,30 @@ def are_parts(first: FileTable, second: FileTable) -> bool:
 def join_parts(tables: Sequence[FileTable]) -> list[FileTable] | None:
     """One table for each run; None if the files are none of single signals."""
     found = [_look(table) for table in tables]
+    root = os.path.commonpath([table.path.absolute().parent for table in tables])
+    words = [_words(table.path.absolute().relative_to(root).with_suffix("")) for table in tables]
     groups: dict[Any, list[_Signals]] = {}
     for one in found:
         groups.setdefault(one.names, []).append(one)
     named = len(groups) > 1
     if not named:  # the header is the same in all: names of files say which signal it is
-        place = _place_of_signal([_words(one.table.path) for one in found])
+        place = _place_of_signal(words)
         if place is None or any(len(one.at) != 1 for one in found):
             return None
         groups = {}
-        for one in found:
-            groups.setdefault(_words(one.table.path)[place], []).append(one)
+        for one, own in zip(found, words, strict=True):
+            groups.setdefault(own[place], []).append(one)
     counts = {len(group) for group in groups.values()}
     if len(groups) < 2 or len(counts) > 1:
         return None
     runs = list(zip(*groups.values(), strict=True))
-    if any(len({_numbers(one.table.path) for one in run}) > 1 for run in runs):
+    numbers = {
+        id(o): tuple(_DIGITS.findall(" ".join(w))) for o, w in zip(found, words, strict=True)
+    }
+    if any(len({numbers[id(one)] for one in run}) > 1 for run in runs):
         return None
     labels = list(map(str, groups)) if not named else None
-    return [_joined(run, labels, alone=len(runs) == 1) for run in runs]
+    return [_joined(run, labels) for run in runs]
 
 
 def _look(table: FileTable) -> _Signals:
@@ -78,11 +85,7 @@ def _look(table: FileTable) -> _Signals:
 
 
 def _words(path: Path) -> list[str]:
-    return [word for word in re.split(r"[\W_]+", path.stem) if word] or [path.stem]
-
-
-def _numbers(path: Path) -> tuple[str, ...]:
-    return tuple(re.findall(r"\d+", path.stem))
+    return [word for word in re.split(r"[\W_]+", str(path)) if word]
 
 
 def _place_of_signal(rows: list[list[str]]) -> int | None:
@@ -93,21 +96,20 @@ def _place_of_signal(rows: list[list[str]]) -> int | None:
     for place in reversed(range(width)):
         signals = {row[place] for row in rows}
         rest = {tuple(row[:place] + row[place + 1 :]) for row in rows}
-        are_words = len(signals) > 1 and not any(map(_DIGIT.search, signals))
+        are_words = len(signals) > 1 and not any(map(_DIGITS.search, signals))
         if are_words and len(signals) * len(rest) == len(rows):
             return place
     return None
 
 
-def _joined(parts: Sequence[_Signals], labels: list[str] | None, *, alone: bool) -> FileTable:
+def _joined(parts: Sequence[_Signals], labels: list[str] | None) -> FileTable:
     """The signals of one run on one clock."""
     first = parts[0].table
     folder = first.path.parent
-    common = set(_words(first.path)).intersection(*(_words(one.table.path) for one in parts[1:]))
-    own = "_".join(word for word in _words(first.path) if word in common)
-    if not own and not alone:
-        own = "_".join(_numbers(first.path))
-    path = folder / (own or folder.absolute().name)
+    stems = [_words(Path(one.table.path.stem)) for one in parts]
+    common = "_".join(word for word in stems[0] if all(word in other for other in stems))
+    number = "_".join(_DIGITS.findall(first.path.stem))
+    path = folder / (common or number or folder.absolute().name)
     names: list[str] = []
     columns: list[Any] = []
     units: dict[str, str] = {}
@@ -142,7 +144,7 @@ def _joined(parts: Sequence[_Signals], labels: list[str] | None, *, alone: bool)
         instants, start = grid_of(folder, streams, None)
         columns = [stream.at(instants + start, 0) for stream in streams]
         timed = [pd.Series(instants)]
-        how = "interpolated onto one clock, with the step of the fastest"
+        how = "and interpolated onto one clock, with the step of the fastest"
     if timed:
         clock = next(one for one in parts if one.clock is not None)
         names.insert(0, clock.table.names[clock.clock])  # type: ignore[index]
@@ -154,11 +156,15 @@ def _joined(parts: Sequence[_Signals], labels: list[str] | None, *, alone: bool)
         names,
         one_by_one(columns.__getitem__),
         units=units,
-        remarks=[f"{len(parts)} files are one run, {how}: {listed}"],
+        remarks=[f"{len(parts)} files are one run, joined {how}: {listed}"],
     )
 
 
 def _stream(name: str, clock: np.ndarray, values: np.ndarray) -> Stream:
     later = np.append(True, np.diff(clock) > 0)
     clock, values = clock[later], values[later]
-    return Stream(name, clock, values[:, None], 1 / float(np.median(np.diff(clock))))
+    step, mean = float(np.median(np.diff(clock))), float(np.mean(np.diff(clock)))
+    step = (
+        mean if abs(mean - step) < _LIKE * step else step
+    )  # the median of stamps that are rounded
+    return Stream(name, clock, values[:, None], 1 / step)
