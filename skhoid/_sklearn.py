@@ -287,7 +287,7 @@ def fill_docs(cls: type) -> None:
     for one in (cls, *vars(cls).values()):
         doc = getattr(one, "__doc__", None) if one is cls or callable(one) else None
         if doc and "{" in doc:
-            one.__doc__ = re.sub(r"^( +)\{([\w, ]+)\}$", _entries, doc, flags=re.MULTILINE)
+            one.__doc__ = re.sub(r"^( *)\{([\w, ]+)\}$", _entries, doc, flags=re.MULTILINE)
 
 
 def _entries(line: re.Match) -> str:

@@ -51,7 +51,8 @@ def public_methods():
             continue
         for name, method in inspect.getmembers(cls, inspect.isroutine):
             written_here = (getattr(method, "__module__", None) or "").startswith("skhoid")
-            if written_here and not name.startswith("_"):
+            called = hasattr(method, "__qualname__")  # 3.13: a cached_property is a routine
+            if written_here and called and not name.startswith("_"):
                 found.setdefault(
                     f"{method.__module__}.{method.__qualname__}", (f"{class_name}.{name}", method)
                 )
