@@ -11,6 +11,7 @@ import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from inspect import cleandoc
 from typing import Any, Self
 
 import matplotlib as mpl
@@ -156,7 +157,7 @@ class Display:
         for name, member in vars(cls).items():
             described = getattr(member, "__func__", member)
             if name.startswith("from_"):
-                described.__doc__ = f"{str(described.__doc__).rstrip()}{ENDING}"
+                described.__doc__ = f"{cleandoc(str(described.__doc__))}\n{cleandoc(ENDING)}"
             elif name == "plot" and described.__doc__ is None:
                 described.__doc__ = Display.plot.__doc__
         for member in (cls, *vars(cls).values()):
