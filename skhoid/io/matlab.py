@@ -134,6 +134,8 @@ def _from_scipy(name: str, value: Any) -> Any:
         return Unreadable(_IS_FUNCTION)
     if sparse.issparse(value):
         return value
+    if value is None:  # of an empty cell in a cell
+        return np.empty(0)
     if value.dtype.names:
         kinds = value.dtype.names
         found = Structs({k: _from_scipy(f"{name}.{k}", e[k]) for k in kinds} for e in value.flat)

@@ -22,6 +22,7 @@ def show_dry_run(
     """Print columns, clock, runs, what would be tried and for how long, and draw the beginning."""
     from sklearn.base import clone
 
+    from ...model import simulated_model
     from ...recordings import check_channels
     from ...regression import units_of
     from ...runs import output_name, read_layout
@@ -29,7 +30,7 @@ def show_dry_run(
     layout = read_layout(X)
     if options.core == "operator" and search.domain is None:
         search.set_params(domain="human")  # else person and controller are fitted, as rivals
-    data = search.read_data(clone(search.estimator), X, y)
+    data = search.read_data(clone(simulated_model(search.estimator, "EffectSearchCV")), X, y)
     record, kind = data.record, data.prepared.core.kind
     effects = search.list_effects()
     refused = {e.name: lacks for e in effects if (lacks := e.refusal_in(record, kind))}

@@ -150,6 +150,11 @@ class _Guess:
             if name and table.names.count(name) == 1
         }
         self.free = {k: c for k, c in self.columns.items() if k not in taken}
+        sizes = [c.numbers.size for c in self.columns.values() if c.numbers.size > 1]
+        usual = max(sorted(set(sizes), reverse=True), key=sizes.count, default=0)
+        self.apart = [c for c in self.free.values() if c.numbers.size not in (0, 1, usual)]
+        for column in self.apart:  # of another length than the other variables
+            self.free.pop(column.position)
         of_option = {option: role for role, option in OPTION.items()}
         self.taken = {k: of_option.get(v, "") for k, v in taken.items() if k in self.columns}
         self.signals = {role: self.columns[k].numbers for k, role in self.taken.items()}
@@ -197,7 +202,7 @@ class _Guess:
             guess.columns.sort(key=[c.header for c in self._nameless()].__contains__, reverse=True)
         guess.unused = [
             c.header
-            for c in self.free.values()
+            for c in [*self.free.values(), *self.apart]
             if c.numbers.size > 1 and not is_row_number(c.header)
         ]
 

@@ -54,30 +54,32 @@ def read_runs(
     units: Mapping[str, str] | None = None,
     dt: float | None = None,
 ) -> tuple[pd.DataFrame, pd.Series]:
-    """Read recorded runs from CSV, Parquet, MATLAB, NumPy or XDF files.
+    """Read recorded runs from text, Excel, Parquet, MATLAB, NumPy or XDF files.
 
     What you do not name is guessed from headers and values, and one printed line says which column
     was taken for what. Name inputs, output, and time or `dt`, and nothing is guessed.
 
-    Nothing is resampled, sorted or left out: rows are as in the files, and missing values are NaN
-    (no measurement). The clock is checked when a model is fitted; :func:`skhoid.resample_runs` puts
-    irregularly sampled runs onto a grid.
+    Nothing is resampled, sorted or left out, but for signals of one run in files with other clocks:
+    rows are as in the files, and missing values are NaN (no measurement). The clock is checked when
+    a model is fitted; :func:`skhoid.resample_runs` puts irregularly sampled runs onto a grid.
 
     Parameters
     ----------
-    paths : path, glob pattern, or list of these
-        Such as ``"data/run*.csv"``. The matches of a pattern are in natural order (run2 before
-        run10), a list keeps its own. The extension sets the format: ``.csv``, ``.tsv``, ``.txt``
-        (separated by comma, semicolon or tab, with one header row; decimal commas are recognised
-        unless the comma is the separator), ``.parquet``, ``.pq``, ``.mat`` (version 5 and 7.3),
-        ``.npz``, ``.xdf``. Parquet and MAT 7.3 need ``pip install "skhoid[io]"``, XDF needs
-        ``pip install "skhoid[xdf]"``.
+    paths : path, folder, glob pattern, or list of these
+        Such as ``"data/run*.csv"``. The matches of a pattern, and the files in a folder and those
+        below it, are in natural order (run2 before run10), a list keeps its own. Files with one
+        signal each are one run. The extension sets the format: text (``.csv``, ``.tsv``, ``.txt``,
+        ``.dat``, ``.asc``, ``.log``, ``.res``), ``.parquet``, ``.feather``, ``.mat`` (version 5 and
+        7.3), ``.npz``, ``.xlsx``, ``.xdf``. Parquet, Feather and MAT 7.3 need ``pip install
+        "skhoid[io]"``, Excel ``"skhoid[excel]"``, XDF ``"skhoid[xdf]"``. ``"a.xlsx#Run 2"`` is one
+        sheet; else sheets with the same columns are runs.
     inputs : str, list of str, dict or None, default=None
         Input channels, the columns of `X`. A dict renames: ``{name in the file: channel}``. A
         column headed ``e [deg]`` or ``e (deg)`` can be named as ``"e"`` or by its whole header. In
-        a MAT file a name is a variable; a dotted one (``"data.e"``) is a field of a struct, whose
-        channel is called ``"e"`` unless another one is. None guesses, and names channels by their
-        roles, ``e``, ``x`` and ``f_t``; if there is no error, e = f_t - x is computed.
+        a MAT file a name is a variable, ``"CMD(:,4)"`` a column of one; a dotted one (``"data.e"``)
+        is a field of a struct, whose channel is called ``"e"`` unless another one is. None guesses,
+        and names channels by their roles, ``e``, ``x`` and ``f_t``; if there is no error, e = f_t -
+        x is computed.
     output : str, dict or None, default=None
         The operator's output, as in `inputs`. None guesses, and names it ``u``.
     time : str or None, default=None
@@ -114,8 +116,9 @@ def read_runs(
     -----
     An (N, 1) or (1, N) variable of a MAT or NPZ file is one run. If every channel is an (N, M)
     matrix, its columns are M runs, labelled ``"<file>-1"`` to ``"<file>-M"``, and the time may be
-    one vector for all. MATLAB objects such as ``iddata`` cannot be read: save their ``InputData``,
-    ``OutputData`` and ``SamplingInstants`` as plain arrays.
+    one vector for all; a matrix whose shape no other has holds a channel per column. MATLAB objects
+    such as ``iddata`` and ``timetable`` cannot be read; the error has the line of MATLAB that
+    converts them.
 
     Examples
     --------
