@@ -178,7 +178,7 @@ SHARED = {
     ),
     "initial_": (
         "initial_ : str",
-        'How free runs begin: ``"rest"`` or ``"estimate"``.',
+        'How free runs begin: ``"rest"`` or ``"estimate"`` (in scores, by their first seconds).',
     ),
     "dt_": (
         "dt_ : float",

@@ -61,7 +61,8 @@ def vaf_score(
         Sum the squares over all runs, or average the VAFs of the runs; None returns one VAF per
         run, NaN for a run in which nothing was measured.
     centered : bool, default=False
-        Remove the mean of each run from both signals first.
+        Remove the mean that each run of the measured output has from it and the simulated output
+        alike: 100 times the R² of a run, to which an offset of the simulation counts.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index (None: 1).
     run : array of shape (n_rows,) or None, default=None
@@ -209,7 +210,11 @@ def vaf_of_sums(
 def scored_signals(
     y: np.ndarray, prediction: np.ndarray, keep: np.ndarray, layout: RunLayout, centered: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Measured output, error and run number of the rows in ``keep`` that were measured."""
+    """Measured output, error and run number of the rows in ``keep`` that were measured.
+
+    ``centered`` removes the mean that the output has in these rows of a run from measurement and
+    simulation, so that the error is the same.
+    """
     for name, values in (("y_true", y), ("y_pred", prediction)):
         if np.isinf(values[keep]).any():
             row = int(np.flatnonzero(keep & np.isinf(values))[0])
@@ -231,16 +236,22 @@ def scored_signals(
         n_runs = len(layout.labels)
         count = np.maximum(np.bincount(run, minlength=n_runs), 1)
         signal = signal - (np.bincount(run, signal, n_runs) / count)[run]
-        error = error - (np.bincount(run, error, n_runs) / count)[run]
     return signal, error, run
+
+
+def fit_percent(vaf: float) -> float:
+    """The fit that MATLAB's ``compare`` prints, in percent, of a VAF about the mean."""
+    return 100.0 - 10.0 * float(np.sqrt(100.0 - vaf))
 
 
 class VAFScorer:
     """Score a fitted estimator by the VAF of its free run, for ``scoring=``.
 
     Returns the unclipped VAF in percent, at least -1000, so that a search can tell a bad model from
-    a worse one. Rows that a :class:`RunInTrimmer` in the pipeline leaves out are not scored. Scores
-    are at the full rate, whatever the decimation factor, so that factors can be compared.
+    a worse one; with ``fraction`` from -10 to 1. Rows that a :class:`RunInTrimmer` in the pipeline
+    leaves out are not scored. Scores are at the full rate, whatever the decimation factor, so that
+    factors can be compared. Where runs do not begin at rest, their start is estimated from their
+    first seconds: at most 10 s (or 200 rows), and a quarter of a run.
 
     Parameters
     ----------
@@ -255,7 +266,9 @@ class VAFScorer:
     average : {"pooled", "mean"}, default="pooled"
         Sum the squares over all runs, or average the VAFs of the runs.
     centered : bool, default=False
-        Remove the mean of each run from both signals first.
+        Remove the mean of each run of the measured output from both signals first, as R² does.
+    fraction : bool, default=False
+        Divide by 100, as scikit-learn's scores of regressors are: 1 is perfect.
     dt : float or None, default=None
         Sampling time in seconds of data without a time index. None uses that of the estimator.
     run : column name or position, or None, default=None
@@ -282,6 +295,7 @@ class VAFScorer:
         rate: str = "full",
         average: str = "pooled",
         centered: bool = False,
+        fraction: bool = False,
         dt: float | None = None,
         run: Any = None,
     ) -> None:
@@ -294,8 +308,22 @@ class VAFScorer:
         self.rate = rate
         self.average = average
         self.centered = centered
+        self.fraction = fraction
         self.dt = dt
         self.run = run
+
+    def check_for_search(self) -> None:
+        """Refuse what skhoid's own searches cannot take."""
+        if self.rate == "model":
+            raise ValueError(
+                "A search scores at the full rate; VAFScorer(rate='model') cannot choose between "
+                "models."
+            )
+        if self.fraction:
+            raise ValueError(
+                "skhoid's searches show scores in percent; VAFScorer(fraction=True) is for those "
+                "of scikit-learn."
+            )
 
     def __repr__(self) -> str:
         shown = [f"{k}={v!r}" for k, v in vars(self).items() if v is not None and v is not False]
@@ -313,8 +341,11 @@ class VAFScorer:
         Returns
         -------
         vaf : float
-            In percent, unclipped, at least -1000.
+            In percent (or a fraction), unclipped, at least -1000 %.
         """
+        return self._percent(estimator, X, y) / (100.0 if self.fraction else 1.0)
+
+    def _percent(self, estimator: Any, X: Any, y: Any) -> float:
         check_alignment(X, y)
         layout = raw_layout(estimator, X, dt=self.dt, run=self.run)
         keep = scored_rows(layout, self.run_in, self.window) & ~trimmed_rows(estimator, X)

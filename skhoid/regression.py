@@ -69,7 +69,7 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         raise NotImplementedError
 
     def _run_from(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
-        """The same, from initial states that fit an output on the grid."""
+        """The same, from initial states that fit the first seconds of an output on the grid."""
         return self._free_run(grid, values)
 
     def _read_X(self, X: Any, *, reset: bool) -> tuple[ModelGrid, np.ndarray]:
@@ -263,9 +263,11 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         return grid.to_full_rate(self._free_run(grid, values))
 
     def score(self, X: Any, y: Any) -> float:
-        """Score the free run by its VAF in percent, pooled over runs.
+        """Score the free run by its VAF in percent, pooled over runs: 100 is perfect, not 1.
 
-        Models that estimate initial states use those that fit ``y`` best.
+        Models that estimate initial states use those that fit the first seconds of each run best:
+        at most 10 s (or 200 rows), and a quarter of what was measured in the run. All else is
+        foreseen. ``VAFScorer(fraction=True)`` is at most 1.
 
         Parameters
         ----------
@@ -284,7 +286,7 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         return vaf_of_rows(measured, prediction, keep, layout, "pooled", False)
 
     def prediction_from(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Free run from initial states that fit y where the model has such; else ``predict``.
+        """Free run from states that fit y's first seconds, if the model has such; else ``predict``.
 
         Parameters
         ----------

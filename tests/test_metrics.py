@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.base import clone
+from sklearn.metrics import r2_score
 from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
 from sklearn.pipeline import make_pipeline
 from support import naive
@@ -51,7 +52,50 @@ def test_it_keeps_means_and_is_clipped_and_not_a_correlation():
     assert vaf_score(measured, measured - measured.mean()) < 60
     assert vaf_score(measured, -measured) == 0.0
     assert vaf_score(measured, 0.5 * measured) == pytest.approx(75.0)
-    assert vaf_score(measured, measured + 5.0, centered=True) == pytest.approx(100.0)
+
+
+OFF = {
+    "an offset": lambda y: y + 2.0,
+    "half the size about another level": lambda y: 0.5 * y - 1.0,
+    "the wrong sign": lambda y: -y,
+    "an offset of a scaled output": lambda y: 1.2 * y + 0.05 * np.arange(y.size),
+    "the other unit": lambda y: y / 57.3,
+    "the mean": lambda y: np.full(y.size, y.mean()),
+}
+
+
+@pytest.mark.parametrize("level", [0.0, 5.0, -300.0])
+@pytest.mark.parametrize("kind", OFF)
+def test_about_the_mean_it_is_the_coefficient_of_determination(kind, level):
+    y = level + np.sin(0.05 * np.arange(900)) + 0.1 * np.random.default_rng(0).standard_normal(900)
+    y[::50] = np.nan
+    known = ~np.isnan(y)
+    simulated = np.zeros(900)
+    simulated[known] = OFF[kind](y[known])
+    expected = max(100 * r2_score(y[known], simulated[known]), -1000.0)
+    assert vaf_score(y, simulated, centered=True) == pytest.approx(max(expected, 0.0), abs=1e-9)
+    X = pd.DataFrame({"in": simulated})
+    scorer = VAFScorer(centered=True)
+    as_it_is = ARXRegressor(0, 1, 0).fit(X, pd.Series(simulated))
+    assert scorer(as_it_is, X, y) == pytest.approx(expected, abs=1e-6)
+    scorer.fraction = True
+    assert scorer(as_it_is, X, y) == pytest.approx(expected / 100, abs=1e-8)
+
+
+def test_a_fraction_ranks_as_a_percentage_does(data):
+    X, y = data
+    one, hundred = (
+        GridSearchCV(
+            ARXRegressor(), {"nk": [0, 3, 6]}, scoring=VAFScorer(fraction=f), cv=LeaveOneGroupOut()
+        ).fit(X, y, groups=run_labels(X))
+        for f in (True, False)
+    )
+    np.testing.assert_allclose(
+        100 * one.cv_results_["mean_test_score"], hundred.cv_results_["mean_test_score"]
+    )
+    assert 0 < one.best_score_ <= 1
+    with pytest.raises(ValueError, match="in percent"):
+        DelaySearchCV(ARXRegressor(), scoring=VAFScorer(fraction=True), criterion="vaf").fit(X, y)
 
 
 def test_pooled_mean_and_per_run():

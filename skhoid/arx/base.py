@@ -212,7 +212,7 @@ class BaseARX(RunRegressor):
     def _from_fitted_states(
         self, grid: ModelGrid, inputs: HeldInputs, output: np.ndarray, held: bool
     ) -> np.ndarray:
-        """Free run on the grid whose outputs before each stretch fit a measured output best."""
+        """Free run on the grid whose outputs before each stretch fit its first seconds best."""
         free = self._simulate(grid, inputs, held=held)
         na = self.orders_.na
         if na == 0:
@@ -230,7 +230,7 @@ class BaseARX(RunRegressor):
                     for one in np.eye(na)
                 ]
             )
-            known = np.flatnonzero(~np.isnan(output[begin:end]))
+            known = first_measured(~np.isnan(output[begin:end]), grid.dt)
             wrong = output[begin:end][known] - free[begin:end][known]
             fitted = np.linalg.lstsq(responses[known], wrong, rcond=None)[0]
             free[begin:end] += responses @ fitted
@@ -244,6 +244,32 @@ class BaseARX(RunRegressor):
         """The same, as they were known ``horizon`` rows before."""
         return self._parameters(grid)
 
+    def growth_over(self, X: Any) -> float:
+        """Natural logarithm of how much the slowest mode grows over the longest run.
+
+        ``UNSTABLE`` or more is no integrator's: free runs say nothing of the recording. Where
+        parameters follow changes, their poles from row to row count.
+
+        Parameters
+        ----------
+        {X}
+
+        Returns
+        -------
+        growth : float
+            Negative for a stable model.
+        """
+        self._check_fitted()
+        grid, values = self._read_X(X, reset=False)
+        model = self._following(grid, values)
+        theta, at = model._parameters(grid)
+        na = model.orders_.na
+        companion = np.zeros((len(theta), na, na)) + np.eye(na, k=-1)
+        companion[:, :1] -= theta[:, None, :na]
+        radius = np.abs(np.linalg.eigvals(companion)).max(axis=1, initial=np.finfo(float).tiny)
+        steps = np.concatenate([[0.0], np.cumsum(np.log(radius)[at])])
+        return float(max(steps[end] - steps[begin] for begin, end in segments(grid)))
+
     def simulate(self, X: Any, y: Any = None) -> np.ndarray:
         """Simulate the output from rest or, with a measured output, from estimated initial states.
 
@@ -252,7 +278,7 @@ class BaseARX(RunRegressor):
         {X}
         y : Series or array of shape (n_rows,), default=None
             Measured output. With it the ``na`` outputs before each run (and gap, and end of the
-            run-in) are chosen by least squares on it, as MATLAB's ``compare`` does.
+            run-in) are those that fit its first seconds best, as in ``score``.
 
         Returns
         -------
@@ -516,7 +542,23 @@ def arx_parameter_table(
 
 
 REST, HELD, ESTIMATE = "rest", "held", "estimate"
+START, START_ROWS = 10.0, 200  # at most so many s (rows on a slow clock) tell how a run begins
+START_SHARE = 4  # of the measured rows, one in so many at most: the others are predicted
+# Less growth is an integrator's, as far as n rows can tell: the 99 % quantile of n (rho - 1) of an
+# estimated unit root (Fuller 1976).
+UNSTABLE = 2.03
 SHARE_OF_ERROR, SHARE_OF_POWER = 0.1, 0.01  # by which a start must lower the squares to be taken
+
+
+def first_measured(known: np.ndarray, dt: float) -> np.ndarray:
+    """The first measured rows of each run, in its column, from which its start is estimated.
+
+    All rows would flatter a model whose free run goes astray: a mode that grows, or an offset of an
+    integral, would be removed with hindsight.
+    """
+    count = np.cumsum(known, axis=0)
+    most = np.minimum(count[-1] // START_SHARE, max(round(START / dt), START_ROWS))
+    return np.asarray(known & (count <= most))
 
 
 def pays(rest: float, other: float, y: np.ndarray) -> bool:

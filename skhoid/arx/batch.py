@@ -75,8 +75,9 @@ class ARXRegressor(BaseARX):
         coefficient that acts in few rows, as after a step, has the error's variance in all rows.
     initial : {"rest", "estimate"} or None, default=None
         How simulations begin. ``"rest"``: with all signals zero before the first sample.
-        ``"estimate"``: in ``score`` and where ``y`` is known, from the initial states that fit each
-        run best; in ``predict``, as if the inputs had always been as in the first row. None takes
+        ``"estimate"``: in ``score`` and where ``y`` is known, from the initial states that fit the
+        first seconds of each run (10 s or 200 rows, a quarter at most) best; in ``predict``, as if
+        the inputs had always been as in the first row. None takes
         ``"estimate"`` only where runs clearly do not begin at rest, in ``score`` for each run by
         itself.
     {roles, dt, run}

@@ -312,11 +312,7 @@ class Validation:
     def __init__(
         self, estimator: Any, X: Any, y: Any, known: np.ndarray, scorer: VAFScorer
     ) -> None:
-        if scorer.rate == "model":
-            raise ValueError(
-                "A search scores at the full rate; VAFScorer(rate='model') cannot choose between "
-                "models."
-            )
+        scorer.check_for_search()
         self.layout = raw_layout(estimator, X, dt=scorer.dt, run=scorer.run)
         self.y = as_output(y, dtypes=AS_GIVEN)
         self.known = known
@@ -344,11 +340,12 @@ class Validation:
         for i, (run, some) in enumerate(zip(runs, rows, strict=True)):
             cuts = np.clip(edges - (ends[i] - some.size), 0, some.size)
             measured = self.y[self.layout.run_starts[run] + some].astype(np.float64)
-            signal = self._levelled(measured)
+            centered = self.scorer.centered and some.size
+            signal = measured - measured.mean() if centered else measured
             power[i] = [np.sum(block**2) for block in np.split(signal, cuts)]
             at = 0
             for free in table.simulate(models, number, run):
-                error = self._levelled(measured[:, None] - free[some])
+                error = measured[:, None] - free[some]
                 columns = slice(at, at + free.shape[1])
                 for block, part in enumerate(np.split(error, cuts)):
                     lost[i, block, columns] = np.einsum("tm,tm->m", part, part)
@@ -368,9 +365,6 @@ class Validation:
         """Rows of a run, counted from its first, that are scored."""
         rows = slice(*self.layout.run_starts[run : run + 2].tolist())
         return np.flatnonzero(self.keep[rows] & mask)
-
-    def _levelled(self, values: np.ndarray) -> np.ndarray:
-        return values - values.mean(axis=0) if self.scorer.centered and len(values) else values
 
     def score_refitted(self, estimator: Any, X: Any, y: Any, fold: Fold) -> tuple[float, float]:
         """The same of a single candidate, by a clone that is fitted on a fold."""

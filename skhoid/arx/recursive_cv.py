@@ -312,11 +312,7 @@ class _HorizonScores:
     ) -> None:
         """``inputs`` are those to simulate from; ``start`` gives theta0 and P0 of some runs."""
         self.data, self.y, self.scorer, self.start = data, y, scorer, start
-        if self.scorer.rate == "model":
-            raise ValueError(
-                "A search scores at the full rate; VAFScorer(rate='model') cannot choose between "
-                "models."
-            )
+        self.scorer.check_for_search()
         layout = data.grid.layout
         self.run = layout.run_of(np.arange(layout.n_rows))
         of_grid = self.run if data.grid.rows is None else self.run[data.grid.rows]

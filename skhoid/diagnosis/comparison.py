@@ -14,7 +14,7 @@ import pandas as pd
 from scipy.stats import norm
 
 from .._sklearn import DT, ROLES, RUN_IN, HasMethods, StrOptions, checked
-from ..metrics import vaf_of_rows
+from ..metrics import fit_percent, vaf_of_rows
 from ..pipelines import taken_apart
 from ..preprocessing.base import as_fitted
 from ..recordings.channels import check_channels
@@ -51,8 +51,11 @@ class Figures:
         about the mean.
     one_step_vaf : float
         VAF one step ahead; NaN for a model that makes no such prediction.
-    rmse : float
-        Root mean squared residual of the free run, in the unit of the output.
+    fit : float
+        The fit that MATLAB's ``compare`` prints, in percent, from the VAF about the mean.
+    rmse, offset : float
+        Root mean squared, and mean residual (measured less simulated) of the free run, in the unit
+        of the output.
     estimation_vaf : float
         VAF on the runs given as ``estimation``; NaN if there are none.
     overfit_ratio : float
@@ -63,7 +66,9 @@ class Figures:
     vaf_about_mean: float
     mean_share: float
     one_step_vaf: float
+    fit: float
     rmse: float
+    offset: float
     estimation_vaf: float
     overfit_ratio: float
 
@@ -194,7 +199,9 @@ class Comparison(Told):
     vaf_about_mean = property(attrgetter("figures.vaf_about_mean"))
     mean_share = property(attrgetter("figures.mean_share"))
     one_step_vaf = property(attrgetter("figures.one_step_vaf"))
+    fit = property(attrgetter("figures.fit"))
     rmse = property(attrgetter("figures.rmse"))
+    offset = property(attrgetter("figures.offset"))
     estimation_vaf = property(attrgetter("figures.estimation_vaf"))
     overfit_ratio = property(attrgetter("figures.overfit_ratio"))
     overfit = property(attrgetter("figures.overfit"))
@@ -420,12 +427,16 @@ def _figures(signals: Signals, vaf: float, fitted: Signals | None) -> Figures:
         own = _pooled(fitted, fitted.predicted)
         # Both relative to the power of their output, which differs between runs.
         ratio = (100 - vaf) / (100 - own) if own < 100 else np.nan
+    about_mean = 100 - (100 - vaf) / (1 - mean_share) if moves else np.nan
+    residual = signals.residual[signals.scored]
     return Figures(
         vaf=vaf,
-        vaf_about_mean=100 - (100 - vaf) / (1 - mean_share) if moves else np.nan,
+        vaf_about_mean=about_mean,
         mean_share=mean_share,
         one_step_vaf=_pooled(signals, signals.one_step, ahead) if ahead.any() else np.nan,
-        rmse=float(np.sqrt(np.mean(signals.residual[signals.scored] ** 2))),
+        fit=fit_percent(about_mean),
+        rmse=float(np.sqrt(np.mean(residual**2))),
+        offset=float(np.mean(residual)),
         estimation_vaf=own,
         overfit_ratio=ratio,
     )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from ..arx.base import UNSTABLE
 from ..effects.composition import Effects
 from ..effects.registry import title_of
 from ..interpret.arx_channel import is_arx
@@ -259,8 +260,20 @@ class Advice:
         return f"{self.c.point_scale * value:.1f} VAF points{about}"
 
     def doubts(self) -> Iterator[Finding]:
-        """A leak, and runs unlike the others."""
+        """A model that is unstable, a leak, and runs unlike the others."""
         c = self.c
+        if self.signals.growth > UNSTABLE:
+            yield Finding(
+                "unstable",
+                "The model is unstable: its free run goes astray whatever the input",
+                f"By its poles alone it grows by the power {self.signals.growth / np.log(10):.3g} "
+                "of 10 over a run, and an integral does not grow.",
+                "Its VAF tells how it was started and how long the runs are. It may fit one step "
+                "ahead, as the measured output keeps such a prediction from going astray.",
+                "Fit other orders or a longer delay; inputs that come later than the output (a "
+                "clock that is shifted, a person who sees ahead) lead to such fits, too.",
+                "traces",
+            )
         if c.leak is not None and c.leak.leaks:
             yield Finding(
                 "leak",

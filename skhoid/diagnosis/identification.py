@@ -20,13 +20,14 @@ from sklearn.base import clone
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.utils import check_array
 
+from ..arx.base import UNSTABLE
 from ..arx.batch import ARXRegressor
 from ..arx.least_delay import LeastDelay, find_least_delay
 from ..arx.recursive import RecursiveARX
 from ..arx.searches import DelaySearchCV, OrderSearchCV
 from ..exceptions import MissingDataWarning, UsageError
-from ..metrics import VAF_FLOOR, VAFScorer, scored_rows, vaf_of_rows
-from ..pipelines import trimmed_rows
+from ..metrics import VAFScorer, fit_percent, scored_rows, vaf_of_rows
+from ..pipelines import prediction_from, trimmed_rows
 from ..preprocessing import Decimator, RunInTrimmer
 from ..preprocessing.gate import AS_GIVEN, as_column
 from ..recordings.loss_of_control import (
@@ -42,6 +43,7 @@ from ..runs.roles import columns_by_role, input_columns
 from ..runs.selection import run_labels
 from ..text import Note
 from .leaks import LEAST_DELAY, SLOPE, LeakTest, leak_test
+from .signals import find_growth
 
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
 SLOPE_OF_X = 0.15  # of the unseen disturbance that a regression on x holds at once, at most
@@ -85,15 +87,21 @@ class ModelChoice:
 class FittedModel:
     """A model with its free-run VAF on fitted and held-out rows, and its leak test, if possible.
 
-    ``spare`` are the samples by which a person's answer to x is later than the least delay.
+    ``fit`` is that of MATLAB's ``compare`` and ``offset`` the mean residual, both held out;
+    ``spare`` are the samples by which a person's answer to x is later than the least delay,
+    ``growth`` the logarithm of how much a free run grows by itself.
     """
 
     name: str
     pipeline: Pipeline
     vaf_estimation: float
     vaf_validation: float
+    fit: float
+    offset: float
+    free_run: np.ndarray
     leak: LeakTest | None = None
     spare: float = np.inf
+    growth: float = -np.inf
 
     @property
     def model(self) -> Any:
@@ -116,7 +124,7 @@ class FittedModel:
 
     @property
     def verdict(self) -> Verdict:
-        if self.vaf_validation <= VAF_FLOOR:
+        if self.growth > UNSTABLE:
             return Verdict.UNSTABLE
         if self.leaks:
             return Verdict.REBUILDS
@@ -139,6 +147,8 @@ class FittedModel:
             "vaf_estimation": self.vaf_estimation,
             "vaf_validation": self.vaf_validation,
             "ratio": self.ratio,
+            "fit_validation": self.fit,
+            "offset_validation": self.offset,
             "verdict": self.verdict.value,
             "leaks": leak.leaks if leak is not None else None,
             "leak_slope": leak.slope if leak is not None and leak.leaks is not None else None,
@@ -203,7 +213,7 @@ class Identification:
         """Everything found, as tables by name."""
         flat = [model.as_dict() for model in self.fitted]
         parameters = [{"model": m["name"], **p} for m in flat for p in m.pop("parameters")]
-        free_runs = {m.name.replace(" ", "_"): m.pipeline.predict(self.X) for m in self.fitted}
+        free_runs = {m.name.replace(" ", "_"): m.free_run for m in self.fitted}
         tables = {
             "models": pd.DataFrame(flat),
             "parameters": pd.DataFrame(parameters),
@@ -249,7 +259,7 @@ def identify(
     """Discard the run-in, find delay and orders, fit, and validate on held-out data.
 
     The last run is held out, or ``validation_runs``, or the second half of a single run. With
-    ``centered`` the models have an intercept, and VAF is about the mean of each run.
+    ``centered`` the models have an intercept, and VAF is about the mean of each measured run.
     """
     layout = read_layout(X)
     seen = _Measured.of(X, y, layout, choice, run_in)
@@ -314,14 +324,18 @@ def identify(
     def fitted(name: str, model: Any) -> FittedModel:
         with seen.left_out_quietly():
             pipeline = make_pipeline(*map(clone, steps), model).fit(X_e, y_e)
-        prediction = pipeline.predict(X)
+            prediction, _ = prediction_from(pipeline, X, seen.output)
         u, keep = seen.output.to_numpy(dtype=float), ~trimmed_rows(pipeline, X)
-        of_fit, of_others = (
-            vaf_of_rows(u, prediction, keep & rows, layout, "pooled", centered)
-            for rows in (~held_out, held_out)
+        of_fit, of_others, about_mean = (
+            vaf_of_rows(u, prediction, keep & rows, layout, "pooled", about)
+            for rows, about in ((~held_out, centered), (held_out, centered), (held_out, True))
         )
+        offset = float(np.nanmean((u - prediction)[keep & held_out]))
         leak = seen.leak(pipeline[-1], prediction, keep, least)
-        return FittedModel(name, pipeline, of_fit, of_others, leak, _spare(pipeline[-1], least))
+        spare, growth = _spare(pipeline[-1], least), find_growth(pipeline, X)
+        fit = fit_percent(about_mean)
+        figures = of_fit, of_others, fit, offset
+        return FittedModel(name, pipeline, *figures, prediction, leak, spare, growth)
 
     model.set_params(method=choice.method, instruments=choice.instruments)
     models = [fitted(name, clone(model).set_params(**found)) for name, found in candidates.items()]

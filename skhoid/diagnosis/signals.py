@@ -45,6 +45,7 @@ SETTLED = 0.01  # of the rms prediction; what two starts differ by when the firs
 LONGEST_SETTLING = 10.0  # s
 MOST_MASKED = 0.05  # of the rows that are bridged; more are cut off, and whole periods with them
 RAMPS = 0.04  # of a run, both ends together
+FARTHEST = 1e50  # of a free run that goes astray: its fourth power is still a number
 LEAST_ROWS = 64  # of a run, for spectra and tests
 OUTPUTS = ("y", "predicted", "residual")
 LIKELIEST = Note(
@@ -59,7 +60,8 @@ class Signals:
     """What a model predicts and what was measured, row by row.
 
     ``predicted`` is the free run where it has settled, and the measurement before; ``scored`` are
-    rows measured, outside a run-in (``judged``) and settled.
+    rows measured, outside a run-in (``judged``) and settled. ``growth`` is that of a free run by
+    itself, over the longest run.
     """
 
     model: Any
@@ -77,6 +79,7 @@ class Signals:
     notes: list[Note]
     decided: Note = BY_TARGET
     judged: np.ndarray | None = None
+    growth: float = -np.inf
 
     @cached_property
     def residual(self) -> np.ndarray:
@@ -169,6 +172,7 @@ def read_signals(
     given, model = model, by_likelihood(model)
     layout = raw_layout(model, X, dt=dt, run=run)
     predicted, fed = prediction_from(model, X, y)
+    predicted = np.clip(predicted, -FARTHEST, FARTHEST)
     if predicted.size != measured.size:
         raise ValueError(
             f"model.predict(X) returns {predicted.size} values for the {measured.size} rows of X; "
@@ -199,6 +203,7 @@ def read_signals(
     )
     if taken_apart(given)[1] is not taken_apart(model)[1]:
         signals.notes.append(LIKELIEST)
+    signals = replace(signals, growth=find_growth(model, X))
     return replace(signals, one_step=_one_step(model, X, y)) if one_step else signals
 
 
@@ -341,6 +346,12 @@ def _settling_rows(
     for start, length in zip(starts, lengths, strict=True):
         settling[start : start + min(n_settling, length)] = True
     return settling, not late.size or late[-1] < cut
+
+
+def find_growth(model: Any, X: Any) -> float:
+    """Logarithm of how much a free run grows by itself; minus infinity of a model without poles."""
+    last, passed = reach_model(model, X)
+    return last.growth_over(passed) if hasattr(last, "growth_over") else -np.inf
 
 
 def _one_step(model: Any, X: Any, y: Any) -> np.ndarray:

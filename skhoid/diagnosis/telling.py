@@ -60,11 +60,13 @@ def tell_figures(c: Comparison) -> dict[str, str]:
     about = " (about the mean)" if c.mean_dominates else ""
     of_mean = f" ({100 * c.mean_share:.0f} % of the power is the mean)" if about else ""
     told = {"VAF, free run": f"{c.vaf:.1f} %{of_mean}"}
-    if about:
+    if np.isfinite(c.vaf_about_mean):
         told[vaf_name(centered=True)] = f"{c.vaf_about_mean:.1f} %"
+        told["Fit, as of MATLAB"] = f"{c.fit:.1f} %"
     if np.isfinite(c.one_step_vaf):
         told["VAF, one step ahead"] = f"{c.one_step_vaf:.1f} %"
     told["RMSE, free run"] = f"{c.rmse:.4g}{unit}"
+    told["Offset, free run"] = f"{c.offset:.4g}{unit}, the mean of the residual"
     if np.isnan(c.noise_ceiling):
         told["Noise ceiling"] = f"not known: {c.ceiling.note}"
     else:

@@ -17,7 +17,7 @@ from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
 from .._sklearn import DT, Interval, fit_context
-from ..arx.base import ESTIMATE, HELD, REST, pays
+from ..arx.base import ESTIMATE, HELD, REST, first_measured, pays
 from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.parameter import CoreKind
@@ -100,12 +100,12 @@ class Simulation:
         return Simulator(self.spec.core, self.effects, begun).run(theta)
 
     def run_from(self, record: Record, known: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Free run from initial states that fit the output; by default in runs that show them."""
+        """Free run from states that fit the first seconds; by default in runs that show them."""
         free = self.run(record)
         if self.initial == REST:
             return free
         record = replace(record, y=y, known=known, remembered={})
-        fitted = self.run(record, ESTIMATE)
+        fitted = self.run(replace(record, known=first_measured(known, record.dt)), ESTIMATE)
         return begin_where_it_pays(record, free, fitted) if self.initial is None else fitted
 
 

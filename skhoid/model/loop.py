@@ -136,6 +136,10 @@ class LoopSimulator:
             return np.zeros((1, self.record.n_runs))
         return self._measured.run(theta) - self._open_loop.run(theta)
 
+    def run_ahead(self, theta: np.ndarray) -> np.ndarray:
+        """The same as :meth:`run`: the loop begins where the measured one did."""
+        return self.run(theta)
+
     def run(self, theta: np.ndarray) -> np.ndarray:
         """Output in the loop, the mean over draws of the remnant; NaN where none is found."""
         if self._theta is not None and np.array_equal(theta, self._theta):

@@ -11,7 +11,7 @@ import pandas as pd
 from sklearn.utils.validation import check_consistent_length, column_or_1d
 
 from ..metrics import layout_of_output, vaf_score
-from ..pipelines import raw_layout, trimmed_rows
+from ..pipelines import prediction_from, raw_layout, trimmed_rows
 from ..preprocessing.gate import as_output, unmasked
 from ..preprocessing.transformers import run_in_rows
 from ..runs import GAP, RunLayout, check_alignment, output_name, read_layout, run_name
@@ -110,7 +110,7 @@ class SimulationDisplay(Display):
         Parameters
         ----------
         estimator : fitted estimator, pipeline or search
-            Its ``predict(X)`` gives the simulated output. The run-in that a
+            It simulates the output as for ``score``. The run-in that a
             :class:`skhoid.RunInTrimmer` in it leaves out is shaded and not scored.
         X : DataFrame or array of shape (n_rows, n_columns)
             Channels, one row per sample.
@@ -131,7 +131,7 @@ class SimulationDisplay(Display):
         layout = raw_layout(estimator, X, dt=dt, run=run)
         check_alignment(X, y)
         check_consistent_length(X, y)
-        simulated = np.asarray(estimator.predict(X), dtype=float).ravel()
+        simulated, _ = prediction_from(estimator, X, y)
         run_in = trimmed_rows(estimator, X)
         traces, note = _traces(layout, as_output(y), simulated, run_in, runs, window)
         return cls(traces=traces, note=note, centered=centered, **_find_name(y)).plot(ax, **kwargs)

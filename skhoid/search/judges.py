@@ -54,7 +54,7 @@ class HeldOutRows:
 def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -> np.ndarray:
     """Free runs of each fold's rows, with parameters one Gauss-Newton step from those of all."""
     simulator, record = model.simulator, model.simulator.record
-    output = model.output
+    output = simulator.run_ahead(model.theta)
     prediction = output.copy()
     table = whitened_derivatives(simulator, criterion, model.theta)
     by_row = table.reshape(len(table), *criterion.y.shape)
@@ -74,12 +74,12 @@ def held_out(model: Model, criterion: Criterion, folds: Sequence[HeldOutRows]) -
         scale = np.sqrt(np.maximum(np.diag(block), ridge + 1e-300))
         scaled = block / np.outer(scale, scale) + 1e-9 * np.eye(len(scale))
         step[inside] = np.linalg.solve(scaled, gradient[inside] / scale) / scale
-        moved = simulator.run(np.clip(model.theta + step, simulator.low, simulator.high))
+        theta = np.clip(model.theta + step, simulator.low, simulator.high)
+        moved = simulator.run(theta)
         # Beyond the range of its linearisation a step may worsen even its own training rows.
         after = criterion.whitened(criterion.residual(moved)[None])[0].reshape(train.shape)
-        if not np.sum(after[train] ** 2) <= gram[-1, -1]:
-            moved = output
-        prediction[fold.test] = moved[fold.test]
+        if np.sum(after[train] ** 2) <= gram[-1, -1]:
+            prediction[fold.test] = simulator.run_ahead(theta)[fold.test]
     assert record.y is not None
     return np.where(np.isfinite(prediction), prediction, 0.0)
 
@@ -90,7 +90,8 @@ def refitted_prediction(
     """Free runs of each fold's rows with parameters fitted without them; NaN where none settles."""
     prediction = model.output.copy()
     for fold, fitted in without_folds(model, criterion, folds, **ends):
-        prediction[fold.test] = within_seen(fitted, fold).output[fold.test]
+        seen = within_seen(fitted, fold)
+        prediction[fold.test] = seen.simulator.run_ahead(seen.theta)[fold.test]
     return prediction
 
 

@@ -157,9 +157,9 @@ def predict_on(
 ) -> np.ndarray:
     """Free runs of a model, and in rows of each fold with the parameters of ``without``."""
     core, effects = model.simulator.core, model.effects
-    found = Simulator(core, effects, record).run(model.theta)
+    found = Simulator(core, effects, record).run_ahead(model.theta)
     for theta, (columns, rows) in zip(without, held, strict=True):
-        held_out = Simulator(core, effects, record.part(columns, 1)).run(theta)
+        held_out = Simulator(core, effects, record.part(columns, 1)).run_ahead(theta)
         found[:, columns] = np.where(rows, held_out, found[:, columns])
     return np.where(np.isfinite(found), found, 0.0)
 

@@ -277,7 +277,7 @@ def _tell(found: Any) -> Any:
     from ...search import parameters_table
     from ...text import Document, Notes, Paragraph
 
-    chosen, means = found.best, "about the mean" if found.centered else "means kept"
+    chosen, means = found.best, "about the mean" if found.centered else "about zero"
     bias = "Instrumental variables: remnant does not bias them."
     if chosen.model.method == "ols":
         bias = "They do not include the bias that remnant causes in a closed loop."
@@ -293,6 +293,10 @@ def _tell(found: Any) -> Any:
             Paragraph(f"Fitted on {found.estimation}; held out {found.validation}{clock}."),
             Notes(found.notes),
             _table_of_models(found, means),
+            Paragraph(
+                "fit: that of MATLAB's compare. offset: mean of measured less simulated. Both are "
+                "of the held-out rows."
+            ),
             *([_table_of_delays(found)] if found.delay_searches else []),
             parameters_table(chosen.model),
             Paragraph(
@@ -304,7 +308,7 @@ def _tell(found: Any) -> Any:
 
 
 def _table_of_models(found: Any, means: str) -> Any:
-    from ...text import DASH, TextTable
+    from ...text import DASH, TextTable, number
 
     rows = []
     for one in found.fitted:
@@ -312,8 +316,9 @@ def _table_of_models(found: Any, means: str) -> Any:
         nb, nk = (v[0] if len(set(v)) == 1 else list(v) for v in (orders.nb, orders.nk))
         figures = [f"{one.vaf_estimation:.2f}", f"{one.vaf_validation:.2f}"]
         ratio = f"{one.ratio:.3f}" if one.vaf_validation > 0 else DASH
-        rows.append([one.name, f"{orders.na}, {nb}, {nk}", *figures, ratio, str(one.verdict)])
-    header = ["model", "na, nb, nk", "fitted", "held out", "ratio", "verdict"]
+        figures += [ratio, f"{one.fit:.1f}", number(one.offset), str(one.verdict)]
+        rows.append([one.name, f"{orders.na}, {nb}, {nk}", *figures])
+    header = ["model", "na, nb, nk", "fitted", "held out", "ratio", "fit", "offset", "verdict"]
     title = f"VAF of the simulated output, %, {means}"
     return TextTable(title, header, rows, left=("model", "verdict"))
 
