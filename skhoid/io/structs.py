@@ -175,7 +175,8 @@ def _recorded(node: dict[str, Any]) -> dict[str, Any] | None:
             return None
         labels = _names_of(items) or [f"signals({k})" for k in range(1, len(items) + 1)]
         if len(items) == 1:
-            labels = [items[0].get("label") or ""]
+            label = items[0].get("label")
+            labels = [label if isinstance(label, str) else ""]
         values = [item["values"] for item in items]
     elif {"X", "Y"} <= node.keys():
         first = node["X"][0] if isinstance(node["X"], list) and node["X"] else node["X"]
@@ -193,7 +194,8 @@ def _recorded(node: dict[str, Any]) -> dict[str, Any] | None:
 
 def _names_of(items: list[dict[str, Any]]) -> list[str] | None:
     """The texts by which elements are told apart, from the field that is most like a name."""
-    keys = [k for k in items[0] if all(isinstance(e.get(k), str) and e[k] for e in items)]
+    first = items[0] if items else {}
+    keys = [k for k in first if all(isinstance(e.get(k), str) and e[k] for e in items)]
     keys = [k for k in keys if len({e[k] for e in items}) == len(items)]
     keys.sort(key=lambda k: _OF_NAMES.index(k.casefold()) if k.casefold() in _OF_NAMES else 99)
     return [e[keys[0]].strip() for e in items] if keys else None

@@ -28,6 +28,7 @@ from .columns import make_guess
 from .names import LEVELS, UnclearNamesError, names_guess
 from .problems import (
     ColumnGuess,
+    Problem,
     UnclearColumnsError,
     problems_of_files,
     problems_of_runs,
@@ -196,16 +197,18 @@ def read_guessed(
     """
     files = expand_paths(guess.paths)
     failure: Exception | None = None
+    of_runs: list[Problem] = []
     if not guess.problems:
         try:
             X, y = _read_guess(guess, opened)
             _even_out(X, y, guess)
-            problems = problems_of_runs(X, y, irregular=irregular)
-            if not problems:
+            of_runs = problems_of_runs(X, y, irregular=irregular)
+            if not of_runs:
                 return X, y
         except ValueError as error:
             failure = error
     problems = [*guess.problems, *problems_of_files(list(each_table(files, opened)), guess)]
+    problems = problems or of_runs
     if not problems:
         assert failure is not None
         raise failure
