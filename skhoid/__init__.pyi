@@ -19,7 +19,9 @@ from .diagnosis import compare as compare
 from .diagnosis import performance_scores as performance_scores
 from .diagnosis import remnant_estimate as remnant_estimate
 from .exceptions import IrregularSamplingError as IrregularSamplingError
+from .exceptions import LongDelayWarning as LongDelayWarning
 from .exceptions import MissingDataWarning as MissingDataWarning
+from .exceptions import NothingExplainedWarning as NothingExplainedWarning
 from .exceptions import PooledRunsWarning as PooledRunsWarning
 from .exceptions import PoorExcitationWarning as PoorExcitationWarning
 from .exceptions import RankDeficiencyError as RankDeficiencyError

@@ -9,7 +9,9 @@ __all__ = [
     "ColumnError",
     "Hinted",
     "IrregularSamplingError",
+    "LongDelayWarning",
     "MissingDataWarning",
+    "NothingExplainedWarning",
     "PooledRunsWarning",
     "PoorExcitationWarning",
     "RankDeficiencyError",
@@ -123,6 +125,14 @@ class PooledRunsWarning(Hinted, UserWarning):
 
 class SlowClockWarning(Hinted, UserWarning):
     """The clock is too slow for a person: it may count milliseconds, or rows."""
+
+
+class LongDelayWarning(Hinted, UserWarning):
+    """A delay in seconds is longer than a person's: it may be a number of samples."""
+
+
+class NothingExplainedWarning(Hinted, UserWarning):
+    """The best candidate of a search explains nothing of the held-out output."""
 
 
 class RunTimeWarning(Hinted, UserWarning):

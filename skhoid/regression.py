@@ -20,6 +20,7 @@ from .preprocessing.gate import (
     AS_GIVEN,
     DOUBLE,
     as_output,
+    as_weights,
     check_not_infinite,
     check_not_too_small,
 )
@@ -44,7 +45,8 @@ STILL = 1e-9  # relative to the norm of a channel
 class DataToFit(NamedTuple):
     """Data on the grid: inputs, output and all columns of X, and the latter at full rate too.
 
-    ``known`` are the rows at full rate with an output to fit; elsewhere it is NaN.
+    ``known`` are the rows at full rate with an output to fit; elsewhere it is NaN. ``weights`` are
+    those of the rows of the grid, if any are given; where they are 0 the output is NaN.
     """
 
     grid: ModelGrid
@@ -53,6 +55,12 @@ class DataToFit(NamedTuple):
     columns: np.ndarray
     values: np.ndarray
     known: np.ndarray
+    weights: np.ndarray | None = None
+
+    @property
+    def told(self) -> np.ndarray:
+        """The output in which only what was not measured is NaN, not what weights leave out."""
+        return self.output if self.weights is None else np.where(self.weights > 0, self.output, 0)
 
 
 class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixin, BaseEstimator):
@@ -106,7 +114,13 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         return [f"x{p}" if names is None else str(names[p]) for p in positions]
 
     def _read_data(
-        self, X: Any, y: Any, needs: str = "inputs", *, in_parts: bool = False
+        self,
+        X: Any,
+        y: Any,
+        needs: str = "inputs",
+        *,
+        in_parts: bool = False,
+        sample_weight: Any = None,
     ) -> DataToFit:
         """Read data to fit, without the runs in which a channel it ``needs`` was never recorded.
 
@@ -130,6 +144,15 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
             self._needed = [i for i in range(values.shape[1]) if i != run]
         if needs != "nothing":
             output = self._drop_empty_runs(grid.layout, values, output)
+        weights = as_weights(sample_weight, X, output.size)
+        if weights is not None:
+            output = np.where(weights > 0.0, output, np.nan)
+            if needs != "nothing" and np.isnan(output).all():
+                raise ValueError(
+                    "Sample weights are zero in all rows in which y was measured: nothing is left "
+                    "to fit."
+                )
+            weights = weights if grid.rows is None else weights[grid.rows]
         self._units = {**units_of(X), **units_of(y)}
         self._n_runs = len(grid.layout.labels)
         self.dt_ = grid.dt
@@ -149,7 +172,7 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         if inputs.dtype not in dtypes:
             inputs = inputs.astype(np.float64)
         thin = grid.thin_output(output)
-        return DataToFit(grid, inputs, thin, thinned, values, ~np.isnan(output))
+        return DataToFit(grid, inputs, thin, thinned, values, ~np.isnan(output), weights)
 
     @property
     def column_names(self) -> list[Any] | None:
@@ -262,7 +285,7 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         grid, values = self._read_X(X, reset=False)
         return grid.to_full_rate(self._free_run(grid, values))
 
-    def score(self, X: Any, y: Any) -> float:
+    def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
         """Score the free run by its VAF in percent, pooled over runs: 100 is perfect, not 1.
 
         Models that estimate initial states use those that fit the first seconds of each run best:
@@ -272,17 +295,25 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         Parameters
         ----------
         {X, y}
+        sample_weight : array-like of shape (n_rows,), float or None, default=None
+            Weight of each row in the sums of squares; rows of weight 0 are not scored.
 
         Returns
         -------
         vaf : float
             Unclipped, at least -1000; rows of a marked run-in are left out.
         """
-        prediction, fed = self.prediction_from(X, y)
-        layout = self._read_X(X, reset=False)[0].layout
-        keep = scored_rows(layout, None, None) & fed
         measured = self._read_y(X, y)
+        weights = as_weights(sample_weight, X, measured.size)
+        counts = np.ones(measured.size) if weights is None else weights
+        # A row that does not count does not say how a run began either.
+        prediction, fed = self.prediction_from(
+            X, y if weights is None else np.where(counts > 0.0, measured, np.nan)
+        )
+        layout = self._read_X(X, reset=False)[0].layout
+        keep = scored_rows(layout, None, None) & fed & (counts > 0.0)
         warn_of_unscored(layout, measured, keep)
+        measured, prediction = (np.sqrt(counts) * signal for signal in (measured, prediction))
         return vaf_of_rows(measured, prediction, keep, layout, "pooled", False)
 
     def prediction_from(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:

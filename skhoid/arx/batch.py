@@ -25,7 +25,7 @@ from .base import (
     pays,
 )
 from .instruments import estimate, instrument_columns
-from .least_squares import Triangle, robust_covariance
+from .least_squares import Triangle, robust_covariance, weighted
 from .model_summary import (
     CLOSED_LOOP,
     JUDGE,
@@ -96,7 +96,8 @@ class ARXRegressor(BaseARX):
         Covariance of ``coef_``.
     {standard_errors_}
     noise_variance_ : float
-        Variance of the equation error, in the squared unit of ``y``.
+        Variance of the equation error, in the squared unit of ``y``; with weights, in rows of
+        weight 1.
     parameters_ : DataFrame
         Indexed by parameter: value, sd (standard error), low and high (95 % interval), unit,
         meaning.
@@ -176,12 +177,12 @@ class ARXRegressor(BaseARX):
         self.run = run
 
     @fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X: Any, y: Any) -> ARXRegressor:
+    def fit(self, X: Any, y: Any, sample_weight: Any = None) -> ARXRegressor:
         """Estimate the parameters.
 
         Parameters
         ----------
-        {X, y}
+        {X, y, sample_weight}
 
         Returns
         -------
@@ -200,10 +201,11 @@ class ARXRegressor(BaseARX):
         sklearn.exceptions.ConvergenceWarning
             If ``method="iv"`` has not converged after 20 rounds.
         """
-        data = self._read_data(X, y, in_parts=self.method != "iv")
+        data = self._read_data(X, y, in_parts=self.method != "iv", sample_weight=sample_weight)
         self._set_orders(data.grid)
         self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
         if self.method == "iv":
+            refuse_weights(data.weights, f"method={self.method!r}")
             self._fit_by_instruments(data)
         else:
             self._fit_by_least_squares(data)
@@ -219,12 +221,14 @@ class ARXRegressor(BaseARX):
         begin, end = grid.begin[grid.measured], grid.end[grid.measured]
         orders = self.orders_
         blocks = regressor_blocks(output, inputs, begin, end, orders)
-        triangle = Triangle.of_blocks((table for table, *_ in blocks), orders.n_params + 1)
+        triangle = Triangle.of_blocks(
+            (weighted(table, rows, data.weights) for table, rows, _ in blocks), orders.n_params + 1
+        )
         self.n_rows_used_ = n_rows = triangle.n_rows
         possible = int(np.maximum(end - begin - orders.first_row, 0).sum())
         self.n_rows_missing_ = possible - n_rows
         check_row_count(n_rows, orders.n_params, grid)
-        self._report_missing(grid, inputs, output, n_rows, self.inputs_)
+        self._report_missing(grid, inputs, data.told, n_rows, self.inputs_)
         self._check_rank(triangle, inputs, output)
         self.instruments_: list[str] = []
         self.coef_ = triangle.solve()
@@ -232,6 +236,7 @@ class ARXRegressor(BaseARX):
         bread = triangle.inverse_information()
         if self.covariance == "hac":
             table, rows, _ = regressors(output, inputs, begin, end, orders)
+            table = weighted(table, rows, data.weights)
             errors = table[:, -1] - table[:, :-1] @ self.coef_
             weights = table[:, :-1] @ bread
             leverage = np.einsum("tp,tp->t", weights, table[:, :-1])
@@ -273,7 +278,7 @@ class ARXRegressor(BaseARX):
         self.n_rows_used_, self.n_rows_missing_ = found.n_rows, found.n_missing
         signals = np.column_stack([inputs, outside])
         names = [*self.inputs_, *self.instruments_]
-        self._report_missing(grid, signals, output, found.n_rows, names)
+        self._report_missing(grid, signals, data.told, found.n_rows, names)
         self.coef_, self.covariance_ = found.theta, found.covariance
         self.noise_variance_ = found.noise_variance
 
@@ -412,4 +417,13 @@ class ARXRegressor(BaseARX):
             facts,
             estimates_table(self.parameters_),
             notes,
+        )
+
+
+def refuse_weights(weights: np.ndarray | None, by: str) -> None:
+    """Refuse weights that differ, other than by leaving rows out, where they cannot be obeyed."""
+    if weights is not None and np.ptp(weights[weights > 0.0]) > 0.0:
+        raise ValueError(
+            f"{by} cannot weigh rows. sample_weight may say which rows were measured (0, and the "
+            "same number elsewhere); for other weights use method='ols'."
         )

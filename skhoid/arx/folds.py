@@ -15,7 +15,12 @@ from sklearn.model_selection import GroupKFold, LeaveOneGroupOut, LeavePGroupsOu
 from sklearn.utils.metadata_routing import MetadataRouter, MethodMapping, process_routing
 
 from .._sklearn import SharedDocs, raise_for_params, routing_enabled
-from ..exceptions import MissingDataWarning, RunCutWarning, RunIndexError
+from ..exceptions import (
+    MissingDataWarning,
+    NothingExplainedWarning,
+    RunCutWarning,
+    RunIndexError,
+)
 from ..preprocessing.gate import unmasked
 from ..runs import RunLayout, check_alignment
 
@@ -107,6 +112,21 @@ class SplitsRuns(SharedDocs):
             raise_for_params(params, self, "fit")
         numbers = _checked_groups(X, layout, given.get("groups", groups))
         return {**given, "groups": numbers if "groups" in given else None}
+
+    def _doubt_best(self, vaf: float) -> None:
+        """Warn of a choice among candidates of which the best explains nothing."""
+        if vaf <= 0.0:
+            warnings.warn(
+                NothingExplainedWarning(
+                    f"{type(self).__name__}: the best candidate has a VAF of {vaf:.1f} % on "
+                    "held-out rows, where an output of zero has 0: it explains nothing, and what "
+                    "was chosen means nothing.",
+                    hint="Check that the inputs are what the output answers to, their signs and "
+                    "units, and that means are removed; try longer delays, other orders and "
+                    "fit_intercept=True.",
+                ),
+                stacklevel=4,
+            )
 
 
 def _splitter(cv: Any, several: bool = True) -> Any:

@@ -87,6 +87,11 @@ class Triangle:
         return inverse @ inverse.T
 
 
+def weighted(table: np.ndarray, rows: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
+    """A table of regressors and output whose squares count by the weights of its rows."""
+    return table if weights is None else table * np.sqrt(weights[rows])[:, None]
+
+
 def _absorbed(R: np.ndarray, below: np.ndarray, triangular: int) -> np.ndarray:
     """R of the rows of R and those below it, of which the last ``triangular`` are a triangle."""
     return dtpqrt(triangular, min(PANEL, len(R)), R, below, overwrite_a=True, overwrite_b=True)[0]

@@ -15,6 +15,7 @@ from .._sklearn import Interval, StrOptions, fit_context
 from ..exceptions import RunTimeWarning, ShortRunError
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import ModelGrid
+from ..regression import DataToFit
 from ..text import ModelSummary, estimates_table
 from .base import BaseARX, arx_parameter_table, check_row_count
 from .forgetting import Forgetting, read_forgetting
@@ -39,7 +40,9 @@ from .rls import (
     kernel_regressors,
     likelihoods,
     needs_data,
+    relatively_weighted,
     run_recursion,
+    weigh,
 )
 from .streaming import Recursion, Streaming
 
@@ -256,7 +259,30 @@ class Stream(Recursion):
             self._since,
         )  # fmt: skip
 
-    def take(self, X: np.ndarray, y: np.ndarray, time: np.ndarray | None = None) -> None:
+    def step_weighted(self, X: np.ndarray, y: np.ndarray, weights: np.ndarray) -> None:
+        """The same as ``step`` of rows with weights, whose regressors are made here."""
+        n, depth, signals = y.size, self.depth, self._signals
+        known = np.concatenate([signals[:, :depth], np.ones((len(signals), n, 1, 1))], axis=1)
+        known[0, depth:, 0, 0], known[1 : 1 + X.shape[1], depth:, 0, 0] = -y, X.T
+        told = np.r_[np.full(depth, np.nan), y, np.sqrt(weights)][:, None, None]
+        target, sizes = told[: depth + n], np.r_[told[:depth], told[depth + n :]]
+        target[depth : depth + max(depth - int(self._since[0]), 0)] = np.nan
+        made, scaled, lags = weigh(known, target, self._regressors, sizes)
+        empty = np.empty((0, 0, 0))
+        _kernels.rls.recursion(1)(
+            made, scaled, *lags, depth, depth + n, *self._arrays, depth, self.forgetting.diagonal,
+            self.forgetting.nominal, self.state.buffer, *[empty] * 5, np.empty((0, 0)),
+        )  # fmt: skip
+        signals[:, :depth] = known[:, n:]
+        self._since[0] += n
+
+    def take(
+        self,
+        X: np.ndarray,
+        y: np.ndarray,
+        time: np.ndarray | None = None,
+        weights: np.ndarray | None = None,
+    ) -> None:
         """Take rows, with all that may change at their instants."""
         if time is None:
             time = (self._since[0] + np.arange(y.size)) * self.dt
@@ -269,7 +295,10 @@ class Stream(Recursion):
                 self.state.reset(self.P0)
             self.forgetting = self.forgetting.at(time[begin:end], self.state.n_params)
             self._arrays = self.forgetting.arrays()
-            self.step(X[begin:end], y[begin:end])
+            if weights is None:
+                self.step(X[begin:end], y[begin:end])
+            else:
+                self.step_weighted(X[begin:end], y[begin:end], weights[begin:end])
         self._last_time = float(time[-1])
 
 
@@ -304,10 +333,13 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
         return NO_TIMES
 
     def _read_recursion(self, X: Any, y: Any) -> RecursionData:
-        grid, inputs, output, *_ = self._read_data(X, y)
-        self._set_orders(grid)
+        return self._recursion_of(self._read_data(X, y))
+
+    def _recursion_of(self, data: DataToFit) -> RecursionData:
+        self._set_orders(data.grid)
         self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
-        return RecursionData.of(grid, inputs, output, self.orders_)
+        weights = data.weights
+        return RecursionData.of(data.grid, data.inputs, data.output, self.orders_, weights)
 
     def _fit_recursion(
         self,
@@ -354,7 +386,8 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
             if data.instants.n_runs == 1:
                 stream.go_on_after(data)
             self._leave_for_streams(stream, data.grid.layout)
-        self._report_missing(data.grid, data.inputs, data.output, self.n_updates_, self.inputs_)
+        told = data.output if data.weights is None else np.where(data.weights > 0, data.output, 0)
+        self._report_missing(data.grid, data.inputs, told, self.n_updates_, self.inputs_)
 
     def _start(self, data: RecursionData, runs: Any) -> tuple[np.ndarray, np.ndarray]:
         table = None
@@ -412,7 +445,12 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
         return int(np.argmax(known)) if known.any() else None
 
     def _first_table(
-        self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray, orders: Orders
+        self,
+        X: np.ndarray,
+        y: np.ndarray,
+        fresh: np.ndarray,
+        orders: Orders,
+        weights: np.ndarray | None = None,
     ) -> np.ndarray | None:
         """Regressors of the first rows of a stream, where the start comes from data."""
         first = self._first_row(X, y)
@@ -420,20 +458,9 @@ class RecursiveLeastSquares(Streaming, FollowedPath):
             return None
         end = first + self._rows_to_begin()
         begin = np.flatnonzero(fresh[:end])
-        return regressors(y[:end], X[:end], begin, np.append(begin[1:], end), orders)[0]
-
-    def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> Recursion:
-        self.orders_ = orders = Orders.of(
-            self.na, self.nb, self.nk, len(self._columns), bool(self.fit_intercept)
-        )
-        check_streamable(orders)
-        self.parameter_names_ = orders.parameter_names(self.inputs_)
-        theta0, P0 = self._start_from(self._first_table(X, y, fresh, orders), y.size)
-        self.initial_coef_, self.initial_covariance_ = theta0, P0
-        forgetting = self._read_forgetting(np.zeros(1))
-        state = RecursionState(theta0, P0)
-        state.set_factor(forgetting)
-        return self._stream_from(state, P0, forgetting)
+        edges = begin, np.append(begin[1:], end)
+        table, rows, _ = regressors(y[:end], X[:end], *edges, orders)
+        return relatively_weighted(table, rows, weights)
 
     def _stream_from(self, state: RecursionState, P0: np.ndarray, forgetting: Forgetting) -> Stream:
         n_inputs, times = len(self._columns), self._read_reset_times()
@@ -691,7 +718,7 @@ class RecursiveARX(RecursiveLeastSquares):
         self.run = run
 
     @fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X: Any, y: Any) -> RecursiveARX:
+    def fit(self, X: Any, y: Any, sample_weight: Any = None) -> RecursiveARX:
         """Run the recursion over recorded runs.
 
         With ``init="ols"`` the first window of data is used twice, for θ0 and in the recursion, as
@@ -699,7 +726,7 @@ class RecursiveARX(RecursiveLeastSquares):
 
         Parameters
         ----------
-        {X, y}
+        {X, y, sample_weight}
 
         Returns
         -------
@@ -718,11 +745,59 @@ class RecursiveARX(RecursiveLeastSquares):
         MissingDataWarning
             With the number of rows that are NaN.
         """
-        data = self._read_recursion(X, y)
+        data = self._recursion_of(self._read_data(X, y, sample_weight=sample_weight))
         each = self.combine == "average_estimates"
         forgetting = self._read_forgetting(data.instants.time)
         self._fit_recursion(data, forgetting, each=each, smooth=self.smooth)
         return self
+
+    def partial_fit(
+        self, X: Any, y: Any, sample_weight: Any = None, *, new_run: bool = False
+    ) -> RecursiveARX:
+        """Update the estimates with rows that follow those seen before, one or many.
+
+        The estimates do not depend on how the stream is cut: from the same start they equal those
+        of ``fit``, bit for bit. Rows are collected until ``init_window`` is full if the method
+        begins from data; until then there is no estimate. After ``fit`` on a single run the stream
+        continues from its end. Options changed since the stream began take effect when a new one
+        begins.
+
+        A new run, or a gap, clears the lags; estimates are kept. Runs are taken one after the
+        other, while ``fit`` aligns them. No path is kept.
+
+        Parameters
+        ----------
+        X : DataFrame or array of shape (n_rows, n_columns)
+            Channels. Runs and gaps are read from the index, or from the run column. A float64 array
+            is fastest; give a delay as ``nk``, since pipelines have no ``partial_fit``.
+        {y}
+        sample_weight : array-like of shape (n_rows,), float or None, default=None
+            Weight of each row, as in ``fit``; 0 means that y was not measured.
+        new_run : bool, default=False
+            Whether a new run begins with the first row.
+
+        Returns
+        -------
+        self : RecursiveARX
+        """
+        if sample_weight is None:
+            return super().partial_fit(X, y, new_run=new_run)
+        return self._partial_fit(X, y, new_run, sample_weight)
+
+    def _begun(
+        self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray, weights: np.ndarray | None = None
+    ) -> Recursion:
+        self.orders_ = orders = Orders.of(
+            self.na, self.nb, self.nk, len(self._columns), bool(self.fit_intercept)
+        )
+        check_streamable(orders)
+        self.parameter_names_ = orders.parameter_names(self.inputs_)
+        theta0, P0 = self._start_from(self._first_table(X, y, fresh, orders, weights), y.size)
+        self.initial_coef_, self.initial_covariance_ = theta0, P0
+        forgetting = self._read_forgetting(np.zeros(1))
+        state = RecursionState(theta0, P0)
+        state.set_factor(forgetting)
+        return self._stream_from(state, P0, forgetting)
 
     def _read_forgetting(self, time: np.ndarray) -> Forgetting:
         return read_forgetting(

@@ -181,6 +181,7 @@ class RecursiveARXCV(SplitsRuns, CallbackSupportMixin, RecursiveLeastSquares):
             self._tell_part(context, f"fold {len(scored)}")
         self.n_runs_pooled_ = min(len(train) for train, _ in folds)
         self._set_results(settings, np.array(scored))
+        self._doubt_best(self.best_score_)
         self._fit_recursion(data, settings[self.best_index_])
         self._tell_part(context, "refit")
         context.call_on_fit_task_end(estimator=self, X=X, y=y)

@@ -17,7 +17,7 @@ from ..exceptions import PoorExcitationWarning
 from ..preprocessing.grid import ModelGrid
 from ..runs import whole_samples
 from .forgetting import Forgetting, kernel_arrays
-from .least_squares import Triangle
+from .least_squares import Triangle, weighted
 from .orders import Orders, regressors
 
 NOTHING = np.empty((0, 0, 0))
@@ -64,7 +64,7 @@ class RecursionData:
 
     ``signals`` are -y, the inputs and ones where there is an intercept, of shape (n_signals,
     n_instants, n_runs, 1), and ``target`` is the output where it gives an update; both are NaN
-    where a run has no row.
+    where a run has no row. ``weights`` are those of the rows, if any are given.
     """
 
     grid: ModelGrid
@@ -74,6 +74,7 @@ class RecursionData:
     instants: Instants
     signals: np.ndarray
     target: np.ndarray
+    weights: np.ndarray | None = None
 
     @property
     def n_rows_without_lags(self) -> int:
@@ -86,7 +87,12 @@ class RecursionData:
 
     @classmethod
     def of(
-        cls, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray, orders: Orders
+        cls,
+        grid: ModelGrid,
+        inputs: np.ndarray,
+        output: np.ndarray,
+        orders: Orders,
+        weights: np.ndarray | None = None,
     ) -> RecursionData:
         instants = Instants.of(grid)
         shape = (len(instants), instants.n_runs, 1)
@@ -100,10 +106,28 @@ class RecursionData:
         if orders.intercept:
             signals[-1] = 1.0
         target[at] = _usable(grid, output, orders)
-        return cls(grid, inputs, output, orders, instants, signals, target)
+        return cls(grid, inputs, output, orders, instants, signals, target, weights)
+
+    @cached_property
+    def sizes(self) -> np.ndarray | None:
+        """Square roots of the weights, as ``target`` has its rows."""
+        if self.weights is None:
+            return None
+        sizes = np.full_like(self.target, np.nan)
+        sizes[self.instants.of_row, self.instants.run, 0] = np.sqrt(self.weights)
+        return sizes
+
+    def of_runs(self, runs: Any) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
+        """What a recursion over some runs takes: signals, target, signal and lag of regressors."""
+        signals = np.ascontiguousarray(self.signals[:, :, runs])
+        target = np.ascontiguousarray(self.target[:, runs])
+        lags = kernel_regressors(self.orders)
+        if self.sizes is None:
+            return signals, target, lags
+        return weigh(signals, target, lags, self.sizes[:, runs])
 
     def first_window(self, seconds: float, runs: Any = None) -> np.ndarray:
-        """Regressors and output of the first seconds of all runs, or of some."""
+        """Regressors and output of the first seconds of all runs, or of some, by their weights."""
         grid, instants = self.grid, self.instants
         begin, end = grid.begin[grid.measured], grid.end[grid.measured]
         of_run = instants.run[begin]
@@ -115,9 +139,10 @@ class RecursionData:
         n_window = min(window_rows(seconds, instants.dt), len(number))
         left = np.clip(starts[of_run] + n_window - number[begin], 0, end - begin)
         chosen = np.ones(begin.size, dtype=bool) if runs is None else np.isin(of_run, runs)
-        return regressors(
+        table, rows, _ = regressors(
             self.output, self.inputs, begin[chosen], (begin + left)[chosen], self.orders
-        )[0]
+        )
+        return relatively_weighted(table, rows, self.weights)
 
     def inside(self) -> np.ndarray:
         """Whether each run goes on at each instant, of shape (n_runs, n_instants)."""
@@ -128,6 +153,26 @@ class RecursionData:
         np.maximum.at(last, instants.run, instants.of_row)
         at = np.arange(len(instants))
         return (at >= first[:, None]) & (at <= last[:, None])
+
+
+def relatively_weighted(
+    table: np.ndarray, rows: np.ndarray, weights: np.ndarray | None
+) -> np.ndarray:
+    """A table of regressors and output by the weights of its rows over their mean."""
+    if weights is None or not rows.size:
+        return table
+    return weighted(table, rows, weights / weights[rows].mean())
+
+
+def weigh(
+    signals: np.ndarray, target: np.ndarray, lags: tuple[np.ndarray, np.ndarray], sizes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
+    """Rows by the square roots of their weights: each regressor is a signal of its own then."""
+    made = np.full((lags[0].size, *target.shape), np.nan)
+    for row, column, lag in zip(made, *lags, strict=True):
+        row[lag:] = signals[column, : len(row) - lag] * sizes[lag:]
+    own = np.arange(len(made))
+    return made, target * sizes, (own, np.zeros_like(own))
 
 
 def window_rows(seconds: float, dt: float) -> int:
@@ -305,15 +350,17 @@ def recurse(
     resets: np.ndarray | None = None,
     P0: np.ndarray | None = None,
     keep: Iterable[str] = ("theta", "errors"),
+    lags: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Paths:
     """Run recursions over all instants, from ``state``, which they change.
 
     ``inflation`` are the kernel's arrays where lanes forget differently; at the instants ``resets``
-    P is set back to ``P0``.
+    P is set back to ``P0``. ``lags`` are signal and lag of each regressor, where they are not as
+    the orders say.
     """
     n_instants = signals.shape[1]
     paths = Paths.empty(n_instants, signals.shape[2], state, keep)
-    columns, lags = kernel_regressors(orders)
+    columns, back = kernel_regressors(orders) if lags is None else lags
     inflate, tilt = forgetting.arrays(state.lanes) if inflation is None else inflation
     shared = signals.shape[3] < state.lanes
     is_long = n_instants * signals.shape[2] >= LONG and (state.lanes, state.n_params) == OWN
@@ -334,7 +381,7 @@ def recurse(
         if begin > first and P0 is not None:
             state.reset(P0)
         advance(
-            signals, target, columns, lags, begin, end, inflate, tilt, 0, forgetting.diagonal,
+            signals, target, columns, back, begin, end, inflate, tilt, 0, forgetting.diagonal,
             forgetting.nominal, state.buffer, paths.theta, paths.factors, paths.priors,
             paths.errors, paths.alphas, paths.used,
         )  # fmt: skip
@@ -372,13 +419,21 @@ def run_recursion(
         keep.append("factors")
     if smooth:
         keep.append("priors")
-    signals, target = (
-        np.ascontiguousarray(values) for values in (data.signals[:, :, runs], data.target[:, runs])
-    )
+    signals, target, lags = data.of_runs(runs)
     paths = recurse(
-        state, signals, target, data.orders, forgetting, resets=resets, P0=start[1], keep=keep
+        state,
+        signals,
+        target,
+        data.orders,
+        forgetting,
+        resets=resets,
+        P0=start[1],
+        keep=keep,
+        lags=lags,
     )
     theta, errors = paths.theta[:, :, 0], paths.errors[:, :, 0]
+    if data.sizes is not None:
+        errors = errors / data.sizes[:, runs, 0]
     used = paths.used[:, 0] if forgetting.nominal else NOTHING
     covariance = NOTHING
     if smooth:
@@ -451,12 +506,14 @@ def likelihoods(
     factors[0, 0, : len(horizons)] = 1.0 - 1.0 / np.array(horizons)
     total = np.zeros(lanes)
     for runs, start in zip(parts, starts, strict=True):
+        signals, target, lags = data.of_runs(runs)
         paths = recurse(
             RecursionState(*start, lanes),
-            np.ascontiguousarray(data.signals[:, :, runs]),
-            np.ascontiguousarray(data.target[:, runs]),
+            signals,
+            target,
             data.orders,
             forgetting,
+            lags=lags,
             inflation=kernel_arrays(factors),
             resets=resets,
             P0=start[1],

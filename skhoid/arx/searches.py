@@ -115,6 +115,8 @@ class ModelSearch(RemembersParameters, SplitsRuns, FittedDisplay, BaseSearchCV):
             return found
 
         best = self._run_search(evaluate_candidates, variants)
+        if self.criterion == "vaf":
+            self._doubt_best(self.best_score_)
         self.n_splits_ = len(folds or [])
         refit = context.subcontext(task_name="refit")
         refit.call_on_fit_task_begin(estimator=self, X=X, y=y)

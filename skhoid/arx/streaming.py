@@ -16,6 +16,7 @@ from sklearn.exceptions import NotFittedError
 from .. import _kernels
 from .._sklearn import fit_context
 from ..exceptions import IrregularSamplingError, RunIndexError
+from ..preprocessing.gate import as_weights
 from ..preprocessing.grid import BLOCK
 from ..regression import RunRegressor, find_columns
 from ..runs import GAP, JITTER_TOLERANCE, RunLayout
@@ -26,13 +27,15 @@ from .rls import window_rows
 class Piece:
     """Rows that follow each other without a break; ``fresh`` if they follow nothing.
 
-    ``X`` has the inputs alone, maybe in single precision.
+    ``X`` has the inputs alone, maybe in single precision; ``weights`` are those of the rows, if
+    any are given.
     """
 
     X: np.ndarray
     y: np.ndarray
     time: np.ndarray
     fresh: bool
+    weights: np.ndarray | None = None
 
 
 @dataclass
@@ -43,7 +46,12 @@ class Clock:
     time: float | None = None
 
     def pieces(
-        self, layout: RunLayout, X: np.ndarray, y: np.ndarray, new_run: bool
+        self,
+        layout: RunLayout,
+        X: np.ndarray,
+        y: np.ndarray,
+        new_run: bool,
+        weights: np.ndarray | None = None,
     ) -> Iterator[Piece]:
         """Cut rows at runs, gaps and run-ins, and note where the last one is."""
         stretches = layout.stretches
@@ -52,7 +60,8 @@ class Clock:
             fresh = begin > 0 or new_run or not self._goes_on(run, layout, begin)
             self.run, self.time = run, float(layout.time[end - 1]) if layout.indexed else None
             if layout.trimmed is None or not layout.trimmed[begin]:
-                yield Piece(X[begin:end], y[begin:end], layout.time[begin:end], fresh)
+                own = None if weights is None else weights[begin:end]
+                yield Piece(X[begin:end], y[begin:end], layout.time[begin:end], fresh, own)
 
     def _goes_on(self, run: Any, layout: RunLayout, row: int) -> bool:
         if self.run is None or run != self.run:
@@ -93,7 +102,8 @@ class Recursion:
     def take(self, X: np.ndarray, y: np.ndarray, time: np.ndarray | None = None) -> None:
         """Take rows that follow those before: inputs of shape (n, n_inputs), and outputs (n,).
 
-        Either may be NaN. ``time`` is that in the run, where rows have one.
+        Either may be NaN. ``time`` is that in the run, where rows have one. A method that takes
+        weights has them as one more argument.
         """
         raise NotImplementedError
 
@@ -199,7 +209,7 @@ class Streaming(RunRegressor):
         return self
 
     @fit_context(prefer_skip_nested_validation=True)
-    def _partial_fit(self, X: Any, y: Any, new_run: bool) -> Self:
+    def _partial_fit(self, X: Any, y: Any, new_run: bool, sample_weight: Any = None) -> Self:
         """Take what :meth:`partial_fit` does not take by its fast path."""
         recursion, pending = vars(self).get("_recursion"), vars(self).get("_pending")
         self._check_streaming()
@@ -218,7 +228,10 @@ class Streaming(RunRegressor):
         clock = copy(vars(self).get("_clock", Clock()))
         columns = self._stream_columns(values.shape[1])
         inputs, output = find_columns(values, columns), _kernels.gate(output)
-        pieces = list(clock.pieces(grid.layout, inputs, output, new_run))
+        weights = as_weights(sample_weight, X, output.size)
+        if weights is not None:
+            output = np.where(weights > 0.0, output, np.nan)
+        pieces = list(clock.pieces(grid.layout, inputs, output, new_run, weights))
         recursion = deepcopy(recursion)
         if recursion is None:
             pieces = [*(pending or []), *pieces]
@@ -233,7 +246,9 @@ class Streaming(RunRegressor):
             for begin in range(0, piece.y.size, BLOCK):
                 rows = slice(begin, begin + BLOCK)
                 time = piece.time[rows] if self._reading.indexed else None
-                recursion.take(_kernels.gate(piece.X[rows]), _kernels.gate(piece.y[rows]), time)
+                own = () if piece.weights is None else (piece.weights[rows],)
+                X_rows, y_rows = _kernels.gate(piece.X[rows]), _kernels.gate(piece.y[rows])
+                recursion.take(X_rows, y_rows, time, *own)
         self._recursion, self._clock = recursion, clock
         self.__dict__.pop("_pending", None)
         self._refresh(recursion)
@@ -246,7 +261,7 @@ class Streaming(RunRegressor):
         self._streamed = slice(None) if everything else np.array(columns)
         return columns
 
-    def _started(self, pieces: list[Piece]) -> Recursion | None:
+    def _started(self, pieces: list[Piece]) -> Any:
         """A recursion from the rows so far, if they suffice."""
         X = np.concatenate([piece.X for piece in pieces], dtype=np.float64)
         y = np.concatenate([piece.y for piece in pieces])
@@ -256,7 +271,11 @@ class Streaming(RunRegressor):
         fresh = np.zeros(y.size, dtype=bool)
         begins = np.cumsum([0, *(piece.y.size for piece in pieces[:-1])])
         fresh[begins] = [piece.fresh for piece in pieces]
-        return self._begun(X, y, fresh)
+        begun: Any = self._begun
+        if all(piece.weights is None for piece in pieces):
+            return begun(X, y, fresh)
+        weights = [np.ones(p.y.size) if p.weights is None else p.weights for p in pieces]
+        return begun(X, y, fresh, np.concatenate(weights))
 
     def _leave_for_streams(self, recursion: Recursion, layout: RunLayout) -> None:
         """Let streams go on after runs that were fitted: after a single one, without a break."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -61,6 +62,9 @@ class Effect(Composable, BaseEstimator):
     runs_apart : bool
         Whether its result for a run depends on that run alone: the runs of a large record are then
         simulated a few at a time.
+    keeps_unit : bool
+        Whether a signal that holds still comes out as it went in, as through a delay, a hold, a lag
+        or a rate limit. Numbers of effects behind any other are told as "behind" it.
     lasts : bool
         Whether what preceded a run lasts in it, such as an integral. It begins anywhere in each
         run, and a search compares it with a model that does so too; see ``forgetting``.
@@ -136,6 +140,7 @@ class Effect(Composable, BaseEstimator):
     kinks: ClassVar[bool] = False
     shades: ClassVar[bool] = False
     runs_apart: ClassVar[bool] = True
+    keeps_unit: ClassVar[bool] = False
     lasts: ClassVar[bool] = False
     n_hidden: int = 0
     noise: ClassVar[str] = ""
@@ -182,13 +187,21 @@ class Effect(Composable, BaseEstimator):
         return replace(parameter, dimension=parameter.dimension.with_channel(channel))
 
     def check_choices(self) -> None:
-        """Raise a ValueError that lists the options where an argument is none of them."""
+        """Raise a ValueError where an argument is none of its options, or not a number."""
         for argument, options in {**self.choices, **self.options}.items():
             given = getattr(self, argument, None)
             if given is not None and given not in options:
                 raise ValueError(
                     f"{type(self).__name__}: {argument} must be {_or(options)} or None; got "
                     f"{given!r}.{did_you_mean(str(given), [str(option) for option in options])}"
+                )
+        told = {name for name, one in self.arguments.items() if one.kind.startswith("float")}
+        for argument in sorted(told | {p.name for p in self.parameters}):
+            given = getattr(self, argument, None)
+            if given is not None and not (isinstance(given, Real) and given == given):
+                raise ValueError(
+                    f"{type(self).__name__}: {argument} must be a number, or None where it is to "
+                    f"be estimated; got {given!r}."
                 )
 
     def apply(self, signal: Any, record: Record, *args: Any, **values: Any) -> Any:

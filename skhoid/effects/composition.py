@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from .._sklearn import BaseComposition
-from .registry import effect
+from .registry import effect, title_of
 
 if TYPE_CHECKING:
     from .base import Effect
 
 PLACES = ("input", "delay", "gain", "path", "command", "spring", "inside", "sum", "output")
+PASSED = ("input", "gain", "path", "command")  # by what drives an ARX model, in the input's unit
 
 
 class Composable:
@@ -19,6 +20,7 @@ class Composable:
 
     name: ClassVar[str]
     place: ClassVar[str]
+    keeps_unit: ClassVar[bool]
 
     def __add__(self, other: Any) -> Effects:
         return Effects.of(self) + other
@@ -102,6 +104,22 @@ class Effects(BaseComposition):
 
     def __len__(self) -> int:
         return len(self.steps)
+
+    def before(self, name: str, on_arx: bool) -> tuple[str, ...]:
+        """Titles of those that a signal has passed before an effect, and that change its unit.
+
+        The command of an operator has the unit of the output, whatever became of the error.
+        """
+        at = self.names.index(name)
+        place = self.steps[at][1].place
+        passed: tuple[str, ...] = (place,) if place in ("input", "command", "output") else ()
+        if on_arx and place in ("command", "spring", "inside"):
+            passed = PASSED
+        return tuple(
+            title_of(n)
+            for i, (n, e) in enumerate(self.steps)
+            if e.place in passed and not e.keeps_unit and (i < at or e.place != place)
+        )
 
     def __add__(self, other: Any) -> Effects:
         return Effects.of([*(e for _, e in self.steps), *(e for _, e in Effects.of(other).steps)])

@@ -119,6 +119,8 @@ class FreeMap(FreeForm):
 
     @property
     def place(self) -> str:  # type: ignore[override]
+        if self.where not in OVER:
+            self.check_choices()
         return PLACES.get(self.where) or PLACE_OF[self.where]
 
     @property

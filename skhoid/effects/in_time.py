@@ -138,6 +138,7 @@ class Intermittent(Effect):
     name = "intermittent"
     title = "intermittent control"
     place = "command"
+    keeps_unit = True
     physics = "The operator decides at discrete instants and holds the command in between."
     machine_physics = "The input is sampled at discrete instants and held in between."
     formula = "command(t_i) for t_i <= t < t_(i+1)"
@@ -586,6 +587,7 @@ class Lapses(Effect):
     name = "lapses"
     title = "lapses of attention"
     place = "command"
+    keeps_unit = True
     physics = "The operator looks away and does not respond for seconds."
     machine_physics = "The input is cut off for stretches of time."
     formula = "command (1 - depth) during lapses, or + depth times their first command"

@@ -55,7 +55,10 @@ class StaticMap(Effect):
 
     @property
     def place(self) -> str:  # type: ignore[override]
-        return PLACE_OF[self.at or self.usual_at]
+        at = self.at or self.usual_at
+        if at not in PLACE_OF:
+            self.check_choices()
+        return PLACE_OF[at]
 
     def resolved(self, parameter: Parameter) -> Parameter:
         """In units of the signal that is mapped."""
@@ -463,6 +466,7 @@ class RateLimit(Effect):
 
     name = "rate_limit"
     place = "output"
+    keeps_unit = True
     physics = "The hand or the actuator has a maximum speed."
     machine_physics = "The actuator has a maximum speed."
     formula = "|du'/dt| <= limit"

@@ -197,10 +197,20 @@ CHANNEL = Dimension.of_channel(None)  # that an effect follows
 
 @dataclass(frozen=True)
 class ScaledParameter(ModelParameter):
-    """A parameter of a model on a record: its dimension, and what starts and bounds are in."""
+    """A parameter of a model on a record: its dimension, and what starts and bounds are in.
+
+    ``behind`` are titles of effects that the signal it is of has passed: its unit is that of the
+    signal behind them, which nobody recorded.
+    """
 
     dimension: Dimension = ONE
     scale: float = 1.0
+    behind: tuple[str, ...] = ()
+
+    def label(self, units: Mapping[str, str | None] | None = None) -> str:
+        """The unit as text, with the units of the data."""
+        unit = self.dimension.label(units)
+        return f"{unit} behind {' and '.join(self.behind)}" if self.behind else unit
 
 
 @dataclass(frozen=True)

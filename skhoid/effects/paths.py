@@ -593,6 +593,7 @@ class ExtraLag(Effect):
 
     name = "extra_lag"
     place = "command"
+    keeps_unit = True
     physics = "The operator low-pass filters what is seen."
     machine_physics = "The input passes through an additional lag."
     formula = "1 / (time s + 1)"
@@ -615,6 +616,7 @@ class ExtraLead(Effect):
 
     name = "extra_lead"
     place = "command"
+    keeps_unit = True
     physics = "The operator also responds to the acceleration of the error."
     machine_physics = "The input passes through an additional lead."
     formula = "time s + 1"
@@ -643,6 +645,7 @@ class NeuromuscularMode(Effect):
     name = "nm_mode"
     title = "second neuromuscular mode"
     place = "command"
+    keeps_unit = True
     physics = "The limb and the stick together have a second mode."
     machine_physics = "There is a second mode."
     formula = "omega^2 / (s^2 + 2 zeta omega s + omega^2)"
@@ -673,6 +676,7 @@ class HigherOrder(Effect):
     name = "higher_order"
     title = "higher-order dynamics"
     place = "command"
+    keeps_unit = True
     physics = "The linear dynamics are of higher order."
     formula = "(s^2/w_z^2 + 2 z_z s/w_z + 1) / (s^2/w_p^2 + 2 z_p s/w_p + 1)"
     tex = (

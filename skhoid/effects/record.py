@@ -129,6 +129,8 @@ class Record:
         Samples at which the output counts.
     y : ndarray of shape (n_samples, n_runs) or None
         Measured output, zero where unknown.
+    weights : ndarray of shape (n_samples, n_runs) or None
+        What squares count, 1 on average; None for 1 everywhere.
     controlled_element : LinearElement or None
         What makes x of the output u.
     prediction : ndarray of shape (n_samples, n_runs) or None
@@ -163,6 +165,7 @@ class Record:
     inputs: tuple[str, ...]
     known: np.ndarray
     y: np.ndarray | None = None
+    weights: np.ndarray | None = None
     controlled_element: LinearElement | None = None
     prediction: np.ndarray | None = None
     core: CoreKind = CoreKind.OPERATOR
@@ -195,6 +198,7 @@ class Record:
             else {name: thinned(values) for name, values in channels.items()},
             known=thinned(self.known[:, runs]),
             y=None if self.y is None else thinned(self.y[:, runs]),
+            weights=None if self.weights is None else thinned(self.weights[:, runs]),
             prediction=None,
             remembered={},
         )
@@ -225,6 +229,7 @@ class Record:
             channels=self._find_channels(columns),
             known=self.known[:, columns],
             y=None if self.y is None else self.y[:, columns],
+            weights=None if self.weights is None else self.weights[:, columns],
             prediction=None,
             remembered=self.once(("columns", columns.start), dict),
         )
@@ -248,6 +253,7 @@ class Record:
             else {name: values[:n] for name, values in channels.items()},
             known=self.known[:n],
             y=None if self.y is None else self.y[:n],
+            weights=None if self.weights is None else self.weights[:n],
             prediction=None,
             remembered={},
         )

@@ -16,6 +16,7 @@ from ..effects.base import Effect
 from ..effects.composition import Effects
 from ..effects.maps import StaticMap
 from ..effects.operator_signals import Command, Spring
+from ..effects.parameter import CoreKind
 from ..effects.record import Record
 from ..human import LinearElement
 from ..runs.roles import target_is_sum
@@ -432,11 +433,16 @@ def signal_map(bench: Bench, signal: str) -> Response:
     unit = bench.unit(name if signal == "e" else "u")
     what = {"e": _answered(bench), "u": "output"}.get(signal, "command")
     met = {"e": bench.error, "u": "u"}.get(signal)  # the command is not measured
+    simulation = bench.model.simulation_
+    behind = simulation.effects.before(bench.name, simulation.spec.core.kind == CoreKind.ARX)
+    seen = f"{what} {name}" if met else what
+    if behind:  # nor is what others made of a signal
+        seen, met = f"{seen} behind {' and '.join(behind)}", None
     return Response(
         "loop" if loop else "map",
         late[part],
         lambda values, theta: out(values)[part],
-        with_unit(what if met is None else f"{what} {name}", unit),
+        with_unit(seen, unit),
         with_unit(f"{what} behind the effect", unit),
         without=Curve(late[:half], late[:half]),
         measured=None if met is None else bench.met(met),

@@ -20,7 +20,7 @@ from .._sklearn import DT, Interval, fit_context
 from ..arx.base import ESTIMATE, HELD, REST, first_measured, pays
 from ..effects.base import Effect
 from ..effects.composition import Effects
-from ..effects.parameter import CoreKind
+from ..effects.parameter import CoreKind, ScaledParameter
 from ..effects.record import Record
 from ..exceptions import UsageError
 from ..human import ELEMENT, ControlledElement, LinearElement
@@ -160,14 +160,16 @@ class GreyBox(RunRegressor):
         return super().set_params(**params)
 
     @fit_context(prefer_skip_nested_validation=True)
-    def fit(self, X: Any, y: Any) -> Any:
+    def fit(self, X: Any, y: Any, sample_weight: Any = None) -> Any:
         """Estimate all parameters.
+
+        Runs also weigh less by how much more remnant they have than others, beside their weights.
 
         Parameters
         ----------
-        {X, y}
+        {X, y, sample_weight}
         """
-        prepared = self.prepare(X, y)
+        prepared = self.prepare(X, y, sample_weight)
         model = self.first_fit(prepared)
         self._take_over(prepared, *likelihood_fit(model, Criterion(prepared.record)))
         return self
@@ -363,14 +365,15 @@ class GreyBox(RunRegressor):
             )
         return self
 
-    def prepare(self, X: Any, y: Any) -> Prepared:
+    def prepare(self, X: Any, y: Any, sample_weight: Any = None) -> Prepared:
         """Read data for :meth:`first_fit`, as runs side by side; searches call it.
 
         Parameters
         ----------
-        {X, y}
+        {X, y, sample_weight}
         """
-        grid, _, output, thinned, values, known = self._read_data(X, y, "all", in_parts=True)
+        data = self._read_data(X, y, "all", in_parts=True, sample_weight=sample_weight)
+        grid, _, output, thinned, values, known, weights = data
         if self._takes_first and self.inputs is None and len(self._columns) > 1:
             # None has the role e.
             self._columns, self.inputs_ = self._columns[:1], self.inputs_[:1]
@@ -398,6 +401,7 @@ class GreyBox(RunRegressor):
             roles,
             self.inputs_,
             output=output,
+            weights=weights,
             settling=self.settling,
         )
         if given is not None:
@@ -430,7 +434,7 @@ class GreyBox(RunRegressor):
             units={"u": units.get(output_name), "e": units.get(error)}
             | {f"[{role}]": units.get(name) for name, role in roles.items() if role in EXACT}
             | {f"[{name}]": unit for name, unit in units.items()},
-            n_missing=int(np.isnan(output).sum()),
+            n_missing=int(np.isnan(data.told).sum()),
             output=output_name,
             measured=mark_measured(grid, sides, output),
             known=known,
@@ -532,6 +536,12 @@ class GreyBox(RunRegressor):
             "They do not allow for effects that the model lacks: see compare and EffectSearchCV.",
             "VAF and RMSE are those of the fitted rows; summary(X, y) gives the VAF of others. "
             f"{VAF_RULE} Log-likelihood and BIC are without constants.",
+        ]
+        notes += [
+            f"{name} is in the unit of the signal behind {' and '.join(one.behind)}, which is not "
+            "that of the recorded one."
+            for name, one in self.parameter_table_.items()
+            if isinstance(one, ScaledParameter) and one.behind
         ]
         table = self.parameters_
         if not (table["sd"] > 0).all():

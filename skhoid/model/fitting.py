@@ -95,6 +95,8 @@ class Criterion:
         known = record.known if rows is None else record.known & rows
         self.y = record.y[:: self.thin].copy(order="K")
         self.known = known[:: self.thin].copy(order="K")
+        weights = record.weights
+        self.sizes = None if weights is None else np.sqrt(weights[:: self.thin])
         self.power = float((self.y[self.known] ** 2).sum())
         about_mean = self.y[self.known] - self.y[self.known].sum() / max(self.known.sum(), 1)
         self.power_about_mean = float((about_mean**2).sum())
@@ -122,6 +124,8 @@ class Criterion:
         weight[:order] = False
         self.n = int(weight.sum())
         self.weight = weight / noise.scale
+        if self.sizes is not None:
+            self.weight = self.weight * self.sizes
 
     def residual(self, output: np.ndarray, runs: slice = ALL) -> np.ndarray:
         """Residuals on the criterion's rows, zero where nothing is known.
@@ -150,17 +154,24 @@ class Criterion:
 
     def remnant_model(self, output: np.ndarray) -> RemnantModel:
         """AR model of the residual of an output, one for all runs, by Yule and Walker."""
-        return fit_remnant(self.residual(output), self.known)
+        return fit_remnant(self.residual(output), self.known, self.sizes)
 
 
-def fit_remnant(residual: np.ndarray, known: np.ndarray) -> RemnantModel:
-    """AR model of residuals (n, runs), and the rms of whitened residuals of each run."""
+def fit_remnant(
+    residual: np.ndarray, known: np.ndarray, sizes: np.ndarray | None = None
+) -> RemnantModel:
+    """AR model of residuals (n, runs), and the rms of whitened residuals of each run.
+
+    ``sizes`` are the square roots of what squares count.
+    """
     order = AR_ORDER
     lags = np.zeros(order + 1)
+    counted = known if sizes is None else known * sizes
+    sized = residual if sizes is None else residual * sizes
     for lag in range(order + 1):
         n = residual.shape[0] - lag
-        pairs = max(int((known[lag:] & known[:n]).sum()), 1)
-        lags[lag] = (residual[lag:] * residual[:n]).sum() / pairs
+        pairs = max(float((counted[lag:] * counted[:n]).sum()), 1.0)
+        lags[lag] = (sized[lag:] * sized[:n]).sum() / pairs
     if lags[0] <= 0.0:
         return RemnantModel(np.zeros(order), np.ones(residual.shape[1]))
     lags[0] *= 1 + WHITE_FLOOR

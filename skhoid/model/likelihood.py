@@ -84,7 +84,7 @@ def likelihood_fit(model: Model, criterion: Criterion) -> tuple[Model, RemnantMo
         return model, noise
     found = Model(model.simulator, replace(model.fit, theta=theta), model.other_cores)
     residual = find_residual(found.simulator, criterion, theta)
-    criterion.set_noise(fit_remnant(residual, criterion.known))
+    criterion.set_noise(fit_remnant(residual, criterion.known, criterion.sizes))
     found = found.under(criterion)
     found.fit.beside, found.fit.jointly = beside, True
     return found, criterion.noise
@@ -117,7 +117,7 @@ def settled(model: Model, criterion: Criterion) -> tuple[Model, RemnantModel]:
         residual = find_residual(model.simulator, criterion, model.theta)
         if i == 0 or core != CoreKind.ARX:
             power = float((residual**2).sum())
-        criterion.set_noise(fit_remnant(residual, criterion.known))
+        criterion.set_noise(fit_remnant(residual, criterion.known, criterion.sizes))
         model = model.refined(criterion)
         moved = model.theta - before.theta
         after = float((find_residual(model.simulator, criterion, model.theta) ** 2).sum())
@@ -238,7 +238,8 @@ def estimate_loop_bias(simulator: Simulator, theta: np.ndarray, held: np.ndarray
 def make_joint_criterion(simulator: Simulator, theta: np.ndarray) -> Criterion | None:
     """The criterion with the noise model of some parameters; None where there is none."""
     criterion = Criterion(simulator.record, rate=joint_rate(simulator.record))
-    noise = fit_autoregression(find_residual(simulator, criterion, theta), criterion.known)
+    residual = find_residual(simulator, criterion, theta)
+    noise = fit_autoregression(residual, criterion.known, criterion.sizes)
     if noise is None:
         return None
     criterion.set_noise(noise)
@@ -403,7 +404,7 @@ def minimise_joint_loss(
     theta = np.clip(theta, simulator.low, simulator.high)
     for _ in range(N_LIKELIHOOD[CoreKind.OPERATOR]):
         residual = find_residual(simulator, criterion, theta)
-        noise = fit_autoregression(residual, criterion.known)
+        noise = fit_autoregression(residual, criterion.known, criterion.sizes)
         if noise is None:
             return None
         criterion.set_noise(noise)
@@ -430,15 +431,22 @@ def minimise_joint_loss(
     return last, best
 
 
-def fit_autoregression(residual: np.ndarray, known: np.ndarray) -> RemnantModel | None:
-    """AR model of residuals (n, runs) by least squares, one for all runs."""
+def fit_autoregression(
+    residual: np.ndarray, known: np.ndarray, sizes: np.ndarray | None = None
+) -> RemnantModel | None:
+    """AR model of residuals (n, runs) by least squares, one for all runs.
+
+    ``sizes`` are the square roots of what squares count.
+    """
     order = AR_ORDER
     gram = np.zeros((order + 1, order + 1))
     if residual.shape[0] <= order:
         return None
-    for column, rows in zip(residual.T, known.T, strict=True):
+    for j, (column, rows) in enumerate(zip(residual.T, known.T, strict=True)):
         whole = np.lib.stride_tricks.sliding_window_view(rows, order + 1).all(axis=1)
         windows = np.lib.stride_tricks.sliding_window_view(column, order + 1)[whole]
+        if sizes is not None:
+            windows = windows * sizes[order:, j][whole][:, None]
         gram += windows.T @ windows
     gram = gram[::-1, ::-1]
     past = gram[1:, 1:]

@@ -12,6 +12,7 @@ import numpy as np
 from .._sklearn import Interval, StrOptions
 from ..effects.composition import Effects
 from ..effects.record import Record
+from ..preprocessing import doubt_long_delay
 from .controller import FORMS, ControllerCore, fit_controller
 from .cores import LEAST_DELAY, OperatorCore
 from .estimator import GreyBox
@@ -164,6 +165,13 @@ class OperatorRegressor(GreyBox):
         delay = given.get("tau_e")
         super()._with_given_core({name: v for name, v in given.items() if name != "tau_e"})
         return self.set_params(delay=delay)
+
+    def prepare(self, X: Any, y: Any, sample_weight: Any = None) -> Prepared:
+        prepared = super().prepare(X, y, sample_weight)
+        if self.delay is not None:
+            roles = ("e", "x") if self.controller is None else ("e",)
+            doubt_long_delay(self.delay, self.recorded_dt, roles)
+        return prepared
 
     def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
         super()._take_over(prepared, model, noise)

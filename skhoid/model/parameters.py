@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 
 from ..effects.composition import Effects
-from ..effects.parameter import Dimension, S, checked
+from ..effects.parameter import CoreKind, Dimension, S, checked
 from ..parameters import NORMAL_95, Kind, ModelParameter, ParameterTable
 from ..text import Estimate
 from .model import Model
-from .simulator import Simulator
+from .simulator import Simulator, list_own
 
 if TYPE_CHECKING:
     from .estimator import Simulation
@@ -56,7 +56,7 @@ def parameter_table(
 
     for i, p in enumerate(simulator.parameters):
         kind = Kind.COEFFICIENT if p.name.startswith(curves) else Kind.ESTIMATED
-        p = replace(p, unit=p.dimension.label(units), kind=kind)
+        p = replace(p, unit=p.label(units), kind=kind)
         if lost[i]:
             rows.append(replace(p, value=float(theta[i]), low=p.min, high=p.max))
         else:
@@ -77,14 +77,11 @@ def parameter_table(
         one = ModelParameter(name, unit=S.label(units), meaning="given")
         rows.append(one.given(value))
     for name, effect in simulator.effects:
-        limits = effect.limits(simulator.record)
-        for spec in effect.parameters:
-            key = spec.name
-            if key in effect.fixed:
-                one = spec.on(simulator.record, effect.place, f"{name}__{key}", limits[key])
-                meaning = f"{spec.meaning} (given)"
-                one = replace(one, unit=one.dimension.label(units), meaning=meaning)
-                rows.append(one.given(effect.fixed[key]))
+        given = [spec for spec in effect.parameters if spec.name in effect.fixed]
+        behind = simulator.effects.before(name, simulator.record.core == CoreKind.ARX)
+        for one in list_own(name, effect, given, simulator.record, behind):
+            one = replace(one, unit=one.label(units), meaning=f"{one.meaning} (given)")
+            rows.append(one.given(effect.fixed[one.name.split("__", 1)[1]]))
         for key, number in derive_numbers(simulator, theta, covariance, name).items():
             rows.append(derived(f"{name}__{key}", *number))
     return ParameterTable(rows)

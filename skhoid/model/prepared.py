@@ -161,6 +161,7 @@ def build_record(
     inputs: Sequence[str],
     *,
     output: np.ndarray | None = None,
+    weights: np.ndarray | None = None,
     settling: float = 0.0,
     controlled_element: LinearElement | None = None,
 ) -> tuple[Record, SegmentColumns]:
@@ -173,6 +174,10 @@ def build_record(
         y = np.nan_to_num(columns.beside(output, dtype=np.float64), copy=False)
         for j, (a, b) in enumerate(zip(columns.begin, columns.end, strict=True)):
             known[: min(round(settling / grid.dt), (b - a) // 4), j] = False
+    beside = None
+    if weights is not None and known.any():
+        beside = columns.beside(weights)
+        beside = beside / beside[known].mean()
     record = Record(
         dt=grid.dt,
         t=_read_times(columns, grid),
@@ -181,6 +186,7 @@ def build_record(
         inputs=tuple(inputs),
         known=known,
         y=y,
+        weights=beside,
         controlled_element=controlled_element,
     )
     return record, columns

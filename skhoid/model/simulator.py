@@ -14,7 +14,7 @@ from ..arx.base import ESTIMATE, REST, first_measured
 from ..effects.base import Effect
 from ..effects.composition import PLACES, Effects
 from ..effects.operator_signals import Command, Gains, Spring
-from ..effects.parameter import ScaledParameter
+from ..effects.parameter import CoreKind, Parameter, ScaledParameter
 from ..effects.record import Record
 from .cores import ARXCore, Core, Prior, Usual, neutral_gains
 from .effort import spend
@@ -45,12 +45,29 @@ def list_parameters(
     core: Core, effects: Iterable[tuple[str, Effect]], record: Record
 ) -> list[ScaledParameter]:
     """What a core and effects leave to be estimated, in the units of a record."""
+    composed, on_arx = Effects(list(effects)), record.core == CoreKind.ARX
     found = [p.on(record) for p in core.parameters]
-    for name, effect in effects:
-        limits = effect.limits(record)
-        found += [
-            p.on(record, effect.place, f"{name}__{p.name}", limits[p.name]) for p in effect.free
-        ]
+    for name, effect in composed:
+        found += list_own(name, effect, effect.free, record, composed.before(name, on_arx))
+    return found
+
+
+def list_own(
+    name: str,
+    effect: Effect,
+    parameters: Iterable[Parameter],
+    record: Record,
+    behind: tuple[str, ...],
+) -> list[ScaledParameter]:
+    """Some parameters of an effect in the units of a record, and of the signal behind others."""
+    limits, found = effect.limits(record), []
+    for p in parameters:
+        one = p.on(record, effect.place, f"{name}__{p.name}", limits[p.name])
+        of_signal = one.dimension.e or (one.dimension.u and effect.place in ("command", "output"))
+        if behind and of_signal:
+            meaning = f"{p.meaning} (of the signal behind {' and '.join(behind)})"
+            one = replace(one, behind=behind, meaning=meaning)
+        found.append(one)
     return found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from sklearn.utils.validation import column_or_1d
 
-from ..runs import output_name, refuse_container
+from ..runs import check_alignment, output_name, refuse_container
 
 # Squares, their products and sums over all rows, and ratios of channels stay far from the limits
 # of float64 between these.
@@ -47,6 +47,35 @@ def as_output(
         values = values.astype(np.float64)
     check_not_too_large(values, what)
     return values
+
+
+def as_weights(given: Any, X: Any, n_rows: int) -> np.ndarray | None:
+    """Weights of rows, checked; None where none are given, and one number is the same for all."""
+    if given is None:
+        return None
+    weights = np.asarray(unmasked(given), dtype=np.float64)
+    if weights.ndim == 0:
+        weights = np.full(n_rows, weights)
+    else:
+        check_alignment(X, given, ("X", "sample_weight"))
+    if weights.ndim != 1:
+        raise ValueError(
+            f"Sample weights must be 1D array or scalar; got sample_weight of shape "
+            f"{weights.shape}, for {n_rows} rows of X."
+        )
+    if weights.size != n_rows:
+        raise ValueError(
+            f"sample_weight.shape == {weights.shape}, expected {(n_rows,)}: give one weight for "
+            "each row of X, the rows without a measurement too."
+        )
+    bad = ~(np.isfinite(weights) & (weights >= 0.0))
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise ValueError(
+            f"sample_weight is {weights[row]:g} in row {row}; weights must be finite numbers, 0 or "
+            "more. 0 means that y was not measured."
+        )
+    return weights
 
 
 def _dense(table: pd.DataFrame) -> pd.DataFrame:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterable
 from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 
 from .._sklearn import DT, RUN_IN, Interval, StrOptions
-from ..exceptions import RunIndexError, ShortRunError, UsageError
+from ..exceptions import LongDelayWarning, RunIndexError, ShortRunError, UsageError
 from ..runs import (
     DecimationMark,
     RunLayout,
@@ -17,8 +19,11 @@ from ..runs import (
     mark_run_in,
     whole_samples,
 )
+from ..runs.roles import of_person, roles_of
 from .base import RowPreservingTransformer, as_fitted
 from .grid import METHODS, PADDINGS, lowpass
+
+LONGEST = 1.5  # s, of a person; the highest tau_e that OperatorRegressor estimates
 
 
 class Decimator(RowPreservingTransformer):
@@ -203,6 +208,8 @@ class DelayShift(RowPreservingTransformer):
                 f"delay={self.delay:g} s is longer than run {layout.labels[run]!r}, which lasts "
                 f"{lengths[run] * layout.dt:g} s."
             )
+        names = self._reading.names or []
+        doubt_long_delay(self.delay, layout.dt, roles_of(names, self.roles).values())
         self.n_samples_ = round(whole_samples(self.delay, layout.dt))
         self.delay_ = self.n_samples_ * layout.dt
 
@@ -232,6 +239,28 @@ class DelayShift(RowPreservingTransformer):
         """Positions of the columns that the fitted step shifts."""
         told, read = as_fitted(self), self._reading
         return input_columns(read.names, self.n_features_in_, told.inputs, read.run, told.roles)
+
+
+def doubt_long_delay(delay: Any, dt: float, roles: Iterable[str]) -> None:
+    """Warn of a delay in seconds that may be meant in samples.
+
+    That is an integer where a sample is not a second, and one which no person has where the
+    channels have the roles of a person's; a machine may have any.
+    """
+    roles = list(roles)
+    far = delay > LONGEST and (of_person(roles) or ("e" in roles and float(delay).is_integer()))
+    if dt == 1.0 or delay == 0 or not (far or isinstance(delay, Integral)):
+        return
+    why = f"; people take up to {LONGEST:g} s" if far else ""
+    warnings.warn(
+        LongDelayWarning(
+            f"delay={delay!r} is in seconds, and {delay / dt:.6g} samples of {dt:g} s{why}.",
+            hint=f"If it is a number of samples, as nk is, give delay={delay * dt:g}; if it is "
+            f"seconds, say so by delay={float(delay)!r}"
+            f"{', and ignore this by its class, LongDelayWarning' if far else ''}.",
+        ),
+        stacklevel=2,
+    )
 
 
 class RunInTrimmer(RowPreservingTransformer):

@@ -327,6 +327,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
             self.best_estimator_, self.baseline_ = found.best, found.baseline
             self.control_ = data.control
             self._keep(self._result(found, data, X, y), len(data.folds))
+        self._doubt_best(self.best_score_)
         self._fingerprint = fingerprint_of(X)
         if hasattr(model, "feature_names_in_"):
             self.feature_names_in_ = model.feature_names_in_

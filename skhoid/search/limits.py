@@ -431,10 +431,10 @@ def limit_effect(
     beside = beside if alike is parent else Beside(alike)
     effects = Effects([*parent.effects.steps, (name, effect)])
     simulator = Simulator(parent.simulator.core, effects, parent.simulator.record)
-    dimension = simulator.parameters[simulator.names.index(f"{name}__{size}")].dimension
+    sized = simulator.parameters[simulator.names.index(f"{name}__{size}")]
     zero = float(effect.neutral[size])
     inverse = np.isinf(zero)
-    row.parameter, row.unit, row.reason = size, dimension.label(units), NOT_SEEN
+    row.parameter, row.unit, row.reason = size, sized.label(units), NOT_SEEN
     row.sense = "at least" if inverse else "at most"
     more = len(effect.free) + effect.n_hidden
     needed += more / 2 * float(np.log(beside.criterion.n))

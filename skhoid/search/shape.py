@@ -318,6 +318,8 @@ def make_labels(model: Model, name: str, units: dict[str, str | None]) -> tuple[
     over = AXES.get(effect.over, effect.over)
     if effect.over == "e" and model.simulator.record.domain == "machine":
         over = str(model.simulator.record.inputs[0])
+    if first.behind:
+        over += f" behind {' and '.join(first.behind)}"
     return _with_unit(over, x), _with_unit(effect.y_word, y)
 
 

@@ -33,12 +33,6 @@ def test_rows_drawn_from_a_table_are_refused(model):
         model.fit(X.iloc[drawn], Y.iloc[drawn])
 
 
-@pytest.mark.parametrize("model", [MODEL, RecursiveARX(nk=3), OperatorRegressor()])
-def test_weights_of_rows_are_refused(model):
-    with pytest.raises(TypeError, match="sample_weight"):
-        model.fit(X, Y, sample_weight=np.ones(len(Y)))
-
-
 @pytest.mark.parametrize("kind", [BaggingRegressor, AdaBoostRegressor])
 def test_bagging_and_boosting_pass_bare_rows_as_the_docs_say(kind):
     class Seen(ARXRegressor):

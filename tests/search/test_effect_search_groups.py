@@ -37,6 +37,7 @@ def runs():
     return X, y, np.array(["a", "a", "b", "c"])[run_labels(X) - 1]
 
 
+@pytest.mark.filterwarnings("ignore::skhoid.NothingExplainedWarning")
 @pytest.mark.parametrize("name", SEARCHES)
 def test_groups_reach_the_splitter(runs, name):
     X, y, people = runs
@@ -45,6 +46,7 @@ def test_groups_reach_the_splitter(runs, name):
     np.testing.assert_array_equal(np.array(["a", "b", "c"])[splitter.groups_], people)
 
 
+@pytest.mark.filterwarnings("ignore::skhoid.NothingExplainedWarning")
 @pytest.mark.parametrize("name", ["delay", "order", "memory"])
 def test_without_a_splitter_each_group_is_left_out(runs, name):
     X, y, people = runs

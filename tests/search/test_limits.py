@@ -70,6 +70,7 @@ def test_what_is_named_has_no_limit():
     assert found.limits_["effect"].tolist() == ["dead_zone"]
 
 
+@pytest.mark.filterwarnings("ignore::skhoid.NothingExplainedWarning")
 @pytest.mark.parametrize("seed", [3, 4])
 def test_an_output_that_has_nothing_to_do_with_the_input_is_too_little(seed):
     rng = np.random.default_rng(seed)

@@ -337,6 +337,7 @@ def test_progress_bars(data, search, capsys):
     assert type(search).__name__ in capsys.readouterr().out
 
 
+@pytest.mark.filterwarnings("ignore::skhoid.NothingExplainedWarning")
 def test_instrumental_variables_can_be_searched():
     """The path that fits candidates one by one, with one that cannot be fitted."""
     X, y = loop_runs(2, remnant_gain=0.0109)
