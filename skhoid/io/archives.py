@@ -57,17 +57,8 @@ def read_parquet(path: Path) -> FileTable:
     named = [name for name in frame.index.names if name is not None]
     frame = frame.reset_index(level=named, allow_duplicates=True) if named else frame
     names = [str(name) for name in frame.columns]
-    remarks = []
-    for position, name in enumerate(names):
-        values = frame.iloc[:, position]
-        if values.dtype.kind == "M" and (values != values.iloc[0]).any():
-            values = values - values.iloc[0]
-        if values.dtype.kind == "m":
-            frame.isetitem(position, values.dt.total_seconds())
-            units[name] = "s"
-            remarks.append(f'"{name}" is read in seconds from its beginning')
     load = one_by_one(lambda position: frame.iloc[:, position])
-    return FileTable(path, names, load, units=units, remarks=remarks)
+    return FileTable(path, names, load, units=units)
 
 
 def read_excel(path: Path) -> FileTable:
@@ -136,6 +127,7 @@ def _sheet(path: Path, name: str, frame: pd.DataFrame) -> _Sheet:
 
 
 TIME_NAME = "time"
+_LIKE = 0.01  # of a step
 _LONGEST_GAP = 3.5  # steps of a stream, across which nothing is interpolated
 
 
@@ -251,6 +243,17 @@ def _labels(info: dict[str, Any], count: int) -> list[tuple[str, str]]:
     if len(found) != count or not all(labels) or len(set(labels)) < count:
         return [(str(k + 1), "") for k in range(count)]
     return found
+
+
+def stream(name: str, clock: np.ndarray, values: np.ndarray) -> Stream:
+    """A signal with a clock of its own, at the rate that its instants have."""
+    later = np.append(True, np.diff(clock) > 0)
+    clock, values = clock[later], values[later]
+    step, mean = float(np.median(np.diff(clock))), float(np.mean(np.diff(clock)))
+    step = (
+        mean if abs(mean - step) < _LIKE * step else step
+    )  # the median of stamps that are rounded
+    return Stream(name, clock, values[:, None], 1 / step)
 
 
 def grid_of(path: Path, streams: list[Stream], dt: float | None) -> tuple[np.ndarray, float]:

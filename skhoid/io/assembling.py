@@ -12,7 +12,7 @@ import pandas as pd
 
 from ..exceptions import UsageError
 from ..runs import RUN, TIME, run_index
-from .files import FileTable, as_numbers, numbers_of, read_clock, shown, split_header
+from .files import FileTable, as_numbers, is_plain_clock, read_clock, shown, split_header
 
 
 @dataclass(frozen=True)
@@ -234,8 +234,7 @@ def cut_runs(
     run = table.run_name if run is None else run
     by = _run_column(table, positions) if run is None else table.find(run)
     raw, labels = table.load(positions, by)
-    # Dates, or times of day.
-    if isinstance(clock, str) and np.size(raw[-1]) and not np.isfinite(numbers_of(raw[-1])).any():
+    if isinstance(clock, str) and np.size(raw[-1]) and not is_plain_clock(raw[-1]):
         raw[-1], time_unit = read_clock(raw[-1]), "s"
     found = [_matrix(table, at, raw.pop(0)) for at in positions]
     columns = dict(zip(asked, found, strict=False))

@@ -346,6 +346,7 @@ def as_numbers(values: Any, where: str) -> np.ndarray:
 
 
 _DAY = 86400.0  # s
+_SHORTEST = 1e-5  # of a clock in s, whose steps are longer: it would be 0.9 s in days
 _TIME_OF_DAY = re.compile(
     r"^(?P<date>.*?)[T\s,_]*(?:(?P<h>\d{1,2}):)?(?P<m>\d{1,2}):(?P<s>\d{1,2}(?:[.,:]\d+)?)"
     r"\s*(?P<half>[AaPp])?(?(half)\.?\s?[Mm]\.?)\s*(?:Z|UTC|GMT|[+-]\d\d:?\d\d)?\s*$"
@@ -360,7 +361,7 @@ def read_clock(raw: Any) -> np.ndarray:
     series = raw if isinstance(raw, pd.Series) else pd.Series(np.ravel(raw))
     numbers = numbers_of(series)
     if 2 * np.isfinite(numbers).sum() >= series.notna().sum():
-        return numbers
+        return _DAY * _since_first(numbers) if _are_days(numbers) else numbers
     if series.dtype.kind in "mM":
         return (series - series[series.first_valid_index()]).dt.total_seconds().to_numpy()
     texts = series.where(series.notna(), "").astype(str).str.strip()
@@ -377,6 +378,23 @@ def read_clock(raw: Any) -> np.ndarray:
         return _since_first(time + _DAY * dates.map(_days_of(dates)).to_numpy(dtype=float))
     whole = _DAY / 2 if half.isna().all() and hours.between(1, 12).all() else _DAY
     return _since_first(time + whole * np.cumsum(np.diff(time, prepend=time[0]) < -whole / 2))
+
+
+def is_plain_clock(raw: Any) -> bool:
+    """Whether times are numbers, and not dates, times of day or days."""
+    numbers = numbers_of(raw)
+    return bool(np.isfinite(numbers).any()) and not _are_days(numbers)
+
+
+def _are_days(numbers: np.ndarray) -> bool:
+    """Whether a clock counts days, as MATLAB's datenum and Excel do, in years from 1998 to 2064."""
+    there = numbers[np.isfinite(numbers)]
+    if there.size < 3:
+        return False
+    step = float(np.median(np.diff(there)))
+    of_matlab, of_excel = (730_000, 754_000), (35_800, 60_000)
+    inside = any(low < there.min() and there.max() < high for low, high in (of_matlab, of_excel))
+    return inside and 0 < step < _SHORTEST
 
 
 def _since_first(time: np.ndarray) -> np.ndarray:

@@ -14,11 +14,10 @@ import pandas as pd
 
 from ..runs.roles import names_time
 from ..runs.tables import advances_evenly
-from .archives import Stream, grid_of
+from .archives import grid_of, stream
 from .files import FileTable, numbers_of, one_by_one, split_header
 
 _ROWS_LOOKED_AT = 1000
-_LIKE = 0.01  # of a step
 _DIGITS = re.compile(r"\d+")
 
 
@@ -140,7 +139,7 @@ def _joined(parts: Sequence[_Signals], labels: list[str] | None) -> FileTable:
     else:
         by_part = [(numbers_of(clock), one.at) for clock, one in zip(timed, parts, strict=True)]
         each = [clock for clock, at in by_part for _ in at]
-        streams = [_stream(*pair) for pair in zip(names, each, columns, strict=True)]
+        streams = [stream(*pair) for pair in zip(names, each, columns, strict=True)]
         instants, start = grid_of(folder, streams, None)
         columns = [stream.at(instants + start, 0) for stream in streams]
         timed = [pd.Series(instants)]
@@ -158,13 +157,3 @@ def _joined(parts: Sequence[_Signals], labels: list[str] | None) -> FileTable:
         units=units,
         remarks=[f"{len(parts)} files are one run, joined {how}: {listed}"],
     )
-
-
-def _stream(name: str, clock: np.ndarray, values: np.ndarray) -> Stream:
-    later = np.append(True, np.diff(clock) > 0)
-    clock, values = clock[later], values[later]
-    step, mean = float(np.median(np.diff(clock))), float(np.mean(np.diff(clock)))
-    step = (
-        mean if abs(mean - step) < _LIKE * step else step
-    )  # the median of stamps that are rounded
-    return Stream(name, clock, values[:, None], 1 / step)

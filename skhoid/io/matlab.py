@@ -11,8 +11,10 @@ from scipy import io as scipy_io
 from scipy import sparse
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
-from .files import FileTable, one_by_one, read_as, require
-from .structs import Structs, Unreadable, find_columns, value_at
+from ..runs.roles import names_time
+from .archives import grid_of, stream
+from .files import FileTable, numbers_of, one_by_one, read_as, require
+from .structs import Columns, Structs, Unreadable, find_columns, value_at
 
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # "" is a file that h5py wrote, not MATLAB.
@@ -44,6 +46,7 @@ def read_mat(path: Path) -> FileTable:
     """List the signals of a MAT file, under dotted names where structs hold them."""
     tree = read_tree(path)
     found = find_columns(tree)
+    remarks = [] if found.run_name else _on_one_clock(path, found)
     arrays, names = found.arrays, list(found.arrays)
     objects = {n: v.why for n, v in tree.items() if isinstance(v, Unreadable) and v.is_object}
     note = "".join(
@@ -76,10 +79,41 @@ def read_mat(path: Path) -> FileTable:
         note=note,
         kind="variable",
         run_name=found.run_name,
+        remarks=remarks,
         faults=found.faults,
         aliases=found.aliases,
         resolve=resolve,
     )
+
+
+def _on_one_clock(path: Path, found: Columns) -> list[str]:
+    """Interpolate signals whose structs have clocks of their own, where these differ."""
+    clocks: dict[str, str] = {}
+    for name in found.arrays:
+        place, _, own = name.rpartition(".")
+        if place and names_time(own) and np.size(found.arrays[name]) > 1:
+            clocks[place] = name
+    of_clock = {
+        name: clocks[place]
+        for name, values in found.arrays.items()
+        if (place := name if name in clocks else name.rpartition(".")[0]) in clocks
+        and name not in clocks.values()
+        and np.size(values) == np.size(found.arrays[clocks[place]])
+    }
+    times = [np.ravel(found.arrays[name]) for name in dict.fromkeys(of_clock.values())]
+    if all(np.array_equal(times[0], other) for other in times[1:]):
+        return []
+    streams = {
+        name: stream(name, numbers_of(found.arrays[clock]), numbers_of(found.arrays[name]))
+        for name, clock in of_clock.items()
+    }
+    instants, start = grid_of(path, list(streams.values()), None)
+    for name, one in streams.items():
+        found.arrays[name] = one.at(instants + start, 0)
+    for name in clocks.values():
+        del found.arrays[name]
+    found.arrays["time"] = instants
+    return ["signals have clocks that differ, and are interpolated onto that of the fastest"]
 
 
 def read_tree(path: Path) -> dict[str, Any]:
@@ -163,9 +197,9 @@ def _of_group(h5py: Any, path: Path, group: Any, name: str) -> Any:
             ]
             for key, v in items.items()
         }
-        return Structs(
-            dict(zip(fields, e, strict=True)) for e in zip(*fields.values(), strict=True)
-        )
+        elements = zip(*fields.values(), strict=True)
+        found = Structs(dict(zip(fields, element, strict=True)) for element in elements)
+        return found[0] if len(found) == 1 else found
     return {key: _from_hdf5(h5py, path, item, below[key]) for key, item in items.items()}
 
 

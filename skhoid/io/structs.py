@@ -93,7 +93,12 @@ def _is_signal(value: Any) -> bool:
 
 
 def _is_clock(values: np.ndarray) -> bool:
-    return values.size >= 3 and max(values.shape) == values.size and advances_evenly(values.ravel())
+    return _length(values) >= 3 and advances_evenly(values.ravel())
+
+
+def _length(values: np.ndarray) -> int:
+    """Samples of a vector; 0 of a matrix."""
+    return values.size if max(values.shape) == values.size else 0
 
 
 def _named(prefix: str, key: str) -> str:
@@ -115,7 +120,7 @@ def _spread(
         found.arrays[name] = node
     elif isinstance(node, np.ndarray):
         if node.size:
-            found.arrays[name] = node
+            found.arrays[name] = node.ravel() if node.ndim > 2 and _length(node) else node
         else:
             found.unreadable[name] = "is empty: it has no samples."
     elif isinstance(node, list):
@@ -215,7 +220,7 @@ def _named_signals(items: list[Any]) -> dict[str, Any] | None:
         if len(held) < sum(map(_is_signal, _each_array(item))):
             return None  # there are others in structs of its own
         moving = {k: v for k, v in held.items() if not _is_clock(v)} if len(held) > 1 else held
-        if len(moving) != 1 or max(*next(iter(moving.values())).shape, 0) < LEAST:
+        if len(moving) != 1 or not _length(next(iter(moving.values()))) >= LEAST:
             return None
         signals[name] = next(iter(moving.values()))
         clocks |= zip([name], (v for k, v in held.items() if k not in moving), strict=False)
@@ -313,14 +318,14 @@ def _collections(
             several = len(value) > 1 or not isinstance(value, Structs)
             if several and all(isinstance(item, dict) for item in value):
                 yield [
-                    (w, k, e, [own]) for k, (w, e) in enumerate(zip(wheres, value, strict=True), 1)
+                    (where, k, _with_names(element, node), [own])
+                    for k, (where, element) in enumerate(zip(wheres, value, strict=True), 1)
                 ]
             elif all(_is_signal(item) for item in value):
                 if all(item.ndim == 2 and min(item.shape) > 1 for item in value):
-                    texts = {k: v for k, v in node.items() if _as_names(v)}
                     yield [
-                        (w, k, {"": e, **texts}, [own])
-                        for k, (w, e) in enumerate(zip(wheres, value, strict=True), 1)
+                        (where, k, _with_names({"": matrix}, node), [own])
+                        for k, (where, matrix) in enumerate(zip(wheres, value, strict=True), 1)
                     ]
                 cells.setdefault(len(value), {})[key] = value
         elif isinstance(value, dict) and _recorded(value) is None:
@@ -331,13 +336,11 @@ def _collections(
                 build = ("struct", stem)
             else:
                 build = ("struct", *sorted(value))
-            alike.setdefault(build, []).append((own, key, value, [own]))
+            alike.setdefault(build, []).append((own, key, _with_names(value, node), [own]))
         elif _labels_of(key, value, node, shapes) is not None:
             stem = _STEM.sub("", key)
-            texts = {k: v for k, v in node.items() if _as_names(v)}
-            element = {"": value, **texts}
             build = ("matrix", stem, min(value.shape))
-            alike.setdefault(build, []).append((own, key, element, [own]))
+            alike.setdefault(build, []).append((own, key, _with_names({"": value}, node), [own]))
     yield from ([*parts] for parts in alike.values() if _are_alike(parts))
     yield from _numbered(prefix, node)
     for count, held in cells.items():
@@ -347,6 +350,13 @@ def _collections(
                 (prefix, k + 1, {key: items[k] for key, items in held.items()}, names)
                 for k in range(count)
             ]
+
+
+def _with_names(element: dict[str, Any], beside: Mapping[str, Any]) -> dict[str, Any]:
+    """An element with the lists beside its array that may name the columns of its matrices."""
+    counts = {min(v.shape) for v in element.values() if _is_signal(v) and v.ndim == 2} - {1}
+    lists = {k: v for k, v in beside.items() if len(_as_names(v)) in counts}
+    return {**lists, **element}
 
 
 def _numbered(prefix: str, node: Mapping[str, Any]) -> Iterator[list[_Part]]:
@@ -378,7 +388,7 @@ def _are_alike(parts: list[_Part]) -> bool:
 def _is_run(columns: Columns, beside: Mapping[str, Any]) -> bool:
     """Whether signals of a struct are a run: several vectors, and not one with its clock."""
     arrays = [v for v in columns.arrays.values() if _is_signal(v)]
-    vectors = [v for v in arrays if max(v.shape) == v.size]
+    vectors = [v for v in arrays if _length(v)]
     moving = [v for v in vectors if not _is_clock(v)]
     return len(vectors) == len(arrays) and len(moving) > 1 and bool(beside)
 

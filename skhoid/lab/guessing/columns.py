@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ...io import first_table
-from ...io.files import FileTable, numbers_of, read_clock, split_header
+from ...io.files import FileTable, is_plain_clock, numbers_of, read_clock, split_header
 from ...runs.roles import OUTPUT, role_of
 from ...runs.tables import advances_evenly, labelled_stretches
 from .loops import ANSWERS, IGNORES, answers, find_loop, influence
@@ -127,7 +127,7 @@ class _Column:
     @cached_property
     def times(self) -> np.ndarray:
         """The values as those of a clock, of which dates and times of day are in seconds."""
-        return read_clock(self.raw) if self.is_text else self.numbers
+        return self.numbers if is_plain_clock(self.raw) else read_clock(self.raw)
 
     @cached_property
     def falls(self) -> np.ndarray | None:
@@ -296,7 +296,8 @@ class _Guess:
         guess, column = self.guess, self.columns.get(position)
         if column is None or "time" in guess.units or guess.time in guess.units:
             return
-        if column.is_text and np.isfinite(column.times).any():
+        is_text = column.is_text and np.isfinite(column.times).any()
+        if is_text or not np.array_equal(column.times, column.numbers, equal_nan=True):
             guess.units["time"] = "s"
             guess.time_remark = f"{quoted(column.header)} is read as seconds from its first row"
             return

@@ -12,7 +12,7 @@ import pandas as pd
 
 from ...exceptions import ColumnError, IrregularSamplingError, RunIndexError
 from ...io.assembling import count_per_second, find_restarts, plain_labels
-from ...io.files import FileTable, as_numbers, numbers_of, read_clock, shown
+from ...io.files import FileTable, as_numbers, is_plain_clock, numbers_of, read_clock, shown
 from ...runs import GAP, RUN, TIME, contiguous_runs, read_layout
 from ...runs.roles import role_of
 
@@ -302,7 +302,7 @@ def _numbers(
     except ValueError as error:
         found.append(Problem(said_alone(error)))
         return None
-    times = read_clock(values) if is_clock and not np.isfinite(numbers_of(values)).any() else None
+    times = read_clock(values) if is_clock and not is_plain_clock(values) else None
     if times is not None and np.isfinite(times).any():
         return times
     try:

@@ -109,6 +109,16 @@ OF_ONE = {
         "markers": np.arange(17.0),
         "notes": cells(),
     },
+    "timeseries as structs": {
+        name: {"Name": name, "Time": column(t), "Data": v[None, None]}
+        for name, v in (("e", e), ("u", u))
+    },
+    "matrices of one build": {
+        "inputs": np.c_[t, e],
+        "inputNames": cells("time", "error"),
+        "outputs": np.c_[t, u],
+        "outputNames": cells("time", "stick"),
+    },
     "structs in structs": {
         "D": {"Position": {"target": column(target), "actual": column(x)}, "Stick": u, "fs": 100}
     },
@@ -134,6 +144,15 @@ OF_SEVERAL = {
         "trial": structs(
             *({"t": fields(k)["t"], "sig": fields(k, "e", "u"), "id": f"r{k}"} for k in range(3))
         )
+    },
+    "named matrices": {
+        "trial": structs(
+            *(
+                {"name": f"S{k}", "data": np.c_[r["t"], r["e"], r["u"]]}
+                for k, r in enumerate(SEVERAL)
+            )
+        ),
+        "labels": cells("t", "error", "stick"),
     },
     "people": {"anna": {"run1": fields(0), "run2": fields(1)}, "ben": {"run1": fields(2)}},
     "a field that one run has": {
@@ -234,6 +253,35 @@ def test_matrices_of_one_shape_are_runs_also_beside_as_many_labels(tmp_path):
     X, y = read_runs(tmp_path / "a.mat")
     assert X.index.unique("run").size == 3
     np.testing.assert_array_equal(y, three[1].T.ravel())
+
+
+@pytest.mark.parametrize("form", [739_000.0, 45_000.0])  # datenum, Excel
+def test_a_clock_in_days(tmp_path, capsys, form):
+    savemat(tmp_path / "a.mat", {"time": form + t / 86400, "e": e, "u": u})
+    X, _ = read_runs(tmp_path / "a.mat")
+    np.testing.assert_allclose(X.index.get_level_values("time"), t, atol=2e-5)
+    assert '"time" is read as seconds from its first row' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("late", [1, 30, 31.5])
+def test_signals_with_clocks_of_their_own(tmp_path, capsys, late):
+    """The later signal begins some rows after the other, and not always on its instants."""
+    own = t[40:] + late * DT
+    stick = np.interp(own, t, u)
+    content = {
+        "log": {
+            "error": {"time": t, "value": e},
+            "stick": {"time": own[own < 5], "value": stick[own < 5]},
+        }
+    }
+    savemat(tmp_path / "a.mat", content)
+    X, y = read_runs(tmp_path / "a.mat")
+    assert "clocks that differ" in capsys.readouterr().out
+    time = X.index.get_level_values("time").to_numpy()
+    first = np.flatnonzero(np.isclose(X["e"].iloc[0], e))[0]
+    np.testing.assert_allclose(X["e"], np.interp(t[first] + time, t, e), atol=1e-9)
+    np.testing.assert_allclose(y, np.interp(t[first] + time, t, u), atol=0.05)  # noise of 0.01
+    assert t[first] >= own[0] - 1e-9
 
 
 CONVERTED = {
