@@ -50,10 +50,22 @@ class TextTable:
     kind: str = ""
 
     def lines(self, width: int = WIDTH) -> list[str]:
-        """Lines of at most ``width`` columns, for which the widest cells take several."""
-        widths = [max(map(len, column)) for column in zip(self.header, *self.rows, strict=True)]
+        """Lines of at most ``width`` columns, for which the widest texts take several.
+
+        A number is never cut: a table of many numbers is wider.
+        """
+        columns = list(zip(self.header, *self.rows, strict=True))
+        widths = [max(map(len, column)) for column in columns]
+        least = [
+            _find_least_width(column) if title in self.left else full
+            for title, column, full in zip(self.header, columns, widths, strict=True)
+        ]
         while sum(widths) + 2 * (len(widths) - 1) > width:
-            widths[widths.index(max(widths))] -= 1
+            spare = [a - b for a, b in zip(widths, least, strict=True)]
+            if max(spare) <= 0:
+                break
+            widest = max((wide, i) for i, wide in enumerate(widths) if spare[i] > 0)[1]
+            widths[widest] -= 1
         sides = ["<" if title in self.left else ">" for title in self.header]
         lines = []
         for row in (self.header, *self.rows):
@@ -518,6 +530,13 @@ def _in_two_columns(facts: Mapping[str, str], width: int) -> list[str]:
         else:
             left = cell
     return lines + [left] * bool(left)
+
+
+def _find_least_width(texts: Sequence[str]) -> int:
+    """Columns that no number of some texts is cut in."""
+    words = [word for text in texts for word in text.split() if any(map(str.isdigit, word))]
+    numbers = [len(word) for word in words if "[" not in word]  # units have names of channels
+    return max([8, *numbers])
 
 
 def _folded(cell: str, width: int) -> list[str]:

@@ -82,6 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with ended_by_signals(), warnings.catch_warnings():
             if not options.debug:
                 warnings.showwarning = _show_warning(options)
+            options.asked, options.parsers = argparse.Namespace(**vars(options)), commands
             refuse_at_once(options)
             name_sheet(options)
             code = int(options.work(options))

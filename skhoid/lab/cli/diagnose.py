@@ -185,9 +185,7 @@ def add_diagnose(commands: Any) -> None:
     command.section("Data")("--dry-run", action="store_true", help=text)
     add = command.section("Search")
     add_search_options(add)
-    text = "what was recorded: it decides the words, and which effects are tried (default: machine "
-    text += "for an ARX model, unless it answers the error, target or x of a loop)"
-    add("--domain", choices=DOMAINS, help=text)
+    _add_domain(add)
     add = command.section("Output")
     add_plot_options(add, "skhoid-diagnose")
     add("--report", metavar="FILE", help="write a report, one HTML file")
@@ -197,6 +195,12 @@ def add_diagnose(commands: Any) -> None:
     add("--sketch", metavar="FILE", help=text + "the effect, such as my_effect.py")
     add("--overwrite", action="store_true", help="replace these FILEs if they exist")
     add_output_options(add)
+
+
+def _add_domain(add: Any) -> None:
+    text = "what was recorded: it decides the words, and which effects are tried (default: machine "
+    text += "for an ARX model, unless it answers the error, target or x of a loop)"
+    add("--domain", choices=DOMAINS, help=text)
 
 
 def diagnose(options: argparse.Namespace) -> int:
@@ -245,7 +249,9 @@ def add_report(commands: Any) -> None:
     """Add ``skhoid report`` to the parser."""
     command = add_command(commands, report, ABOUT_REPORT, "[FILES] [OPTIONS]", OF_REPORT)
     add_recording_options(command)
-    add_search_options(command.section("Search"), "; none: no search")
+    add = command.section("Search")
+    add_search_options(add, "; none: no search")
+    _add_domain(add)
     add = command.section("Output")
     add_page_options(add, "report.html")
     add_output_options(add)
@@ -321,7 +327,6 @@ def _read_own(options: argparse.Namespace) -> tuple[Any, Any, dict[str, str], st
     if asked is not None:  # on a pursuit display the input is the target itself
         is_target = asked in (options.target, "f_t") or asked.endswith(".f_t")
         known[asked] = "f_t" if is_target else "e"
-        options.named_input = [asked]
     roles = {**known, **read_roles(options, known)}
     X, y, guess = read_files(options, roles, signals=asked is None)
     options.input = guess.inputs[0] if asked is None else find_column(X, asked)
@@ -458,8 +463,9 @@ def _find_next_steps(options: argparse.Namespace, search: Any) -> list[tuple[str
         steps.append((page, "the same as a page to keep"))
     names = [name for name in search.best_effects_ if name != "unknown"]
     if names:
-        alone = f"{typed(options, 'diagnose')} --effects {' '.join(dict.fromkeys(names))}"
-        steps.append((alone, "these effects alone, in less time"))
+        alone = typed(options, "diagnose", effects=list(dict.fromkeys(names)))
+        if len(names) < len(search.list_effects()):
+            steps.append((alone, "these effects alone, in less time"))
     steps.append((typed(options, "identify"), "the delay, and a linear model"))
     if search.shape_ is not None and getattr(options, "sketch", None) is None:
         sketch = f"{typed(options, 'diagnose')} --sketch {free_name('my_effect.py')}"

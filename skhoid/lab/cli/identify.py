@@ -159,10 +159,23 @@ def identify(options: argparse.Namespace) -> int:
     print_document(_tell(found), options)
     print()
     say_files(files)
-    if len(inputs) > 1:  # the next command takes one input at most
-        options.named_input = []
-    say_next([(typed(options, "diagnose"), "which effects is the model missing?")])
+    say_next([_find_next_step(options)])
     return 0
+
+
+def _find_next_step(options: argparse.Namespace) -> tuple[str, str]:
+    """The search for effects, which has one input: others are channels that effects may use."""
+    why, others = "which effects is the model missing?", {}
+    if options.input:
+        first, *more = options.input
+        roles = [f"{name}=" for name in more if name not in (options.x, options.target)]
+        others = {"input": first, "role": [*options.role, *roles]}
+        why = f"which effects is a model of {first!r} alone missing?" if more else why
+    if options.na is not None or options.nb is not None or options.nk is not None:
+        orders = {name: getattr(options, name) for name in ("nb", "nk")}
+        one = {name: value[0] for name, value in orders.items() if value}
+        others |= {"core": "arx", **one}
+    return typed(options, "diagnose", **others), why
 
 
 def _one_or_each(numbers: list[int] | None) -> Any:
@@ -186,7 +199,7 @@ def _read(
         X, y = skhoid.load_human_tracking("difficulty 80")
         source = "bundled recording: a person follows a pseudo-random target with a mouse "
         return X, y, list(X.columns), [], {}, source + "(Matic 2022, MIT licence)"
-    asked = options.named_input = list(options.input or [])
+    asked = list(options.input or [])
     others = (options.instruments or ["f_t"]) if options.method == "iv" else []
     inside = [name for name in others if name in asked]
     if inside:

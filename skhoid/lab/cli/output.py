@@ -144,26 +144,37 @@ def say_next(steps: Sequence[tuple[str, str]]) -> None:
             print(_wrapped(f"      {why}"))
 
 
-# Options that say what is in the files, which the next command needs too.
-OF_FILES = ("output", "time", "run", "subject", "condition", "dt", "run_in", "x", "target")
+# Options on what is written, which change no number.
+OF_PAPER = {"out", "report", "sketch", "overwrite", "title", "tables", "table_format", "format"}
+OF_PAPER |= {"no_pictures", "json", "debug", "time_limit", "jobs", "resume"}
 
 
-def typed(options: argparse.Namespace, command: str) -> str:
-    """A command about the same files, with what was said of them."""
-    words = ["skhoid", command, *map(str, options.files)]
-    for name in OF_FILES:
-        value = getattr(options, name, None)
-        if value is not None:
-            text = f"{value:.12g}" if isinstance(value, float) else str(value)
-            words += [f"--{name.replace('_', '-')}", text]
-    for name in ("unit", "role"):
-        for value in getattr(options, name):
-            words += [f"--{name}", value]
-    if options.resample:
-        words.append("--resample")
-    inputs = getattr(options, "named_input", [])
-    if inputs:
-        words += ["--input", *inputs]
+def typed(options: argparse.Namespace, command: str, **others: Any) -> str:
+    """A command about the same files, with all that was said which changes the analysis.
+
+    ``others`` are options that it has instead. What the other command cannot be told is left out.
+    """
+    asked = {**vars(options.asked), **others}
+    parser = options.parsers[command]
+    words = ["skhoid", command, *map(str, asked["files"])]
+    for action in parser.arguments:
+        name = action.dest
+        value = asked.get(name)
+        default = parser.get_default(name)
+        unsaid = value is None or value == default or value == [] or value is False
+        if unsaid or name in OF_PAPER or not action.option_strings:
+            continue
+        values = value if isinstance(value, list) else [value]
+        if action.nargs is None and default != [] and len(values) > 1:
+            continue  # of several the other command takes none
+        option = action.option_strings[-1]
+        texts = [f"{v:.12g}" if isinstance(v, float) else str(v) for v in values]
+        if action.nargs == 0:
+            words.append(option)
+        elif default == []:  # it is repeated
+            words += [word for text in texts for word in (option, text)]
+        else:
+            words += [option, *texts]
     return shlex.join(words)
 
 

@@ -1,5 +1,8 @@
 """Recordings of machines through whole commands: pages, time limits, words."""
 
+import json
+import shlex
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -46,3 +49,68 @@ def test_a_time_limit_is_kept_and_what_was_not_tried_is_listed(capsys):
     assert "Nothing found before the time limit" in out
     assert "Not tried: bias and saturation" in out
     assert "--time-limit SECONDS" in out
+
+
+def next_commands(text):
+    """Commands that are printed in the end, as words."""
+    lines = text[text.index("What to do next") :].splitlines()[1:]
+    commands = [line.split("  ")[1] for line in lines if line.startswith("  skhoid ")]
+    return [shlex.split(command)[1:] for command in commands]
+
+
+ANALYSES = [
+    ["diagnose", "--core", "arx", "--na", "1", "--nb", "1", "--nk", "1", "--effects", "bias"],
+    ["diagnose", "--core", "arx", "--nk", "1", "--remove-means", "--effects", "bias", "drift"],
+    ["diagnose", "--domain", "machine", "--effects", "saturation", "bias", "--run-in", "5"],
+    ["diagnose", "--core", "arx", "--nk", "2", "--display", "pursuit", "--effects", "bias"],
+    ["diagnose", "--lost-control", "keep", "--core", "arx", "--nk", "1", "--effects", "bias"],
+    ["diagnose", "--core", "arx", "--nk", "1", "--max-effects", "0", "--effects", "bias"],
+]
+SAME = ["parameters", "error_path", "ranking", "verdict", "n_rows", "inputs", "output", "dt_s"]
+
+
+@pytest.mark.parametrize("words", ANALYSES, ids=" ".join)
+def test_the_page_that_is_offered_has_the_same_figures(capsys, words):
+    given = [words[0], *written(MOVING), *words[1:]]
+    assert main([*given, "--no-pictures"]) == 0
+    page = next_commands(capsys.readouterr().out)[0]
+    assert page[0] == "report"
+    figures = []
+    for command in ([*given, "--no-pictures"], page):
+        assert main([*command, "--json"]) == 0
+        found = json.loads(capsys.readouterr().out)
+        figures.append({name: found[name] for name in SAME})
+    assert figures[0] == figures[1]
+
+
+IDENTIFIED = [
+    (["--nk", "1", "--na", "1", "--nb", "1"], ["--core", "arx", "--na", "1", "--nb", "1"]),
+    (["--domain", "machine", "--nk", "1"], ["--core", "arx", "--nk", "1", "--domain", "machine"]),
+    (["--run-in", "3", "--nk", "2"], ["--run-in", "3", "--nk", "2"]),
+    (["--time", "time", "--dt", "0.1", "--resample", "--nk", "1"], ["--dt", "0.1", "--resample"]),
+    (["--unit", "y=deg", "--nk", "1"], ["--unit", "y=deg"]),
+]
+
+
+@pytest.mark.parametrize(("words", "kept"), IDENTIFIED)
+def test_the_search_that_is_offered_keeps_what_was_said(capsys, words, kept):
+    assert main(["identify", *written(MOVING), *words, "--no-pictures"]) == 0
+    (command,) = next_commands(capsys.readouterr().out)
+    assert command[0] == "diagnose"
+    assert " ".join(kept[-2:]) in " ".join(command)
+    assert {*kept, "--input", "--output"} <= {*command}
+    assert main([*command, "--effects", "bias", "--no-pictures"]) == 0
+
+
+def test_of_several_inputs_the_first_is_searched_and_the_others_stay_channels(capsys):
+    e = RNG.standard_normal((2, N))
+    y = lfilter([0, 0.2], [1, -0.8], e[0]) + lfilter([0, 0.1], [1, -0.5], e[1])
+    pd.DataFrame({"time": np.arange(N) * 0.1, "a": e[0], "b": e[1], "y": y}).to_csv("r.csv")
+    words = ["identify", "r.csv", "--input", "a", "b", "--output", "y", "--nk", "1", "--na", "1"]
+    assert main([*words, "--no-pictures"]) == 0
+    out = capsys.readouterr().out
+    (command,) = next_commands(out)
+    assert command[command.index("--input") + 1] == "a"
+    assert "b=" in command
+    assert "of 'a' alone" in out
+    assert main([*command, "--effects", "bias", "--no-pictures"]) == 0
