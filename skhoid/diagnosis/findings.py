@@ -20,7 +20,7 @@ from ..recordings.recording import Finding
 from ..runs.roles import is_external, role_of
 from ..text import counted, gap_text, p_text, vaf_name
 from .ceiling import Route
-from .leaks import band_edge
+from .leaks import band_edge, can_have_learnt
 from .signals import Signals
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ WORDS = {
         "learning": "The person is still learning (falling) or tiring (growing) from run to run.",
         "bias": "An offset of the recording, a trim of the stick, or integral action.",
         "level": "A stop of the stick, a limit of the recording, or a level the person returns to.",
-        "outlier": "A slip of the hand, a spike or a gap of the recording, or an onset that the "
-        "model does not have.",
+        "outlier": "A spike or a gap of the recording, something that the model does not have (an "
+        "onset, a dead zone, a stop), or a slip of the hand.",
         "gain change": "The person's parameters change within the run; the model's do not, or not "
         "as much.",
         "remnant power change": "Effort or workload change, or the remnant's gain follows the "
@@ -55,7 +55,8 @@ WORDS = {
         "learning": "It warms up, wears, or drifts from run to run.",
         "bias": "An offset of the recording or the actuator, a constant load, or integral action.",
         "level": "A stop, a limit of the actuator or of the recording, or a level of rest.",
-        "outlier": "A shock, a spike or a gap of the recording, or an onset that the model lacks.",
+        "outlier": "A spike or a gap of the recording, something that the model does not have (an "
+        "onset, a dead zone, a stop), or a shock.",
         "gain change": "Gain or dynamics change within the run; the model's do not, or not as "
         "much.",
         "remnant power change": "The noise depends on time or on the operating point.",
@@ -222,6 +223,9 @@ class NextSteps:
 
 
 REMARKS = ("first samples", "jitter", "constant channel", "missing samples", "clock jitter", "gaps")
+# % of VAF about the mean: five parameters fitted to 100 rows explain as much by chance.
+LEAST_EXPLAINED = 5.0
+TENFOLD = 9.0  # relative change
 SMALL = 0.05  # VAF points; what costs less is not worth a sentence
 GOOD_ONE_STEP, POOR = 95.0, 50.0  # percent; a model that only one-step predictions flatter
 
@@ -413,10 +417,10 @@ class Advice:
             )
         if gain is not None:
             more = "larger" if gain.size > 0 else "smaller"
+            by = f"{100 * abs(gain.size):.0f} % {more} than" if self._explains else "unlike"
             yield Finding(
                 "gain",
-                f"The measured response is {100 * abs(gain.size):.0f} % {more} than the simulated "
-                "one",
+                f"The measured response is {by} the simulated one",
                 f"{p_text(gain.p)}; it costs about {self._points(gain.cost)}.",
                 "The gain differs from that of the runs used for the fit, or the fit is biased by "
                 "remnant in the loop or by a short memory.",
@@ -426,12 +430,24 @@ class Advice:
                 gain.cost,
             )
 
+    @property
+    def _explains(self) -> bool:
+        """Whether the model explains so much that its response is something to be relative to."""
+        return self.c.vaf_about_mean >= LEAST_EXPLAINED
+
+    def _by(self, size: float, grows: str, falls: str) -> str:
+        """How a response changes: no share of a response that is hardly there."""
+        if not self._explains:
+            return "changes"
+        if size > TENFOLD:
+            return f"{grows} more than tenfold"
+        return f"{grows if size > 0 else falls} by {100 * abs(size):.0f} %"
+
     def _in_time(self) -> Iterator[Finding]:
         for change in self._all("gain change"):
-            more = "grows" if change.size > 0 else "falls"
             yield Finding(
                 "gain change",
-                f"The response {more} by {100 * abs(change.size):.0f} % at about "
+                f"The response {self._by(change.size, 'grows', 'falls')} at about "
                 f"{change.where:.3g} s",
                 f"Largest of all single changes of gain and delay, {p_text(change.p)} for the "
                 f"whole search; it costs about {self._points(change.cost)}.",
@@ -551,11 +567,7 @@ class Advice:
             )
 
     def _overfit(self) -> tuple[bool, str]:
-        """Whether the parameters can have learnt the noise, and what a higher error means.
-
-        p parameters fitted to N independent values raise the error of other runs by (N + p)/(N -
-        p); N is twice the bandwidth of the output times the duration.
-        """
+        """Whether the parameters can have learnt the noise, and what a higher error means."""
         c, p = self.c, self.then.n_parameters
         differ = "these runs differ from those the model was fitted to"
         either = f"The model has learnt the noise of its own runs, or {differ}."
@@ -565,8 +577,7 @@ class Advice:
         groups = self.signals.groups
         outputs = [self.signals.y[rows[0] : rows[-1] + 1] for g in groups for rows in g.rows]
         n = 2 * band_edge(outputs, c.dt, 0.9) * seconds
-        learnt = 2 * p / (n - p) if n > p else np.inf
-        if learnt > (c.overfit_ratio - 1) / 2:
+        if can_have_learnt(p, n, c.overfit_ratio):
             return True, either
         return False, (
             f"{counted(p, 'parameter').capitalize()} cannot have learnt that much noise from "

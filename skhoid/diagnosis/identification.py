@@ -42,9 +42,19 @@ from ..runs import RunLayout, empty_runs, read_layout, rows_of_runs, run_name, w
 from ..runs.roles import columns_by_role, input_columns
 from ..runs.selection import run_labels
 from ..text import Note
-from .leaks import LEAST_DELAY, SLOPE, LeakTest, leak_test
+from .leaks import (
+    LEAST_DELAY,
+    SLOPE,
+    LeakTest,
+    can_have_learnt,
+    count_independent,
+    leak_test,
+)
 from .signals import find_growth
 
+LONGEST_DELAY = 0.5  # s
+MOST_SAMPLES = 100  # of the longest delay in runs of less than a second
+WORSE_BY = 1.0  # points of VAF
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
 SLOPE_OF_X = 0.15  # of the unseen disturbance that a regression on x holds at once, at most
 OPPOSED = -0.15  # correlation, below which a residual opposes what the prediction holds
@@ -58,6 +68,7 @@ class Verdict(StrEnum):
     UNTOLD = "cannot be told apart from the controlled element's inverse"
     FAILS = "fails on validation data"
     OVERFIT = "overfit"
+    WORSE = "worse held out"
     GOOD = "no overfit"
 
 
@@ -89,7 +100,8 @@ class FittedModel:
 
     ``fit`` is that of MATLAB's ``compare`` and ``offset`` the mean residual, both held out;
     ``spare`` are the samples by which a person's answer to x is later than the least delay,
-    ``growth`` the logarithm of how much a free run grows by itself.
+    ``growth`` the logarithm of how much a free run grows by itself, ``independent`` the number of
+    independent values that were fitted.
     """
 
     name: str
@@ -102,6 +114,7 @@ class FittedModel:
     leak: LeakTest | None = None
     spare: float = np.inf
     growth: float = -np.inf
+    independent: float = np.inf
 
     @property
     def model(self) -> Any:
@@ -132,7 +145,11 @@ class FittedModel:
             return Verdict.UNTOLD
         if self.vaf_validation <= 0:
             return Verdict.FAILS
-        return Verdict.OVERFIT if self.ratio > OVERFIT_RATIO else Verdict.GOOD
+        if self.ratio <= OVERFIT_RATIO:
+            return Verdict.GOOD
+        worse = (100 - self.vaf_validation) / max(100 - self.vaf_estimation, 1e-9)
+        many = can_have_learnt(len(self.model.parameter_names_), self.independent, worse)
+        return Verdict.OVERFIT if many else Verdict.WORSE
 
     def as_dict(self) -> dict[str, Any]:
         model, leak = self.model, self.leak
@@ -251,7 +268,7 @@ def identify(
     *,
     run_in: float | None = None,
     factor: int = 1,
-    longest_delay: float = 0.5,
+    longest_delay: float | None = None,
     validation_runs: list[Any] | None = None,
     centered: bool = True,
     callbacks: tuple[Any, ...] = (),
@@ -260,10 +277,11 @@ def identify(
 
     The last run is held out, or ``validation_runs``, or the second half of a single run. With
     ``centered`` the models have an intercept, and VAF is about the mean of each measured run.
+    The longest delay to try is ``LONGEST_DELAY``, or less in runs that are too short for it.
     """
     layout = read_layout(X)
     seen = _Measured.of(X, y, layout, choice, run_in)
-    held_out, names = _held_out_rows(layout, validation_runs)
+    held_out, names = _held_out_rows(layout, validation_runs, run_in or 0.0)
     fixed_orders = choice.na is not None or choice.nb is not None
     orders: dict[str, Any] = {
         "na": 2 if choice.na is None else choice.na,
@@ -291,18 +309,25 @@ def identify(
         shortest = least.samples if least.closed else 0
         without = "with the least delay" if shortest else "without delay"
         candidates[without] = {**orders, "nk": shortest}
+        shortest_run = float(np.diff(layout.run_starts).min()) * layout.dt
+        if longest_delay is None:
+            longest_delay = LONGEST_DELAY
+            if longest_delay > shortest_run / 2:
+                longest_delay = min(shortest_run / 4, MOST_SAMPLES * layout.dt * factor)
+                longest_delay = max(longest_delay, least.seconds)
         longest = int(np.floor(whole_samples(longest_delay, layout.dt * factor)))
         if longest < least.samples:
             raise UsageError(
                 f"The longest delay to try, {longest_delay:g} s, is below the least, "
                 f"{least.seconds:.3g} s, of rows {layout.dt * factor:.3g} s apart: "
-                f"{least.reason}. Allow a longer one, or a smaller least_delay."
+                f"{least.reason}. Allow a longer one, or a smaller least_delay.",
+                options=["longest_delay", "least_delay"],
             )
-        shortest_run = float(np.diff(layout.run_starts).min()) * layout.dt
         if longest_delay > shortest_run / 2:
             raise UsageError(
                 f"The longest delay to try, {longest_delay:g} s, is more than half of the "
-                f"shortest run, {shortest_run:.3g} s. Allow a shorter one."
+                f"shortest run, {shortest_run:.3g} s. Allow a shorter one.",
+                options=["longest_delay"],
             )
         for how in ("one_step", "vaf"):
             search = DelaySearchCV(
@@ -321,6 +346,8 @@ def identify(
         orders = {name: order_search.best_params_[name] for name in ("na", "nb", "nk")}
         candidates["with delay and orders"] = orders
 
+    independent = count_independent(seen.output[~held_out].dropna().to_numpy(), layout.dt)
+
     def fitted(name: str, model: Any) -> FittedModel:
         with seen.left_out_quietly():
             pipeline = make_pipeline(*map(clone, steps), model).fit(X_e, y_e)
@@ -335,7 +362,7 @@ def identify(
         spare, growth = _spare(pipeline[-1], least), find_growth(pipeline, X)
         fit = fit_percent(about_mean)
         figures = of_fit, of_others, fit, offset
-        return FittedModel(name, pipeline, *figures, prediction, leak, spare, growth)
+        return FittedModel(name, pipeline, *figures, prediction, leak, spare, growth, independent)
 
     model.set_params(method=choice.method, instruments=choice.instruments)
     models = [fitted(name, clone(model).set_params(**found)) for name, found in candidates.items()]
@@ -347,6 +374,7 @@ def identify(
         adapting = fitted("following changes", follows)
     notes = [Note("delay", text) for text in least.notes(orders["nk"], given=choice.nk is not None)]
     notes += notes_of_lost(seen.left_out)
+    notes += _note_worse(models)
     notes += [
         note for m in (models[-1], adapting) if m is not None for note in _leak_notes(m, least)
     ]
@@ -435,6 +463,26 @@ class _Measured:
         )
 
 
+def _note_worse(models: list[FittedModel]) -> list[Note]:
+    """Why the model explains less of the held-out rows, or less than the one without its delay."""
+    first, last = models[0], models[-1]
+    if last.verdict is Verdict.WORSE:
+        text = (
+            "the held-out rows differ from those fitted, or the model is too simple for them: "
+            f"{len(last.model.parameter_names_)} parameters cannot have learnt that much noise"
+        )
+        return [Note("worse", text)]
+    if len(models) < 2 or last.vaf_validation > first.vaf_validation - WORSE_BY:
+        return []
+    text = (
+        f"{last.name!r} explains less of the held-out rows than {first.name!r} "
+        f"({last.vaf_validation:.1f} and {first.vaf_validation:.1f} %): delay and orders are those "
+        "of the fitted rows, and the delay that of the lowest one-step error, which is not that of "
+        "the best free run"
+    )
+    return [Note("worse", text)]
+
+
 def _leak_notes(model: FittedModel, least: LeastDelay) -> list[Note]:
     """Why a model is refused, and what to do."""
     if not (model.leaks or model.untold):
@@ -468,16 +516,17 @@ def _spare(model: Any, least: LeastDelay) -> float:
 
 
 def _held_out_rows(
-    layout: RunLayout, validation_runs: list[Any] | None
+    layout: RunLayout, validation_runs: list[Any] | None, run_in: float
 ) -> tuple[np.ndarray, tuple[str, str]]:
-    """Mark the validation rows, and describe both parts in text."""
+    """Mark the validation rows, and describe both parts in text; halves are of what is kept."""
     run = layout.run_of(np.arange(layout.n_rows))
     labels = layout.labels
     if validation_runs is None and len(labels) == 1:
-        middle = (layout.n_rows + 1) // 2
+        begun = int(np.searchsorted(layout.time - layout.time[0], run_in))
+        middle = min((begun + layout.n_rows + 1) // 2, layout.n_rows - 1)
         half = layout.time[middle] - layout.time[0]
         return np.arange(layout.n_rows) >= middle, (
-            f"run {labels[0]!r}, first {half:.4g} s",
+            f"run {labels[0]!r}, {f'{run_in:g} to' if begun else 'first'} {half:.4g} s",
             f"run {labels[0]!r}, after {half:.4g} s",
         )
     names = [run_name(label) for label in labels]

@@ -34,6 +34,21 @@ def band_edge(outputs: Sequence[np.ndarray], dt: float, power_share: float) -> f
     return float(fft.rfftfreq(longest, dt)[max(int(np.searchsorted(share, power_share)), 1)])
 
 
+def count_independent(output: np.ndarray, dt: float) -> float:
+    """Number of independent values in an output: twice its bandwidth times its duration."""
+    return 2 * band_edge([output], dt, 0.9) * output.size * dt if output.size else 0.0
+
+
+def can_have_learnt(p: int, n: float, worse: float) -> bool:
+    """Whether p parameters, fitted to n independent values, can have learnt as much noise.
+
+    They raise the squared error of other rows by (n + p) / (n - p); ``worse`` is by how much it is
+    higher, and half of that is to be noise that was learnt.
+    """
+    learnt = 2 * p / (n - p) if n > p else np.inf
+    return learnt > (worse - 1) / 2
+
+
 def low_passed(signal: np.ndarray, dt: float, edge: float) -> np.ndarray:
     """A signal below the edge (Hz), without delay; odd reflections continue both ends."""
     n = signal.size

@@ -76,9 +76,9 @@ def tell_figures(c: Comparison) -> dict[str, str]:
         gap = gap_text(c.point_scale * c.explainable_gap)
         told["Left to explain"] = c.ceiling.at_least + gap + (about if gap[0].isdigit() else "")
     if c.overfit is not None:
-        told["Overfit"] = (
-            f"{'yes' if c.overfit else 'no'}: squared error {c.overfit_ratio:.2f} times that on "
-            f"estimation runs (limit 1.1), VAF there {c.estimation_vaf:.1f} %"
+        told["Held out"] = (
+            f"{'worse' if c.overfit else 'as good'}: squared error {c.overfit_ratio:.2f} times "
+            f"on estimation runs (limit 1.1), VAF there {c.estimation_vaf:.1f} %"
         )
     if c.leak is not None:
         told["Leak test"] = c.leak.reason

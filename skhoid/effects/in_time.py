@@ -588,7 +588,7 @@ class Lapses(Effect):
     title = "lapses of attention"
     place = "command"
     keeps_unit = True
-    physics = "The operator looks away and does not respond for seconds."
+    physics = "The input is not answered for seconds, as where an operator looks away."
     machine_physics = "The input is cut off for stretches of time."
     formula = "command (1 - depth) during lapses, or + depth times their first command"
     tex = r"c'(t) = (1 - \mathrm{depth})\,c(t) \quad\text{during the lapses}"

@@ -601,7 +601,7 @@ class Quantised(StaticMap):
     title = "quantisation"
     physics = "The output moves in steps: keys, detents, or a coarse converter."
     physics_at = {
-        "command": "The command to the limb takes only a few values.",
+        "command": "The command to the limb moves in steps.",
         "error": "The error is seen in steps, as on a coarse display.",
     }
     machine_physics = "The output moves in steps: detents, or a coarse converter."

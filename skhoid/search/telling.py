@@ -179,7 +179,10 @@ def tell_candidates(found: SearchResult, step: int, n: int) -> list[Block]:
         blocks.append(Paragraph(text))
     if len(fitted) and not (candidates["status"] == Status.ADDED).any():
         best = fitted.iloc[0]
-        text = f"No effect is added. {title_of(best['effect'])}: {best['reason']}"
+        none = "No effect is added"
+        if found.added:
+            none = f"No effect of step {step} is in the final model"
+        text = f"{none}. {title_of(best['effect'])}: {best['reason']}"
         blocks.append(Paragraph(text))
     return blocks
 

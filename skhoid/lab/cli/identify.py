@@ -60,7 +60,6 @@ examples:
   skhoid identify run*.csv --method iv --instruments f_t
   skhoid identify run*.csv --memory-time 2.56         a person who adapts
 """
-LONGEST_DELAY = 0.5  # s
 PICTURES = ["simulation", "delay", "delay-vaf", "orders", "parameters"]
 CRITERIA = {"one_step": "lowest one-step error, used above", "vaf": "highest cross-validated VAF"}
 
@@ -75,7 +74,7 @@ def add_identify(commands: Any) -> None:
     add_channel_options(add)
     add_lost_control(add)
     add = command.section("Search")
-    text = f"longest delay to try (default: {LONGEST_DELAY})"
+    text = "longest delay to try (default: 0.5, or less in runs of less than a second)"
     add("--longest-delay", type=positive, metavar="S", help=text)
     text = "shortest delay of e and x to try (default: 0.1 of a person, a sample of a machine)"
     add("--least-delay", type=not_negative, metavar="S", help=text)
@@ -141,7 +140,7 @@ def identify(options: argparse.Namespace) -> int:
         choice,
         run_in=options.run_in,
         factor=options.decimate,
-        longest_delay=options.longest_delay or LONGEST_DELAY,
+        longest_delay=options.longest_delay,
         validation_runs=options.validate,
         centered=not options.keep_means,
         callbacks=() if options.json or not sys.stdout.isatty() else _progress(),
