@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,11 @@ import pandas as pd
 from ..runs.roles import names_time
 from ..runs.tables import advances_evenly
 from .archives import grid_of, stream
-from .files import FileTable, numbers_of, one_by_one, split_header
+from .files import FileTable, numbers_of, one_by_one, read_clock, split_header
 
 _ROWS_LOOKED_AT = 1000
+_OFTEN = 0.05  # share of the rows in which a signal that counts has a value
+_APART = 0.1  # of the rows of one topic, at most, have values of another
 _DIGITS = re.compile(r"\d+")
 
 
@@ -39,6 +41,45 @@ def are_parts(first: FileTable, second: FileTable) -> bool:
     one, other = _look(first), _look(second)
     return len(one.at) == len(other.at) == 1 or bool(
         one.at and other.at and not set(one.names) & set(other.names)
+    )
+
+
+def on_one_clock(table: FileTable) -> FileTable:
+    """A table in whose rows one topic or another has values, as exports of bags are, on one clock.
+
+    Other tables are returned as they are.
+    """
+    found = _look(table)
+    if table.kind != "column" or found.clock is None or len(found.at) < 2:
+        return table
+    peeked = table.peek(_ROWS_LOOKED_AT)
+    there = np.array([np.isfinite(numbers_of(peeked[k])) for k in found.at], dtype=float)
+    often = there.mean(axis=1) > _OFTEN
+    shares = there[often].mean(axis=1)
+    together = there[often] @ there[often].T / there.shape[1]
+    of_topics = (together < _APART * np.minimum.outer(shares, shares)).any(axis=1)
+    if not of_topics.any():
+        return table
+    at = [k for k, kept in zip(found.at, often, strict=True) if kept]
+    raw, *others = table.load([found.clock, *at], None)[0]
+    clock, values = read_clock(raw), list(map(numbers_of, others))
+    if not (np.diff(clock) >= 0).all():  # several runs, or no clock
+        return table
+    names = [table.names[k] for k in at]
+    streams = [
+        stream(name, clock[np.isfinite(own)], own[np.isfinite(own)])
+        for name, own in zip(names, values, strict=True)
+    ]
+    topics = [one for one, own in zip(streams, of_topics, strict=True) if own]
+    instants, start = grid_of(table.path, topics, None)
+    columns = [instants, *(one.at(instants + start, 0) for one in streams)]
+    said = "each row has values of one topic; they are interpolated onto the clock of the fastest"
+    return replace(
+        table,
+        names=[table.names[found.clock], *names],
+        load=one_by_one(columns.__getitem__),
+        first_rows=None,
+        remarks=[*table.remarks, said],
     )
 
 

@@ -14,7 +14,7 @@ from .archives import read_excel, read_npz, read_parquet, read_xdf
 from .assembling import Channel, FileRuns, assemble, cut_runs, gather_units
 from .delimited import read_csv
 from .files import FileTable, Paths, expand_paths, shown
-from .joining import are_parts, join_parts
+from .joining import are_parts, join_parts, on_one_clock
 from .matlab import read_mat
 
 READERS: dict[str, Callable[[Path], FileTable]] = {
@@ -39,7 +39,7 @@ def open_table(path: Path) -> FileTable:
         raise ValueError(
             f"{path} has the extension {path.suffix!r}; skhoid reads {', '.join(READERS)}."
         )
-    return reader(path)
+    return on_one_clock(reader(path))
 
 
 def each_table(paths: Paths, opened: FileTable | None = None) -> Iterator[FileTable]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ... import check_channels
-from ...io import FileTable, numbers_of, open_table, split_header
+from ...io import FileTable, first_table, numbers_of, split_header
 from ...runs import read_layout, role_of
 from ...text import counted
 from ..guessing import ColumnGuess, Problem, guess_columns
@@ -158,7 +158,7 @@ class Columns:
 
 def look(paths: list[Path], choices: Choices) -> Columns:
     """Look at the first file, and say which column is what."""
-    opened = open_table(paths[0])
+    opened = first_table(paths)
     asked = {**choices.named, "dt": choices.clock}
     guess = guess_columns(paths, **asked)
     kinds, units = _list_kinds(guess), _read_units(guess, opened)

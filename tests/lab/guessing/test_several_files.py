@@ -185,6 +185,34 @@ def test_signals_without_a_clock_and_of_other_clocks(tmp_path, capsys):
     np.testing.assert_allclose(y, ONE["stick"][5 : 5 + n], atol=1e-3)
 
 
+@pytest.mark.parametrize("every", [1, 2, 5])
+@pytest.mark.parametrize("beside", [False, True])
+def test_rows_of_one_topic_each(tmp_path, capsys, every, beside):
+    """Exports of ROS bags and MCAP: an empty cell where another topic was received."""
+    stick = ONE[["time", "stick"]].assign(time=ONE["time"] + 0.004)[::every]
+    table = pd.concat([ONE[["time", "error"]], stick]).sort_values("time")
+    table = table.rename(columns={"time": "__time", "error": "/error/data", "stick": "/stick/data"})
+    if beside:
+        table = table.assign(**{"/rosout/msg": "text", "/mode": np.where(ONE.index[0] == 0, 1, 0)})
+    table.to_csv(tmp_path / "a.csv", index=False)
+    X, y = read_runs(tmp_path / "a.csv")
+    assert "each row has values of one topic" in capsys.readouterr().out
+    time = X.index.get_level_values("time").to_numpy() + 0.01
+    np.testing.assert_allclose(np.diff(time), DT, atol=1e-6)
+    np.testing.assert_allclose(X["e"], np.interp(time, ONE["time"], ONE["error"]), atol=1e-9)
+    np.testing.assert_allclose(y, np.interp(time, stick["time"], stick["stick"]), atol=1e-9)
+
+
+@pytest.mark.parametrize("signal", ["error", "stick"])
+def test_a_table_with_many_empty_cells_stays_as_it_is(tmp_path, signal):
+    table = ONE.assign(event=np.where(np.arange(len(ONE)) % 50, np.nan, 1.0))
+    table.loc[40:200, signal] = np.nan
+    table.to_csv(tmp_path / "a.csv", index=False)
+    X, y = read_runs(tmp_path / "a.csv")
+    assert len(X) == len(ONE)
+    assert (X["e"] if signal == "error" else y).isna().sum() == 161
+
+
 def test_signals_of_other_lengths_without_a_clock_are_refused(tmp_path):
     write_csv(ONE[["error"]], tmp_path / "error.csv")
     write_csv(ONE[["stick"]][:200], tmp_path / "stick.csv")
