@@ -15,7 +15,7 @@ import pandas as pd
 from ..exceptions import UsageError
 from .delimited import read_csv
 from .files import Columns, FileTable, coded, one_by_one, read_as, require
-from .structs import find_columns
+from .structs import as_table, find_columns
 
 
 def read_npz(path: Path) -> FileTable:
@@ -34,12 +34,9 @@ def read_npz(path: Path) -> FileTable:
             else:
                 is_text = values.dtype.kind == "U" and values.size > 1
                 arrays[name] = values.tolist() if is_text else values
-    found = find_columns(arrays)
-    names = list(found.arrays)
-    load = one_by_one(lambda position: found.arrays[names[position]])
-    unreadable |= found.unreadable
-    aliases = found.aliases
-    return FileTable(path, names, load, unreadable=unreadable, kind="variable", aliases=aliases)
+    table = as_table(path, "a NumPy archive", arrays, find_columns(arrays))
+    table.unreadable |= unreadable
+    return table
 
 
 def read_parquet(path: Path) -> FileTable:

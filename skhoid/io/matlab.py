@@ -13,8 +13,8 @@ from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
 from ..runs.roles import names_time
 from .archives import grid_of, stream
-from .files import FileTable, numbers_of, one_by_one, read_as, require
-from .structs import Columns, Structs, Unreadable, find_columns, value_at
+from .files import FileTable, numbers_of, read_as, require
+from .structs import Columns, Structs, Unreadable, as_table, find_columns
 
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 # "" is a file that h5py wrote, not MATLAB.
@@ -47,43 +47,15 @@ def read_mat(path: Path) -> FileTable:
     tree = read_tree(path)
     found = find_columns(tree)
     remarks = [] if found.run_name else _on_one_clock(path, found)
-    arrays, names = found.arrays, list(found.arrays)
     objects = {n: v.why for n, v in tree.items() if isinstance(v, Unreadable) and v.is_object}
-    note = "".join(
-        f"The file also has {name!r}, which {why} " for name, why in objects.items()
-    ).rstrip()
-    signals = [v for v in arrays.values() if v.dtype.kind in "iuf" and max(v.shape) > 1]
+    signals = [v for v in found.arrays.values() if v.dtype.kind in "iuf" and max(v.shape) > 1]
     if objects and len(signals) < _SAMPLED:
         name, why = next(iter(objects.items()))
         raise ValueError(f"In {path}, {name!r} {why}")
-
-    def load(position: int) -> np.ndarray:
-        values = arrays[names[position]]
-        if not sparse.issparse(values):
-            return values
-        with read_as(path, f"a MATLAB file, at its variable {names[position]!r}"):
-            return values.toarray()
-
-    def resolve(asked: str) -> bool:
-        values = value_at(tree, asked)
-        if values is not None:
-            arrays[asked] = values
-            names.append(asked)
-        return values is not None
-
-    return FileTable(
-        path,
-        names,
-        one_by_one(load),
-        unreadable=found.unreadable,
-        note=note,
-        kind="variable",
-        run_name=found.run_name,
-        remarks=remarks,
-        faults=found.faults,
-        aliases=found.aliases,
-        resolve=resolve,
-    )
+    table = as_table(path, "a MATLAB file", tree, found)
+    table.note = " ".join(f"The file also has {n!r}, which {why}" for n, why in objects.items())
+    table.remarks += remarks
+    return table
 
 
 def _on_one_clock(path: Path, found: Columns) -> list[str]:

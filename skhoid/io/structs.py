@@ -11,12 +11,14 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
 from ..runs.tables import advances_evenly
+from .files import FileTable, one_by_one, read_as
 
 LEAST = 10  # samples of a signal
 _IS_STRUCT = "is a struct: ask for one of its fields by a dotted path, such as {}."
@@ -450,4 +452,35 @@ def value_at(tree: Mapping[str, Any], asked: str) -> np.ndarray | None:
         except (KeyError, IndexError, TypeError, AttributeError):
             return None
         position = step.end()
-    return node if _is_signal(node) else None
+    return node if _is_signal(node) and _length(node) else None
+
+
+def as_table(path: Path, kind: str, tree: Mapping[str, Any], found: Columns) -> FileTable:
+    """The signals of a file as a table, in which others are found by what one types in MATLAB."""
+    names = list(found.arrays)
+
+    def load(position: int) -> np.ndarray:
+        values = found.arrays[names[position]]
+        if not sparse.issparse(values):
+            return values
+        with read_as(path, f"{kind}, at its variable {names[position]!r}"):
+            return values.toarray()
+
+    def resolve(asked: str) -> bool:
+        values = value_at(tree, asked)
+        if values is not None:
+            found.arrays[asked] = values
+            names.append(asked)
+        return values is not None
+
+    return FileTable(
+        path,
+        names,
+        one_by_one(load),
+        unreadable=found.unreadable,
+        kind="variable",
+        run_name=found.run_name,
+        faults=found.faults,
+        aliases=found.aliases,
+        resolve=resolve,
+    )

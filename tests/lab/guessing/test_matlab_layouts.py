@@ -246,6 +246,17 @@ def test_what_one_types_in_matlab_is_found(tmp_path, named):
     np.testing.assert_array_equal(y, u)
 
 
+def test_numpy_archives_are_alike(tmp_path):
+    np.savez(tmp_path / "a.npz", data=M, columns=np.array(NAMES))
+    check(tmp_path / "a.npz", [ONE])
+    np.savez(tmp_path / "b.npz", **{f"{n}{k}": v for k in range(3) for n, v in fields(k).items()})
+    check(tmp_path / "b.npz", SEVERAL)
+    np.savez(tmp_path / "c.npz", record=np.c_[e, u], other=np.c_[u, e], fs=100.0)
+    X, y = read_runs(tmp_path / "c.npz", inputs={"record:1": "e"}, output={"record(:,2)": "u"})
+    np.testing.assert_array_equal(X["e"], e)
+    np.testing.assert_array_equal(y, u)
+
+
 def test_matrices_of_one_shape_are_runs_also_beside_as_many_labels(tmp_path):
     three = np.random.default_rng(0).standard_normal((2, 400, 3))
     content = {"e": three[0], "u": three[1], "dt": DT, "conditions": cells("a", "b", "c")}
