@@ -293,7 +293,8 @@ class CandidateTable:
         if n_rows <= n_params:
             raise ShortRunError(
                 f"A fold leaves only {n_rows} rows to fit up to {n_params} lags. Use fewer folds, "
-                "or smaller na, nb and nk."
+                "or smaller na, nb and nk.",
+                options=["na", "nb", "nk"],
             )
         return reduce(Triangle.merged, pieces)
 

@@ -227,7 +227,7 @@ def rank_error(
             head + relation, hint="inputs=[...] says which to keep.", options=["input"]
         )
     cause = bad or (bad_output(output, y) if orders.na else None) or _generic(null_space, names)
-    return RankDeficiencyError(head + cause)
+    return RankDeficiencyError(head + cause, options=["na", "nb"])
 
 
 def _bad_channel(channels: list[str], X: np.ndarray, orders: Orders) -> str | None:

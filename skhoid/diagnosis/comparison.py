@@ -396,6 +396,9 @@ def compare(
         fitted = read_signals(model, *estimation, repeats=False, **options)
     vaf = _pooled(signals, signals.predicted)  # which refuses an output of zeros
     of_channels = check_channels(X, y, dt=dt, run=run)
+    if signals.lost_alone:  # the output was not missing in the recording
+        kind = "missing samples", signals.output
+        of_channels = [one for one in of_channels if (one.name, one.about) != kind]
     domain = domain or _domain(signals)
     leak = _leak(signals, domain)
     ceiling = noise_ceiling(signals)

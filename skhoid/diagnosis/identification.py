@@ -53,7 +53,7 @@ from .leaks import (
 from .signals import find_growth
 
 LONGEST_DELAY = 0.5  # s
-MOST_SAMPLES = 100  # of the longest delay in runs of less than a second
+SHARE = 0.1  # of a run, that a delay which is tried takes at most: folds are thirds of it
 WORSE_BY = 1.0  # points of VAF
 OVERFIT_RATIO = 1.1  # of VAF on estimation to VAF on validation data, the thesis's example
 SLOPE_OF_X = 0.15  # of the unseen disturbance that a regression on x holds at once, at most
@@ -290,9 +290,12 @@ def identify(
     }
     model = ARXRegressor(**orders, inputs=choice.inputs, fit_intercept=centered, covariance="hac")
     steps = [RunInTrimmer(run_in), Decimator(factor)]
-    pipeline = make_pipeline(*steps, model)
-    scorer = VAFScorer(run_in=run_in, centered=centered)
+    pipeline = make_pipeline(Decimator(factor), model)
+    scorer = VAFScorer(centered=centered)
     X_e, y_e = X[~held_out], seen.output[~held_out]
+    # Folds of what is kept: of a single run, they would be cut out of the run-in too.
+    searched = ~held_out & scored_rows(layout, run_in, None)
+    X_s, y_s = X[searched], seen.output[searched]
 
     least = find_least_delay(
         list(X.columns) if choice.inputs is None else choice.inputs,
@@ -311,10 +314,9 @@ def identify(
         candidates[without] = {**orders, "nk": shortest}
         shortest_run = float(np.diff(layout.run_starts).min()) * layout.dt
         if longest_delay is None:
-            longest_delay = LONGEST_DELAY
-            if longest_delay > shortest_run / 2:
-                longest_delay = min(shortest_run / 4, MOST_SAMPLES * layout.dt * factor)
-                longest_delay = max(longest_delay, least.seconds)
+            longest_run = np.bincount(layout.run_of(np.flatnonzero(searched))).max() * layout.dt
+            longest_delay = min(LONGEST_DELAY, SHARE * longest_run, shortest_run / 2)
+            longest_delay = max(longest_delay, least.seconds)
         longest = int(np.floor(whole_samples(longest_delay, layout.dt * factor)))
         if longest < least.samples:
             raise UsageError(
@@ -333,7 +335,7 @@ def identify(
             search = DelaySearchCV(
                 pipeline, nk=range(least.samples, longest + 1), criterion=how, scoring=scorer
             ).set_callbacks(*callbacks)
-            searches[how] = search.fit(X_e, y_e)
+            searches[how] = search.fit(X_s, y_s)
         orders = {**orders, "nk": searches["one_step"].best_nk_}
         candidates["with delay"] = orders
     else:
@@ -342,7 +344,7 @@ def identify(
     if not fixed_orders:
         pipeline.set_params(arxregressor__nk=orders["nk"])
         order_search = OrderSearchCV(pipeline, nk=[orders["nk"]], scoring=scorer)
-        order_search.set_callbacks(*callbacks).fit(X_e, y_e)
+        order_search.set_callbacks(*callbacks).fit(X_s, y_s)
         orders = {name: order_search.best_params_[name] for name in ("na", "nb", "nk")}
         candidates["with delay and orders"] = orders
 

@@ -34,7 +34,7 @@ from ..preprocessing.gate import (
     check_numbers,
     checked_column,
 )
-from ..recordings.loss_of_control import ControlCheck, control_check
+from ..recordings.loss_of_control import LOST_ROWS, ControlCheck, control_check
 from ..regression import units_of
 from ..runs import RunLayout, check_alignment, output_name, run_column, run_name
 from ..runs.roles import check_named, columns_by_role, is_external, with_target
@@ -77,6 +77,7 @@ class Signals:
     output: str
     units: dict[str, str]
     notes: list[Note]
+    lost_alone: bool = False  # the output is missing where control was lost, and nowhere else
     decided: Note = BY_TARGET
     judged: np.ndarray | None = None
     growth: float = -np.inf
@@ -149,6 +150,7 @@ class RunsRead:
     roles: Mapping[Any, str] | None
     output: str
     units: dict[str, str]
+    lost: int = 0
 
 
 def read_signals(
@@ -193,6 +195,7 @@ def read_signals(
         roles=roles,
         output=output_name(y),
         units={**units_of(X), **units_of(y)},
+        lost=int(getattr(y, "attrs", {}).get(LOST_ROWS, 0)),
     )
     signals = prepare_signals(
         read,
@@ -205,6 +208,13 @@ def read_signals(
         signals.notes.append(LIKELIEST)
     signals = replace(signals, growth=find_growth(model, X))
     return replace(signals, one_step=_one_step(model, X, y)) if one_step else signals
+
+
+def _tell_missing(n_missing: int, lost: int) -> str:
+    """Which rows have no output; of ``lost`` ones it was left out, as control was lost."""
+    parts = [(lost, "control was lost"), (n_missing - lost, "the output is missing")]
+    told = [f"{counted(n, 'row')} in which {why}" for n, why in parts if n > 0]
+    return f"{' and '.join(told)} {'is' if n_missing == 1 else 'are'} left out"
 
 
 def prepare_signals(
@@ -256,11 +266,8 @@ def prepare_signals(
                 )
             # Spectra and tests go over whole periods of the target; nothing is missing there.
             predicted = np.where(used & unsettled, measured, predicted)
-    n_missing = int(missing.sum())
-    if n_missing:
-        are = "is" if n_missing == 1 else "are"
-        missed = f"{counted(n_missing, 'row')} in which the output is missing {are} left out"
-        notes.append(Note("missing output", missed))
+    if missing.any():
+        notes.append(Note("missing output", _tell_missing(int(missing.sum()), read.lost)))
     stretches = _longest_stretches(layout, used, channels)
     if not stretches:
         raise ShortRunError(
@@ -305,6 +312,7 @@ def prepare_signals(
         units=_units_by_role(read),
         notes=notes + more,
         decided=decided,
+        lost_alone=0 < read.lost == int(missing.sum()),
         judged=judged,
     )
 

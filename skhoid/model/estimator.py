@@ -635,8 +635,8 @@ def delay_notes(table: pd.DataFrame, least: float) -> list[str]:
     if sd != 0.0 and value <= least * (1 + AT_BOUND):
         return [
             f"tau_e is at its lower bound, {least:.2f} s, the least of a person. The fit would "
-            "make it shorter still: something else responds at once, such as a machine "
-            '(domain="machine"), or channels are misaligned.'
+            "make it shorter still: a machine responds, something else responds at once, or "
+            "channels are misaligned."
         ]
     return []
 

@@ -168,8 +168,8 @@ def fit_remnant(
     lags = np.zeros(order + 1)
     counted = known if sizes is None else known * sizes
     sized = residual if sizes is None else residual * sizes
-    for lag in range(order + 1):
-        n = residual.shape[0] - lag
+    for lag in range(min(order + 1, len(residual))):
+        n = len(residual) - lag
         pairs = max(float((counted[lag:] * counted[:n]).sum()), 1.0)
         lags[lag] = (sized[lag:] * sized[:n]).sum() / pairs
     if lags[0] <= 0.0:

@@ -32,6 +32,7 @@ LOST = 3.0  # times the usual error
 CALM = 0.25  # of the windows of a run have a smaller error than its calm level
 OF_CALM = 2.0  # times that level: what a run usually reaches, at least
 ALONE = 4.0  # the same of a run alone, which no other shows to be unusual
+LOST_ROWS = "rows without control"  # attribute of an output that is missing there
 KEEP_ROWS = 'lost_control="keep" keeps them'  # a hint
 
 

@@ -22,6 +22,7 @@ from ..preprocessing.gate import as_output
 from ..recordings.loss_of_control import (
     KEEP,
     KEEP_ROWS,
+    LOST_ROWS,
     ControlCheck,
     control_check,
     control_in,
@@ -197,7 +198,7 @@ def without_output(y: Any, control: ControlCheck) -> Any:
     lost = control.rows(len(y))
     if isinstance(y, (pd.Series, pd.DataFrame)):
         kept = y.mask(lost)
-        kept.attrs = dict(y.attrs)
+        kept.attrs = {**y.attrs, LOST_ROWS: int(lost.sum())}
         return kept
     return np.where(lost, np.nan, as_output(y))
 

@@ -70,9 +70,11 @@ def describe_runs(layout: Any, inputs: list[str], y: Any, units: dict[str, str])
     def named(channel: str) -> str:
         return f"{channel} ({units[channel]})" if units.get(channel) else channel
 
+    seconds = layout.n_rows * layout.dt
+    whole = f"{seconds:.0f}" if seconds >= 100 else f"{seconds:.3g}"
     return (
         f"Measured: {counted(len(layout.labels), 'run')}, {layout.n_rows} rows at "
-        f"{1 / layout.dt:.6g} Hz, {layout.n_rows * layout.dt:.0f} s in all; "
+        f"{1 / layout.dt:.6g} Hz, {whole} s in all; "
         f"input {', '.join(map(named, inputs))}, output {named(output_name(y))}"
     )
 

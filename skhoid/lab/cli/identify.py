@@ -74,7 +74,7 @@ def add_identify(commands: Any) -> None:
     add_channel_options(add)
     add_lost_control(add)
     add = command.section("Search")
-    text = "longest delay to try (default: 0.5, or less in runs of less than a second)"
+    text = "longest delay to try (default: 0.5, or less in short runs)"
     add("--longest-delay", type=positive, metavar="S", help=text)
     text = "shortest delay of e and x to try (default: 0.1 of a person, a sample of a machine)"
     add("--least-delay", type=not_negative, metavar="S", help=text)

@@ -114,3 +114,73 @@ def test_of_several_inputs_the_first_is_searched_and_the_others_stay_channels(ca
     assert "b=" in command
     assert "of 'a' alone" in out
     assert main([*command, "--effects", "bias", "--no-pictures"]) == 0
+
+
+@pytest.mark.parametrize("rate", [100, 400, 1000, 1e5])
+def test_short_records_at_high_rates_are_searched(capsys, rate):
+    given = written(MOVING[:150])
+    table = pd.read_csv("r.csv")
+    table.assign(time=np.arange(150) / rate).to_csv("r.csv", index=False)
+    core = ["--core", "arx", "--nk", "1", "--effects", "bias", "--no-pictures"]
+    assert main(["diagnose", *given, *core]) == 0
+    out = capsys.readouterr().out
+    assert f"{150 / rate:.3g} s in all" in out
+    assert main(["identify", *given, "--domain", "machine", "--no-pictures", "--json"]) == 0
+    delay = json.loads(capsys.readouterr().out)["delay"]["one_step"]
+    assert delay["seconds"] == pytest.approx(delay["nk"] / rate)
+    assert delay["nk"] == 1
+
+
+def test_the_halves_are_of_what_the_run_in_leaves(capsys):
+    given = written(MOVING)  # 90 s
+    assert main(["identify", *given, "--run-in", "40", "--no-pictures"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "Fitted on run 'r', 40 to 65 s; held out run 'r', after 65 s" in out
+
+
+@pytest.mark.parametrize("words", [["identify", "--no-pictures"], ["diagnose", "--no-pictures"]])
+def test_numbers_are_whole_in_narrow_terminals(capsys, monkeypatch, words):
+    monkeypatch.setenv("COLUMNS", "44")
+    given = written(MOVING)
+    pd.read_csv("r.csv").rename(columns={"u": "a_long_name_of_an_input"}).to_csv("r.csv")
+    given[2] = "a_long_name_of_an_input"
+    effects = ["--core", "arx", "--effects", "bias"] if words[0] == "diagnose" else []
+    assert main([words[0], *given, *effects, "--nk", "1", *words[1:]]) == 0
+    out = capsys.readouterr().out
+    assert "…" not in out
+    b0 = next(line for line in out.splitlines() if line.startswith("b0 "))
+    assert float(b0.split()[1]) == pytest.approx(0.2, abs=0.01)
+    assert float(b0.split()[2]) < 0.01
+
+
+SQUARE_ROOT = [(4.0, 1.2, 3), (4.0, 0.8, 5), (3.0, 1.0, 8), (5.0, 1.5, 11), (2.0, 0.5, 13)]
+
+
+@pytest.mark.parametrize(("first", "second", "seed"), SQUARE_ROOT)
+def test_three_parameters_on_thousands_of_rows_are_no_overfit(capsys, first, second, seed):
+    """A square root in the plant: the halves differ, and the model is too simple."""
+    rng, n = np.random.default_rng(seed), 4000
+    level = np.where(np.arange(n) < n // 2, first, second)
+    steps = np.repeat(rng.standard_normal(n // 20), 20)
+    e = level * (1 + 0.8 * lfilter([0.3], [1, -0.7], steps).clip(-1, 1))
+    u = lfilter([0, 0, 0.1], [1, -0.9], np.sqrt(e)) + 0.002 * rng.standard_normal(n)
+    pd.DataFrame({"time": np.arange(n) * 0.05, "e": e, "u": u}).to_csv("r.csv", index=False)
+    words = ["identify", "r.csv", "--no-pictures", "--na", "1", "--nb", "1", "--nk", "2", "--json"]
+    assert main(words) == 0
+    found = json.loads(capsys.readouterr().out)
+    (model,) = found["models"]
+    assert model["verdict"] in ("worse held out", "fails on validation data")
+    if model["verdict"] == "worse held out":
+        assert any("too simple" in note for note in found["notes"])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_many_parameters_on_few_rows_can_have_learnt_the_noise(capsys, seed):
+    rng, n = np.random.default_rng(seed), 240
+    e = rng.standard_normal(n)
+    u = lfilter([0, 0.2], [1, -0.6], e) + 0.3 * rng.standard_normal(n)
+    pd.DataFrame({"time": np.arange(n) * 0.1, "e": e, "u": u}).to_csv("r.csv", index=False)
+    words = ["identify", "r.csv", "--no-pictures", "--na", "12", "--nb", "12", "--nk", "1"]
+    assert main([*words, "--domain", "machine", "--json"]) == 0
+    (model,) = json.loads(capsys.readouterr().out)["models"]
+    assert model["verdict"] != "worse held out"
