@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import importlib
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy import io as scipy_io
 from scipy import sparse
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
 from ..runs.roles import names_time
 from .archives import grid_of, stream
-from .files import FileTable, numbers_of, read_as, require
+from .files import FileTable, numbers_of, read_as, read_clock, require
 from .structs import Columns, Structs, Unreadable, as_table, find_columns
 
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -37,6 +40,7 @@ _IN_MATLAB = {
     "Simulink.SimulationData.Dataset": _DATASET,
     "Simulink.SimulationOutput": "logsout = {0}.logsout; " + _DATASET.replace("{0}", "logsout"),
 }
+_OR_INSTALL = '. Or in Python: pip install "skhoid[matlab]", which opens tables and timetables.'
 _OF_OTHERS = "save its parts as plain arrays, one vector per channel."
 _IS_FUNCTION = "is a function handle, not data."
 _SAMPLED = 2  # signals, from which on objects beside them may be left alone
@@ -45,6 +49,7 @@ _SAMPLED = 2  # signals, from which on objects beside them may be left alone
 def read_mat(path: Path) -> FileTable:
     """List the signals of a MAT file, under dotted names where structs hold them."""
     tree = read_tree(path)
+    _open_tables(path, tree)
     found = find_columns(tree)
     remarks = [] if found.run_name else _on_one_clock(path, found)
     objects = {n: v.why for n, v in tree.items() if isinstance(v, Unreadable) and v.is_object}
@@ -56,6 +61,23 @@ def read_mat(path: Path) -> FileTable:
     table.note = " ".join(f"The file also has {n!r}, which {why}" for n, why in objects.items())
     table.remarks += remarks
     return table
+
+
+def _open_tables(path: Path, tree: dict[str, Any]) -> None:
+    """Tables and timetables as structs, where mat-io is installed, which can open them."""
+    names = [n for n, v in tree.items() if isinstance(v, Unreadable) and v.is_object]
+    opened = {}
+    with warnings.catch_warnings(), suppress(Exception):  # then they stay closed, and are named
+        warnings.simplefilter("ignore")
+        if names:
+            opened = importlib.import_module("matio").load_from_mat(path, variable_names=names)
+    for name in names:
+        frame = opened.get(name)
+        if isinstance(frame, pd.DataFrame):
+            clock = frame.index.to_series().reset_index(drop=True)
+            timed = {"Time": read_clock(clock)} if clock.dtype.kind in "mM" else {}
+            numbers = {str(k): np.asarray(v) for k, v in frame.items() if v.dtype.kind in "biuf"}
+            tree[name] = timed | numbers
 
 
 def _on_one_clock(path: Path, found: Columns) -> list[str]:
@@ -130,6 +152,7 @@ def _text(stored: Any) -> str:
 def _is_object(name: str, matlab_class: str) -> Unreadable:
     of_class = f" ({matlab_class})" if matlab_class else ""
     line = _IN_MATLAB.get(matlab_class, _OF_OTHERS).format(name)
+    line += _OR_INSTALL if matlab_class in ("table", "timetable") else ""
     return Unreadable(_IS_OBJECT.format(of_class, line), is_object=True)
 
 

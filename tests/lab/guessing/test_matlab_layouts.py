@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.io import savemat
 from support.mat5 import opaque
@@ -163,12 +164,12 @@ OF_SEVERAL = {
 }
 
 
-def check(path, expected):
+def check(path, expected, atol=1e-9):
     X, y = read_runs(path)
     np.testing.assert_allclose(X["e"], np.concatenate([r["e"] for r in expected]), atol=1e-12)
     np.testing.assert_array_equal(y, np.concatenate([r["u"] for r in expected]))
     time = np.concatenate([r["t"] for r in expected])
-    np.testing.assert_allclose(X.index.get_level_values("time"), time, atol=1e-9)
+    np.testing.assert_allclose(X.index.get_level_values("time"), time, atol=atol)
     assert X.index.unique("run").size == len(expected)
 
 
@@ -317,6 +318,18 @@ def test_an_object_is_named_with_what_converts_it(tmp_path, capsys, matlab_class
     assert "'out' is a MATLAB object" in said
     assert matlab_class in said
     assert any(part in said for part in line.split("|"))
+
+
+@pytest.mark.parametrize("version", ["v7", "v7.3"])
+@pytest.mark.parametrize("kind", ["timedelta", "datetime"])
+@pytest.mark.filterwarnings("ignore")  # of mat-io
+def test_a_timetable_is_opened_by_mat_io(tmp_path, version, kind):
+    matio = pytest.importorskip("matio")
+    times = pd.to_timedelta(t, unit="s")
+    times = times if kind == "timedelta" else pd.Timestamp("2024-05-01") + times
+    table = pd.DataFrame({"error": e, "stick": u}, index=times.rename("Time"))
+    matio.save_to_mat(str(tmp_path / "a.mat"), {"T": table}, version=version)
+    check(tmp_path / "a.mat", [ONE], atol=1e-6)  # instants are in ms, as floats
 
 
 @pytest.mark.parametrize("label", ["SCENARIO", "condition", "run", "trial", "subject"])
