@@ -31,7 +31,8 @@ _DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?\s*$")
 _DECIMAL_POINT = re.compile(_DECIMAL_COMMA.pattern.replace(",", r"\."))
 _FAR = 200  # lines in which the header must come
 _COMMENT = re.compile(r"\s*[#%;!*/]+\s*(?=\S|$)")
-_RULE = re.compile(r"[-=_*+|\s]*$")
+_RULE = re.compile(r"[-=_*+|\s]*([-=_]{3}[-=_*+|\s]*)?$")
+_BLOCK = 3  # rows of numbers one below the other that begin a table
 _SPACE = " "  # stands for white space of any kind
 # The default parser of pandas < 3.1 is off by an ulp for some numbers; later it is exact, and the
 # option deprecated.
@@ -248,7 +249,8 @@ def _find_table(path: Path) -> _Sheet:
     while above:
         names = _names(lines, above[-1], sign, width, row)
         if names and len(above) > 1 and not any(map(_is_number, names)):
-            over = _names(lines, above[-2], sign, width, row)
+            alike = len({bool(_COMMENT.match(lines[k])) for k in above[-2:]}) == 1
+            over = _names(lines, above[-2], sign, width, row) if alike else None
             whole = over and all(over) and len(set(over)) == width and above[-2] == above[-1] - 1
             if over and (whole or are_units(names)) and not any(map(_is_number, over)):
                 return _below(path, text, sign, lines, above[-2], above[-1], over, names)
@@ -308,7 +310,10 @@ def _find_rows(lines: list[str], sign: str) -> _Rows:
     width = max(set(widths), key=lambda w: (widths.count(w), w))
     there = [k for k in there if len(rows[k]) == width]
     share = sum(counts[k] for k in there) / (width * len(there))
-    return _Rows(sign, share, there[0], width)
+    places = {k: place for place, k in enumerate(rows)}
+    blocks = np.split(there, np.flatnonzero(np.diff([places[k] for k in there]) != 1) + 1)
+    block = next((b for b in blocks if len(b) >= _BLOCK), max(blocks, key=len))
+    return _Rows(sign, share, int(block[0]), width)
 
 
 def _names(lines: list[str], k: int, sign: str, width: int, row: list[str]) -> list[str] | None:
@@ -316,8 +321,9 @@ def _names(lines: list[str], k: int, sign: str, width: int, row: list[str]) -> l
     line = lines[k]
     for text in (line, _COMMENT.sub("", line, count=1)):
         ways = [_split(text, sign)]
+        if sign == _SPACE or text != line:  # a header may be written otherwise than the rows
+            ways += [_split(text, other) for other in "\t;, "]
         if sign == _SPACE:
-            ways += [_split(text, other) for other in "\t;,"]
             ways += [re.split(r"\s{2,}|\t", text.strip())]
             whole = re.sub(r"\s+(?=[\[(][^\])]*[\])])", "\0", text)
             ways += [[cell.replace("\0", " ") for cell in _split(whole, sign)]]
@@ -345,6 +351,12 @@ def _below(
         raise ValueError(_open_quote(path, header + 1))
     if not any(line.strip() for line in text.split("\n", last + 1)[last + 1 :]):
         raise ValueError(f"{path} has a header but no rows.")
+    while (
+        last + 1 < len(lines)
+        and re.search("[-=_]{3}", lines[last + 1])
+        and _RULE.match(lines[last + 1].replace(sign, " "))
+    ):
+        last += 1
     first = next(k for k, line in enumerate(lines) if line.strip())
     found = tuple(map(_unit_in, units or ()))
     names = [name.strip() for name in names]

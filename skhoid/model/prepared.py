@@ -100,7 +100,9 @@ def check_rows(record: Record, n_parameters: int, grid: ModelGrid, settling: flo
         f"{record.known.sum()} rows are left for {n_parameters} parameters and the remnant model "
         f"(n_samples = {grid.layout.n_rows} rows of X; settling, missing "
         f"values and a run-in take the rest). They need a run of {round(seconds / grid.layout.dt)} "
-        f"rows ({seconds:.3g} s) without a gap. Use more data, or a shorter settling."
+        f"rows ({seconds:.3g} s) without a gap.",
+        hint="Use more data, a shorter settling, or an ARX model, which needs less.",
+        options=[("core", "arx")],
     )
 
 

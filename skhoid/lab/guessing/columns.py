@@ -14,7 +14,7 @@ from ...io import first_table
 from ...io.files import FileTable, is_plain_clock, numbers_of, read_clock, split_header
 from ...runs.roles import OUTPUT, role_of
 from ...runs.tables import advances_evenly, labelled_stretches
-from .loops import ANSWERS, IGNORES, answers, find_loop, influence
+from .loops import ANSWERS, IGNORES, MOST_OF_LOOP, answers, find_loop, influence
 from .problems import MEANING, MOST, OPTION, ColumnGuess, Problem, quoted, said_alone
 from .words import (
     STRONG,
@@ -78,7 +78,7 @@ def make_guess(
         signals=signals,
     )
     said = (output is not None, time is not None or dt is not None, run == guess.run)
-    guess.guessed = signals or not all(said) or bool(guess.levels)
+    guess.guessed = signals or not all(said) or bool(guess.levels or guess.remarks)
     return guess
 
 
@@ -179,7 +179,8 @@ class _Guess:
         self._by_value(open_roles)
         self._settle_output()
         self._by_loop(open_roles, known)
-        self._by_name(open_roles & {"dist"}, least=1)
+        if {*self.signals, *known} & {"e", "f_t"}:  # not of "d" or "w" among letters
+            self._by_name(open_roles & {"dist"}, least=1)
         self._as_plant(open_roles, known)
         for role, column in self.found.items():
             if role == "driven":
@@ -237,6 +238,14 @@ class _Guess:
                 )
 
     def _find_clock(self) -> None:
+        """Take the clock; other columns that rise evenly count rows, or are clocks too."""
+        self._choose_clock()
+        for column in list(self.free.values()):
+            if column.falls is not None and advances_evenly(column.times):
+                if not roles_by_name(column.header) and not find_label(column.header):
+                    self._take(column.position)
+
+    def _choose_clock(self) -> None:
         guess = self.guess
         if guess.time is not None:
             if guess.time in self.table.names or any(
@@ -459,8 +468,9 @@ class _Guess:
 
     def _by_loop(self, open_roles: set[str], known: set[str]) -> None:
         """Let values and what is left over say what names do not."""
-        left = [c for columns in self.tied.values() for c in columns]
-        left = left or self._nameless()
+        tied = {c.header: c for columns in self.tied.values() for c in columns}
+        left = list((tied | {c.header: c for c in self._nameless()}).values())
+        left = list(tied.values()) if tied and len(left) > MOST_OF_LOOP else left
         there = set(self.signals) | known
         if not left and ("e" not in self.found or not self._is_strong("e")):
             left = [c for c in self._signals() if moves(c.numbers)]

@@ -15,7 +15,7 @@ _LAGS = 4
 _ROWS = 50_000  # of a record, from its middle, are enough
 _FEW = 60  # lags in a record, below which nothing is said
 _NOISE = 1e-3  # of a standard deviation: what is predicted better is a copy
-_MOST = 12  # columns
+MOST_OF_LOOP = 8  # columns among which a loop is looked for
 ANSWERS, IGNORES = 0.2, 0.05  # influence of one signal on another that is seen, and that is none
 _TRACKS = 0.5  # variance of an error in those of the target and of what follows it
 _LEADS = 0.05  # by how much influences must differ
@@ -80,7 +80,8 @@ def find_loop(columns: Mapping[str, np.ndarray], known: Mapping[str, str]) -> Lo
     """
     names = list(columns)
     free = [name for name in names if name not in known.values()]
-    if len(names) < 2 or len(names) > _MOST or len({len(columns[name]) for name in names}) > 1:
+    lengths = {len(columns[name]) for name in names}
+    if len(names) < 2 or len(free) > MOST_OF_LOOP or len(lengths) > 1:
         return LoopRoles({}, free)
     effects = influence([columns[name] for name in names])
     gain = {(a, b): effects[i, j] for i, a in enumerate(names) for j, b in enumerate(names)}
@@ -94,7 +95,7 @@ def find_loop(columns: Mapping[str, np.ndarray], known: Mapping[str, str]) -> Lo
         # Of target or error, output and x, the output is answered and answers.
         return apart[c], c in near, -net[c] if len(free) == 2 else abs(net[c])
 
-    outputs = sorted(free, key=order)
+    outputs = sorted(free[::-1], key=order)  # what comes last in a file, if nothing tells
     unknown = LoopRoles({}, outputs)
     if len(names) == 2:
         for a, b in (names, names[::-1]):

@@ -149,7 +149,8 @@ class ColumnGuess:
         by_role = {self._role(channel): (name, channel) for name, channel in self.channels.items()}
         for role in sorted(by_role, key=lambda r: _ORDER.index(r) if r in _ORDER else 9):
             name, channel = by_role[role]
-            meaning = "input" if role == "e" and self.is_driven else MEANING.get(role, channel)
+            plain = "input" if channel == name else channel
+            meaning = "input" if role == "e" and self.is_driven else MEANING.get(role, plain)
             parts.append(f"{meaning} {quoted(name)}")
             if role == "e" and self.error_from == "-e":
                 parts[-1] += " with its sign turned, as it is x - f_t"
