@@ -241,9 +241,9 @@ class _Guess:
         """Take the clock; other columns that rise evenly count rows, or are clocks too."""
         self._choose_clock()
         for column in list(self.free.values()):
-            if column.falls is not None and advances_evenly(column.times):
-                if not roles_by_name(column.header) and not find_label(column.header):
-                    self._take(column.position)
+            named = roles_by_name(column.header) or find_label(column.header)
+            if not named and column.falls is not None and advances_evenly(column.times):
+                self._take(column.position)
 
     def _choose_clock(self) -> None:
         guess = self.guess

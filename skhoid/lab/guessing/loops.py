@@ -95,7 +95,8 @@ def find_loop(columns: Mapping[str, np.ndarray], known: Mapping[str, str]) -> Lo
         # Of target or error, output and x, the output is answered and answers.
         return apart[c], c in near, -net[c] if len(free) == 2 else abs(net[c])
 
-    outputs = sorted(free[::-1], key=order)  # what comes last in a file, if nothing tells
+    free.reverse()  # what comes last in a file, if nothing tells
+    outputs = sorted(free, key=order)
     unknown = LoopRoles({}, outputs)
     if len(names) == 2:
         for a, b in (names, names[::-1]):

@@ -332,14 +332,22 @@ def test_values_that_decide_nothing_are_asked_about(tmp_path):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--run-in", "30"], "A run-in of 30 s .* 30 s are not held out.*--run-in"),
-        (["--longest-delay", "20"], "more than half of the shortest run.*--longest-delay"),
+        (["--run-in", "70"], "lasts 60 s.* a run-in of 70 s leaves nothing"),
+        (["--longest-delay", "40"], "more than half of the shortest run.*--longest-delay"),
     ],
 )
-def test_what_a_short_record_cannot_hold_is_said_by_its_option(tmp_path, options, said, capsys):
+def test_what_a_short_record_cannot_hold_is_said(tmp_path, options, said, capsys):
     (tmp_path / "a.csv").write_text("time,e,u\n" + rows(of("t e u")))
     assert main(["identify", str(tmp_path / "a.csv"), "--no-pictures", *options]) == 2
     assert re.search(said, " ".join(capsys.readouterr().err.split()))
+
+
+@pytest.mark.parametrize("run_in", ["20", "30", "40"])
+def test_half_a_record_may_be_run_in(tmp_path, run_in, capsys):
+    (tmp_path / "a.csv").write_text("time,e,u\n" + rows(of("t e u", loop(remnant=0.02))))
+    options = ["--no-pictures", "--na", "2", "--run-in", run_in]
+    assert main(["identify", str(tmp_path / "a.csv"), *options]) == 0
+    assert float(re.search(r"held-out VAF ([\d.]+) %", capsys.readouterr().out)[1]) > 95
 
 
 @pytest.mark.parametrize("step", [1e-5, 1e-4])
