@@ -14,7 +14,7 @@ from typing import Any
 
 import skhoid
 
-from .dry_run import show_dry_run
+from .dry_run import columns_shown, show_dry_run
 from .files import (
     check_folders,
     check_tables,
@@ -216,7 +216,8 @@ def diagnose(options: argparse.Namespace) -> int:
     check_tables(options)
     if options.dry_run:
         refuse(options, ["report", "sketch", "tables"], "is for results, and --dry-run has none.")
-    X, y, estimator, source = read_recordings(options)
+    with columns_shown(options):
+        X, y, estimator, source = read_recordings(options)
     if options.dry_run:
         return show_dry_run(options, X, y, search_for(options, estimator), source, folder)
     found = show_search(options, estimator, X, y, source)

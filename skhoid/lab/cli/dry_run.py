@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,38 @@ _MOST_RUNS = 10  # in the table of runs
 # fast a machine is; steps of a search in which effects are found take longer. Of eight searches of
 # 2,000 to 64,000 rows.
 _OF_TRIAL, _OF_ROW, _REFERENCE, _OF_FOUND = 0.086, 1.7e-6, 3.8e-3, 2.0
+
+
+@contextmanager
+def columns_shown(options: argparse.Namespace) -> Iterator[None]:
+    """Print what the columns of the first file hold where a dry run finds that they are unclear."""
+    import numpy as np
+
+    from ...io import first_table, numbers_of
+    from ...text import Document, TextTable
+    from ..guessing import UnclearColumnsError
+
+    try:
+        yield
+    except UnclearColumnsError:
+        if options.dry_run and not options.json:
+            table = first_table(options.files)
+            rows = [
+                [name, str(values.size), *_range(values), str(int(np.isnan(values).sum()))]
+                for name, raw in zip(table.names, table.peek(), strict=True)
+                for values in [numbers_of(raw)]
+            ]
+            header = ["column", "rows", "least", "most", "no number"]
+            said = TextTable("", header, rows, left=("column",))
+            print_document(Document("Columns of the first file", [said]), options)
+        raise
+
+
+def _range(values: Any) -> list[str]:
+    import numpy as np
+
+    there = values[np.isfinite(values)]
+    return [f"{there.min():.4g}", f"{there.max():.4g}"] if there.size else ["", ""]
 
 
 def show_dry_run(

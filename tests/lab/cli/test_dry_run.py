@@ -117,7 +117,10 @@ def test_more_is_said_to_take_longer(tmp_path, capsys):
 
 def test_what_is_unclear_is_said_as_ever_and_results_are_refused(tmp_path, capsys):
     pd.DataFrame({"a": [1.0, 2.0], "b": [2.0, 1.0]}).to_csv(tmp_path / "a.csv", index=False)
-    assert dry(capsys, tmp_path / "a.csv", "--no-pictures")[0] == 2
+    code, said = dry(capsys, tmp_path / "a.csv", "--no-pictures")
+    assert code == 2
+    assert "a          2      1     2          0" in said.out
+    assert "problems" in said.err
     code, said = dry(capsys, tmp_path / "a.csv", "--report", str(tmp_path / "r.html"))
     assert code == 2
     assert "--report is for results, and --dry-run has none" in said.err
