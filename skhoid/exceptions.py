@@ -116,7 +116,7 @@ class PoorExcitationWarning(Hinted, UserWarning):
 
 
 class RunCutWarning(Hinted, UserWarning):
-    """A cross-validation split has rows of one run on both sides."""
+    """A split has rows of one run on both sides, or drew rows of an array one by one."""
 
 
 class PooledRunsWarning(Hinted, UserWarning):

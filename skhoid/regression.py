@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_consistent_length, check_is_fitted
 
 from ._sklearn import FittedDisplay, SharedDocs, fill_docs
-from .exceptions import MissingDataWarning, RunIndexError, RunTimeWarning
+from .exceptions import MissingDataWarning, RunCutWarning, RunIndexError, RunTimeWarning
 from .metrics import scored_rows, vaf_of_rows, warn_of_unscored
 from .preprocessing.base import Reading, RemembersParameters, read_table
 from .preprocessing.gate import (
@@ -29,6 +29,7 @@ from .runs import (
     DecimationMark,
     RunLayout,
     check_alignment,
+    check_pieces,
     empty_runs,
     input_columns,
     output_name,
@@ -39,6 +40,7 @@ from .runs import (
 from .text import ModelSummary, Summary
 
 NOTED_JITTER = 0.01  # of a sampling time
+LEAST_ORDERED, WHITE = 500, 3.0  # rows; standard deviations of a correlation of white noise
 STILL = 1e-9  # relative to the norm of a channel
 
 
@@ -144,6 +146,8 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
             self._needed = [i for i in range(values.shape[1]) if i != run]
         if needs != "nothing":
             output = self._drop_empty_runs(grid.layout, values, output)
+        if not hasattr(X, "index") and getattr(self, "na", 1):
+            warn_of_no_order([*values[:, self._columns].T, output])
         weights = as_weights(sample_weight, X, output.size)
         if weights is not None:
             output = np.where(weights > 0.0, output, np.nan)
@@ -240,6 +244,10 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
     def _check_fitted(self) -> None:
         check_is_fitted(self)
 
+    def _rows_to_forget(self, dt: float) -> int:
+        """Rows after which a free run no longer shows how it began."""
+        return 1
+
     def _hold(
         self,
         grid: ModelGrid,
@@ -283,6 +291,7 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         """
         self._check_fitted()
         grid, values = self._read_X(X, reset=False)
+        check_segments(grid, self._rows_to_forget(grid.dt))
         return grid.to_full_rate(self._free_run(grid, values))
 
     def score(self, X: Any, y: Any, sample_weight: Any = None) -> float:
@@ -332,6 +341,7 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         """
         self._check_fitted()
         grid, values = self._read_X(X, reset=False)
+        check_segments(grid, self._rows_to_forget(grid.dt))
         output = grid.thin_output(self._read_y(X, y))
         return self._predict_read(grid, values, output), self._fed(grid.layout, values)
 
@@ -423,6 +433,28 @@ def units_of(data: Any) -> dict[str, str]:
 def segments(grid: ModelGrid) -> list[tuple[int, int]]:
     """Begin and end of runs, cut at gaps but not at the end of a run-in."""
     return list(pairwise([*np.unique(grid.past).tolist(), *grid.end[-1:].tolist()]))
+
+
+def warn_of_no_order(channels: list[np.ndarray]) -> None:
+    """Warn of arrays, which have no clock, in which no row has to do with the one before it."""
+    n = len(channels[0])
+    if n < LEAST_ORDERED or not all(map(np.ptp, channels)):  # NaN are some order
+        return
+    near = max(abs(float(np.corrcoef(one[1:], one[:-1])[0, 1])) for one in channels)
+    if near < WHITE / np.sqrt(n):
+        warnings.warn(
+            "No row of X and y has to do with the row before it (correlation at most "
+            f"{near:.2g}). If a split or a bootstrap drew them (train_test_split, "
+            "BaggingRegressor), a fit means nothing, and an array has no clock that shows it.",
+            RunCutWarning,
+            stacklevel=5,
+        )
+
+
+def check_segments(grid: ModelGrid, needed: int) -> None:
+    """Refuse rows in pieces shorter than a model needs to forget how each begins."""
+    begin, end = np.array(segments(grid)).reshape(-1, 2).T
+    check_pieces(grid.layout, end - begin, needed, grid.dt)
 
 
 def find_columns(table: np.ndarray, columns: list[int]) -> np.ndarray:

@@ -17,7 +17,8 @@ from ..exceptions import MissingDataWarning, ShortRunError
 from ..metrics import vaf_of_rows
 from ..parameters import NORMAL_95
 from ..preprocessing.grid import BLOCK, HeldInputs, ModelGrid
-from ..regression import DataToFit, RunRegressor, segments
+from ..regression import DataToFit, RunRegressor, check_segments, segments
+from ..runs import BY_RUNS
 from ..text import quantity
 from .least_squares import Triangle, rank_error
 from .orders import Orders, regressors
@@ -244,6 +245,13 @@ class BaseARX(RunRegressor):
         """The same, as they were known ``horizon`` rows before."""
         return self._parameters(grid)
 
+    def _rows_to_forget(self, dt: float) -> int:
+        """Rows after which a free run no longer shows how it began; of an integrator, so many."""
+        most = max(round(START / dt), START_ROWS)
+        radius = float(np.abs(np.roots(np.r_[1.0, self.a_])).max(initial=0.0))
+        rows = np.log(FORGOTTEN) / np.log(radius) if 0 < radius < 1 else most * (radius > 0)
+        return self.orders_.first_row + min(int(rows), most)
+
     def growth_over(self, X: Any) -> float:
         """Natural logarithm of how much the slowest mode grows over the longest run.
 
@@ -268,7 +276,8 @@ class BaseARX(RunRegressor):
         companion[:, :1] -= theta[:, None, :na]
         radius = np.abs(np.linalg.eigvals(companion)).max(axis=1, initial=np.finfo(float).tiny)
         steps = np.concatenate([[0.0], np.cumsum(np.log(radius)[at])])
-        return float(max(steps[end] - steps[begin] for begin, end in segments(grid)))
+        grown = [steps[end] - steps[begin] for begin, end in segments(grid)]
+        return float(max(grown, default=0.0))
 
     def simulate(self, X: Any, y: Any = None) -> np.ndarray:
         """Simulate the output from rest or, with a measured output, from estimated initial states.
@@ -493,6 +502,7 @@ def longest_stretches(grid: ModelGrid) -> np.ndarray:
 
 def check_lengths(grid: ModelGrid, orders: Orders) -> None:
     """Refuse runs in which no row has known lags."""
+    check_segments(grid, orders.first_row + 1)
     longest = longest_stretches(grid)
     needed = orders.first_row + 1
     short = np.flatnonzero(longest < needed)
@@ -504,7 +514,7 @@ def check_lengths(grid: ModelGrid, orders: Orders) -> None:
         f"rows at {grid.dt:g} s, but lags that reach {needed - 1} samples back need {needed} (X "
         f"has n_samples = {grid.layout.n_rows}). Use smaller na, nb and nk, or a smaller "
         "decimation factor, or leave the run out.",
-        hint="skhoid.select_runs leaves runs out.",
+        hint=f"skhoid.select_runs leaves runs out. If a split cut it short: {BY_RUNS}",
         options=["files"],
     )
 
@@ -543,6 +553,7 @@ def arx_parameter_table(
 
 REST, HELD, ESTIMATE = "rest", "held", "estimate"
 START, START_ROWS = 10.0, 200  # at most so many s (rows on a slow clock) tell how a run begins
+FORGOTTEN = 0.01  # of what a run began with
 START_SHARE = 4  # of the measured rows, one in so many at most: the others are predicted
 # Less growth is an integrator's, as far as n rows can tell: the 99 % quantile of n (rho - 1) of an
 # estimated unit root (Fuller 1976).

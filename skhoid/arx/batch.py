@@ -12,7 +12,7 @@ from .._sklearn import StrOptions, fit_context
 from ..exceptions import MissingDataWarning
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import HeldInputs, ModelGrid
-from ..regression import DataToFit
+from ..regression import DataToFit, check_segments
 from ..text import ModelSummary, estimates_table
 from .base import (
     ESTIMATE,
@@ -213,6 +213,7 @@ class ARXRegressor(BaseARX):
         self.parameters_ = arx_parameter_table(
             self.parameter_names_, self.coef_, self.standard_errors_, self._coefficient_units()
         )
+        check_segments(data.grid, self._rows_to_forget(self.dt_))
         self._see_beginning(data.grid, data.inputs, data.output)
         return self
 

@@ -27,7 +27,7 @@ from ..human import ELEMENT, ControlledElement, LinearElement
 from ..human.controlled_element import simplify
 from ..parameters import Kind, ParameterTable
 from ..preprocessing.grid import ModelGrid
-from ..regression import RunRegressor
+from ..regression import RunRegressor, check_segments
 from ..runs import run_column
 from ..runs.roles import EXACT, roles_of
 from ..text import (
@@ -393,6 +393,7 @@ class GreyBox(RunRegressor):
         error, output_name = self.inputs_[0], self.output_name
         roles[error] = "e"
         held = self._hold(grid, thinned, channels, names)
+        check_segments(grid, round(self.settling / grid.dt))
         given = self.controlled_element
         record, sides = build_record(
             grid,
@@ -477,6 +478,9 @@ class GreyBox(RunRegressor):
         """
         found = self._free_run(prepared.grid, prepared.table)
         return prepared.grid.to_full_rate(found)
+
+    def _rows_to_forget(self, dt: float) -> int:
+        return max(round(self.settling / dt), super()._rows_to_forget(dt))
 
     def make_record(self, X: Any) -> Record:
         """Channels of runs as a record, as simulations of this fitted model take them.

@@ -1,5 +1,6 @@
 """Runs, time, marks and roles: the data convention, defined here for the whole package."""
 
+from .layout import BY_RUNS as BY_RUNS
 from .layout import GAP as GAP
 from .layout import SET_OUTPUT_HINT as SET_OUTPUT_HINT
 from .layout import WHOLE as WHOLE
@@ -7,6 +8,7 @@ from .layout import RunLayout as RunLayout
 from .layout import check_alignment as check_alignment
 from .layout import check_increasing as check_increasing
 from .layout import check_levels as check_levels
+from .layout import check_pieces as check_pieces
 from .layout import contiguous_runs as contiguous_runs
 from .layout import empty_runs as empty_runs
 from .layout import numbered as numbered

@@ -9,9 +9,9 @@ and a sampling time (``dt=``). The rest of skhoid asks :func:`read_layout`.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Hashable
+from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -27,6 +27,13 @@ from .tables import (
     refuse_flat,
 )
 
+BY_RUNS = (
+    "A model of runs remembers what came before a row: split by whole runs, LeaveOneGroupOut or "
+    "GroupKFold with groups=run_labels(X), or a single run in long pieces, TimeSeriesSplit or "
+    "KFold without shuffle."
+)
+SORT = "If they are only in another order, sort them: X = X.sort_index(), y likewise."
+SPARSE = 0.5  # of the steps; where fewer are one sample, rows are missing rather than gaps there
 GAP = 1.5  # steps longer than this many sampling times start a new segment
 WHOLE = 1e-6  # a duration within this many samples of a whole number is that number
 SLOW = 2.0  # s a row, at which nobody steers
@@ -95,6 +102,44 @@ class RunLayout:
         base = np.floor(self.time[first] / self.dt + 0.25).astype(np.int64)
         lengths = np.diff(self.starts)
         return np.arange(self.n_rows) - np.repeat(first - base, lengths)
+
+
+def refuse_drawn(found: str, hint: str = "", options: Sequence[str] = ()) -> NoReturn:
+    """Refuse rows that a split, a bootstrap or a sort tore out of their runs."""
+    raise RunIndexError(
+        f"The rows are shuffled, or drawn one by one: {found}.",
+        f"{BY_RUNS} {hint}".strip(),
+        options,
+    )
+
+
+def check_not_drawn(step: np.ndarray, within: np.ndarray, known: float | None) -> None:
+    """Refuse rows of which most are missing, in no order: their steps are many multiples of one."""
+    if not within.any():
+        return
+    ratio = step[within] / (known or step[within].min())
+    whole = np.rint(ratio)
+    one = float(np.mean(whole == 1))
+    irregular = np.unique(whole).size > 2 and one < SPARSE
+    if irregular and (np.abs(ratio - whole) < JITTER_TOLERANCE).all():
+        refuse_drawn(
+            f"{1 - one:.0%} of the steps between them are longer than a sample, up to "
+            f"{whole.max():.0f} samples",
+            "If they were recorded so, put them on a grid: skhoid.resample_runs(X, y, dt=...).",
+            ["resample"],
+        )
+
+
+def check_pieces(layout: RunLayout, lengths: np.ndarray, needed: int, dt: float) -> None:
+    """Refuse runs that are torn, most of their rows into pieces of fewer rows than needed."""
+    short = lengths < needed
+    if len(lengths) > len(layout.labels) and 2 * lengths[short].sum() > lengths.sum():
+        refuse_drawn(
+            f"gaps leave {len(lengths)} pieces, of which {short.sum()} are shorter than the "
+            f"{needed} rows ({needed * dt:.3g} s) that the model needs to forget how each begins",
+            "If the recording has such gaps, bridge them: skhoid.resample_runs(X, y, dt=...).",
+            ["resample"],
+        )
 
 
 def run_name(label: Any) -> str:
@@ -226,13 +271,14 @@ def contiguous_runs(codes: np.ndarray, labels: list[Any]) -> np.ndarray:
         return np.array([0, 0])
     change = np.flatnonzero(codes[1:] != codes[:-1]) + 1
     if change.size + 1 > len(labels):
+        if 4 * change.size > codes.size:
+            refuse_drawn(f"runs take turns in {change.size} places, first at row {change[0]}", SORT)
         back = change[np.flatnonzero(codes[change] < codes[change - 1])[0]]
         label = labels[codes[back]]
         raise RunIndexError(
             f"The rows of run {label!r} are not contiguous: they continue at row {back}, after "
             f"rows of run {labels[codes[back - 1]]!r}. Sort the table by run and time (X = "
-            "X.sort_index(), y likewise), or give each run its own label. Cross-validation must "
-            "not shuffle rows: use LeaveOneGroupOut or GroupKFold with groups=run_labels(X)."
+            "X.sort_index(), y likewise), or give each run its own label."
         )
     return np.concatenate(([0], change, [codes.size]))
 
@@ -325,6 +371,7 @@ def _layout_from_time(
     step = np.diff(time)
     within = within_runs(run_starts)
     check_increasing(time, step, within, run_starts, labels)
+    check_not_drawn(step, within, dt or fallback_dt)
     typical = typical_step(step, run_starts, labels)
     known = dt or fallback_dt
     few = within.sum() < 3
@@ -390,10 +437,16 @@ def _cut_at_jumps(
     step = np.diff(sample.astype(np.int64))
     within = within_runs(run_starts)
     backwards = np.flatnonzero(within & (step <= 0))
+    if backwards.size > 0.1 * step.size and backwards.size > 1:
+        refuse_drawn(
+            f"the row index goes backwards in {backwards.size} places, first from "
+            f"{sample[backwards[0]]} to {sample[backwards[0] + 1]} at row {backwards[0] + 1}",
+            "If the index means nothing, call X.reset_index(drop=True).",
+        )
     if backwards.size:
         row = int(backwards[0]) + 1
         raise RunIndexError(
-            f"The rows are shuffled or hold several runs: the row index goes from "
+            f"The rows hold several runs, or are in another order: the row index goes from "
             f"{sample[row - 1]} to {sample[row]} at row {row}. Rows must be in time order.",
             hint="Label runs with an index of levels 'run' and 'time', or with a run column and "
             "run=; if the index means nothing, call X.reset_index(drop=True).",
@@ -402,6 +455,7 @@ def _cut_at_jumps(
     if within.any() and np.median(step[within]) == 1:
         first = np.repeat(sample[run_starts[:-1]], np.diff(run_starts))
         return _cut(run_starts, within & (step > 1)), sample - first
+    check_not_drawn(step, within, None)
     return run_starts, number
 
 
@@ -466,10 +520,9 @@ def check_increasing(
             "its own label in the 'run' level, each channel a column, and the time all its digits."
         )
     if many:
-        raise RunIndexError(
-            f"The rows are shuffled: time goes backwards in {bad.size} places, first in {where}. "
-            "Sort the table (X = X.sort_index(), y likewise). For cross-validation split by runs, "
-            "not by rows: LeaveOneGroupOut or GroupKFold with groups=run_labels(X)."
+        refuse_drawn(
+            f"time goes backwards in {bad.size} places, first in {where}",
+            SORT,
         )
     what = "repeats" if time[row] == time[row - 1] else "decreases"
     raise RunIndexError(
@@ -493,8 +546,7 @@ def typical_step(step: np.ndarray, run_starts: np.ndarray, labels: list[Any]) ->
                 f"The runs differ in sampling time: {first:.6g} s in run {label!r}, {median:.6g} "
                 f"s in run {other!r}.",
                 hint="Put them on one grid: X, y = skhoid.resample_runs(X, y, "
-                f"dt={max(first, median):.6g}). If rows are missing because a split shuffled "
-                "them, split by runs instead: LeaveOneGroupOut with groups=run_labels(X).",
+                f"dt={max(first, median):.6g}).",
                 options=["resample", "dt"],
             )
     return first

@@ -55,7 +55,7 @@ ERRORS = {
     "shuffled rows": (
         lambda: fit(X.iloc[SHUFFLED], Y.iloc[SHUFFLED]),
         RunIndexError,
-        ["not contiguous", "run ", "row ", "sort_index", "LeaveOneGroupOut"],
+        ["drawn one by one", "take turns", "row ", "sort_index", "LeaveOneGroupOut"],
     ),
     "rows shuffled inside a run": (
         lambda: fit(X.iloc[ONE_RUN_SHUFFLED], Y.iloc[ONE_RUN_SHUFFLED]),
@@ -211,14 +211,14 @@ ERRORS = {
         ["'run'", "missing in row 3"],
     ),
     "run column not contiguous": (
-        lambda: fit(FRAME.assign(run=np.tile([1, 2, 1], 120)), Y.array, run="run"),
+        lambda: fit(FRAME.assign(run=np.repeat([1, 2, 1], 120)), Y.array, run="run"),
         RunIndexError,
-        ["not contiguous", "row 2"],
+        ["not contiguous", "row 240"],
     ),
     "shuffled bare frame": (
         lambda: fit(BARE.iloc[SHUFFLED], Y.to_numpy()),
         RunIndexError,
-        ["shuffled or hold several runs", "at row 1", "reset_index(drop=True)"],
+        ["shuffled, or drawn", "at row 1", "reset_index(drop=True)"],
     ),
     "polars output": (
         lambda: Decimator(2).set_output(transform="polars").fit_transform(X),
