@@ -146,7 +146,7 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
             self._needed = [i for i in range(values.shape[1]) if i != run]
         if needs != "nothing":
             output = self._drop_empty_runs(grid.layout, values, output)
-        if not hasattr(X, "index") and getattr(self, "na", 1):
+        if not hasattr(X, "index") and getattr(self, "na", True):
             warn_of_no_order([*values[:, self._columns].T, output])
         weights = as_weights(sample_weight, X, output.size)
         if weights is not None:
