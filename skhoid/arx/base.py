@@ -539,6 +539,7 @@ def arx_parameter_table(
     """Values, standard errors, 95 % intervals and units of coefficients."""
     if meaning is None:
         of = {"a": "of the output", "b": "of the input", "i": "constant"}
+        of |= {"c": "of the noise", "d": "of the noise, in the denominator"}
         meaning = [of[name[0]] for name in names]
     columns = {
         "value": theta,

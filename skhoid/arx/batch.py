@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import warnings
+from numbers import Integral
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 from sklearn.exceptions import ConvergenceWarning
 
-from .._sklearn import StrOptions, fit_context
-from ..exceptions import MissingDataWarning
+from .._sklearn import Interval, StrOptions, fit_context
+from ..exceptions import MissingDataWarning, RankDeficiencyError
 from ..preprocessing.base import as_fitted
 from ..preprocessing.grid import HeldInputs, ModelGrid
-from ..regression import DataToFit, check_segments
+from ..regression import DataToFit, check_segments, segments
 from ..text import ModelSummary, estimates_table
 from .base import (
     ESTIMATE,
@@ -36,7 +38,17 @@ from .model_summary import (
     orders_text,
 )
 from .orders import regressor_blocks, regressors
+from .prediction_errors import estimate as estimate_by_errors
+from .prediction_errors import predict_steps
 
+PREDICTION_ERRORS = ("oe", "bj", "armax")
+METHODS = {
+    "ols": "ordinary least squares",
+    "iv": "instrumental variables",
+    "oe": "output error",
+    "bj": "Box-Jenkins",
+    "armax": "ARMAX",
+}
 FIRST = 2000  # rows of each stretch that tell how it begins
 RUN_AWAY = 1e50  # where no start helps
 
@@ -62,13 +74,23 @@ class ARXRegressor(BaseARX):
     {inputs}
     fit_intercept : bool, default=False
         Add a constant c to the regressors. The thesis keeps means and has none.
-    method : {"ols", "iv"}, default="ols"
-        Ordinary least squares by QR factorisation, or instrumental variables. Remnant that is not
-        of the form eps/A biases OLS in a closed loop; ``"iv"`` uses signals from outside the loop
-        to remove the bias, at the cost of more variance.
+    method : {"ols", "iv", "oe", "bj", "armax"}, default="ols"
+        Ordinary least squares by QR factorisation, or instrumental variables. Noise on the output
+        that is not of the form eps/A biases OLS, in a closed loop and in an open one; ``"iv"`` uses
+        signals that noise does not reach to remove the bias, at the cost of more variance. The
+        others minimise the error one step ahead of a model with another noise: output error (y =
+        B/A x + eps), Box-Jenkins (y = B/A x + C/D eps) and ARMAX (A y = B x + C eps). Output error
+        and Box-Jenkins are the field's B/F: their F is ``a_`` here. Several inputs share it.
+    nc : int, default=2
+        Order of C, for ``"bj"`` and ``"armax"``.
+    nd : int, default=2
+        Order of D, for ``"bj"``.
     instruments : list of column names or positions, or None, default=None
-        External signals for ``method="iv"``: forcing functions on target or disturbance. None
-        means the columns of role ``f_t`` and ``dist...``.
+        Signals for ``method="iv"`` that noise does not reach: forcing functions on target or
+        disturbance, whose lags are the instruments. Naming the inputs says that nothing feeds the
+        output back to them: then they and the simulated output are (IV4; Ljung 1999, section
+        15.3). None means the columns of role ``f_t`` and ``dist...``; without such, the inputs,
+        where none has the role ``e`` or ``x``.
     covariance : {"ols", "hac"}, default="ols"
         ``"ols"`` takes the equation error as white; ``"hac"`` (Newey and West, after whitening)
         allows for the coloured error that remnant leaves, and for one whose size varies. A
@@ -92,6 +114,11 @@ class ARXRegressor(BaseARX):
         Input coefficients b_0 ... b_{nb-1}.
     intercept_ : float
         The constant c, 0 without ``fit_intercept``.
+    c_, d_ : ndarray of shape (nc,), (nd,)
+        Coefficients c_1 ... of C and d_1 ... of D in the noise C/D eps; D of an ARMAX model is A,
+        and of least squares and instruments too. Empty where there are none.
+    f_ : ndarray of shape (na,)
+        ``a_`` of output error and Box-Jenkins models, as the field calls it.
     covariance_ : ndarray of shape (n_params, n_params)
         Covariance of ``coef_``.
     {standard_errors_}
@@ -141,7 +168,9 @@ class ARXRegressor(BaseARX):
 
     _parameter_constraints: dict = {
         **BaseARX._parameter_constraints,
-        "method": [StrOptions({"ols", "iv"})],
+        "method": [StrOptions({"ols", "iv", *PREDICTION_ERRORS})],
+        "nc": [Interval(Integral, 0, None, closed="left")],
+        "nd": [Interval(Integral, 0, None, closed="left")],
         "instruments": "no_validation",
         "covariance": [StrOptions({"ols", "hac"})],
         "initial": [StrOptions({"rest", "estimate"}), None],
@@ -156,6 +185,8 @@ class ARXRegressor(BaseARX):
         inputs: Any = None,
         fit_intercept: bool = False,
         method: str = "ols",
+        nc: int = 2,
+        nd: int = 2,
         instruments: Any = None,
         covariance: str = "ols",
         initial: str | None = None,
@@ -169,6 +200,8 @@ class ARXRegressor(BaseARX):
         self.inputs = inputs
         self.fit_intercept = fit_intercept
         self.method = method
+        self.nc = nc
+        self.nd = nd
         self.instruments = instruments
         self.covariance = covariance
         self.initial = initial
@@ -199,19 +232,31 @@ class ARXRegressor(BaseARX):
         MissingDataWarning
             With the number of rows that are NaN.
         sklearn.exceptions.ConvergenceWarning
-            If ``method="iv"`` has not converged after 20 rounds.
+            If another method than ``"ols"`` has not converged.
         """
-        data = self._read_data(X, y, in_parts=self.method != "iv", sample_weight=sample_weight)
+        data = self._read_data(X, y, in_parts=self.method == "ols", sample_weight=sample_weight)
         self._set_orders(data.grid)
         self.parameter_names_ = self.orders_.parameter_names(self.inputs_)
-        if self.method == "iv":
+        self.c_ = self.d_ = np.empty(0)
+        if self.method != "ols":
             refuse_weights(data.weights, f"method={self.method!r}")
+        if self.method == "iv":
             self._fit_by_instruments(data)
+        elif self.method in PREDICTION_ERRORS:
+            self._fit_by_prediction_errors(data)
         else:
             self._fit_by_least_squares(data)
-        self.standard_errors_ = np.sqrt(np.diag(self.covariance_))
+        errors = np.sqrt(np.diag(self.covariance_))
+        p = self.coef_.size
+        self.covariance_, self.standard_errors_ = self.covariance_[:p, :p], errors[:p]
+        noise = [f"c{i + 1}" for i in range(self.c_.size)]
+        if self.method == "bj":
+            noise += [f"d{i + 1}" for i in range(self.d_.size)]
         self.parameters_ = arx_parameter_table(
-            self.parameter_names_, self.coef_, self.standard_errors_, self._coefficient_units()
+            [*self.parameter_names_, *noise],
+            np.r_[self.coef_, self.c_, self.d_],
+            errors,
+            [*self._coefficient_units(), *["-"] * len(noise)],
         )
         check_segments(data.grid, self._rows_to_forget(self.dt_))
         self._see_beginning(data.grid, data.inputs, data.output)
@@ -256,7 +301,9 @@ class ARXRegressor(BaseARX):
             "method='iv'",
         )
         self.instruments_ = self._channel_names(positions)
-        outside = data.columns[:, positions]
+        open_loop = set(self._columns) <= set(positions)
+        others = [i for i in positions if not open_loop or i not in self._columns]
+        outside = data.columns[:, others]
         found = estimate(
             output,
             inputs,
@@ -267,6 +314,7 @@ class ARXRegressor(BaseARX):
             self.dt_,
             self.instruments_,
             self.covariance == "hac",
+            open_loop,
         )
         if not found.converged:
             warnings.warn(
@@ -278,10 +326,94 @@ class ARXRegressor(BaseARX):
             )
         self.n_rows_used_, self.n_rows_missing_ = found.n_rows, found.n_missing
         signals = np.column_stack([inputs, outside])
-        names = [*self.inputs_, *self.instruments_]
+        names = [*self.inputs_, *self._channel_names(others)]
         self._report_missing(grid, signals, data.told, found.n_rows, names)
         self.coef_, self.covariance_ = found.theta, found.covariance
         self.noise_variance_ = found.noise_variance
+
+    def _fit_by_prediction_errors(self, data: DataToFit) -> None:
+        grid, inputs, output = data.grid, data.inputs, data.output
+        begin, end = grid.begin[grid.measured], grid.end[grid.measured]
+        nc = self.nc if self.method != "oe" else 0
+        nd = self.nd if self.method == "bj" else 0
+        orders, n_params = self.orders_, self.orders_.n_params + nc + nd
+        blocks = regressor_blocks(output, inputs, begin, end, orders)
+        triangle = Triangle.of_blocks((table for table, *_ in blocks), orders.n_params + 1)
+        check_row_count(triangle.n_rows, n_params + 1, grid)
+        self._check_rank(triangle, inputs, output)
+        found = estimate_by_errors(output, inputs, begin, end, orders, self.method, nc, nd)
+        if not found.converged:
+            warnings.warn(
+                f"The {METHODS[self.method]} model has not converged. Use smaller orders, or "
+                "compare the standard errors with method='ols'.",
+                ConvergenceWarning,
+                stacklevel=4,
+            )
+        self.n_rows_used_, self.n_rows_missing_ = found.rows.size, found.n_missing
+        self._report_missing(grid, inputs, data.told, found.rows.size, self.inputs_)
+        self.instruments_ = []
+        system = orders.n_params
+        self.coef_, self.c_, self.d_ = np.split(found.theta, [system, system + nc])
+        left = max(found.rows.size - n_params - found.n_states, 1)
+        self.noise_variance_ = float(found.errors @ found.errors) / left
+        slopes = Triangle.of(np.column_stack([found.slopes, found.errors]))
+        if len(slopes.null_space()):
+            raise RankDeficiencyError(
+                f"The {n_params} parameters of the {METHODS[self.method]} model cannot all be "
+                "estimated: A, B, C and D have factors in common. Use smaller orders."
+            )
+        bread = slopes.inverse_information()
+        self.covariance_ = self.noise_variance_ * bread
+        if self.covariance == "hac":
+            weights = found.slopes @ bread
+            leverage = np.einsum("tp,tp->t", weights, found.slopes)
+            self.covariance_ = robust_covariance(
+                weights, leverage, found.errors, found.rows, grid.begin
+            )
+
+    @property
+    def f_(self) -> np.ndarray:
+        if self.method not in ("oe", "bj"):
+            raise AttributeError(f"A model with method={self.method!r} has no F; see a_.")
+        return self.a_
+
+    def _ahead(
+        self, grid: ModelGrid, values: np.ndarray, output: np.ndarray, horizon: int
+    ) -> np.ndarray:
+        fitted = as_fitted(self).method
+        if fitted == "oe":
+            return self._free_run(grid, values)
+        if fitted not in ("bj", "armax"):
+            return super()._ahead(grid, values, output, horizon)
+        free = self._free_run(grid, values)
+        ahead = free.copy()
+        inputs = self._held_inputs(grid, values)[:]
+        _, b, constant = self.orders_.split(self.coef_)
+        c = np.r_[1.0, self.c_]
+        for begin, end in segments(grid):
+            rows = slice(begin, end)
+            if horizon >= end - begin:  # no output is known so long before
+                continue
+            if fitted == "bj":
+                left, drive = output[rows] - free[rows], np.zeros(end - begin)
+                ahead[rows] += predict_steps(left, drive, c, np.r_[1.0, self.d_], horizon)
+                continue
+            drive = np.full(end - begin, constant)
+            for j, (nb, nk) in enumerate(zip(self.orders_.nb, self.orders_.nk, strict=True)):
+                drive += lfilter(np.r_[np.zeros(nk), b[j, :nb]], [1.0], inputs[rows, j])
+            a = np.r_[1.0, self.a_]
+            ahead[rows] = predict_steps(output[rows], drive, c, a, horizon)
+        return ahead
+
+    def _errors_on(self, grid: ModelGrid, values: np.ndarray, output: np.ndarray) -> np.ndarray:
+        fitted = as_fitted(self).method
+        if fitted not in PREDICTION_ERRORS:
+            return super()._errors_on(grid, values, output)
+        errors = output - self._ahead(grid, values, output, 1)
+        errors[~measured_rows(grid)] = np.nan
+        for begin in grid.begin:
+            errors[begin : begin + self.orders_.first_row] = np.nan
+        return errors
 
     def _see_beginning(self, grid: ModelGrid, inputs: np.ndarray, output: np.ndarray) -> None:
         """Decide by the rows that were fitted how free runs begin; the user's choice comes first.
@@ -379,11 +511,13 @@ class ARXRegressor(BaseARX):
         n, p = self.n_rows_used_, len(self.coef_)
         facts = {"Model": orders_text(self.orders_), **self._signal_facts()}
         instrumental = bool(self.instruments_)
+        by_errors = as_fitted(self).method in PREDICTION_ERRORS
+        facts["Method"] = METHODS[as_fitted(self).method]
+        if by_errors:
+            facts["Noise"] = f"nc = {self.c_.size}, nd = {self.d_.size}"
+            p += self.c_.size + self.d_.size
         if instrumental:
-            facts["Method"] = "instrumental variables"
             facts["Instruments"] = ", ".join(self.instruments_)
-        else:
-            facts["Method"] = "ordinary least squares"
         facts["Rows"] = f"{n}" + (
             f" ({self.n_rows_missing_} missing)" if self.n_rows_missing_ else ""
         )
@@ -397,7 +531,7 @@ class ARXRegressor(BaseARX):
             fit = n * np.log(sse / n)
             facts["AIC"], facts["BIC"] = f"{fit + 2 * p:.1f}", f"{fit + p * np.log(n):.1f}"
         facts["Largest |pole|"] = largest_pole(self.a_)
-        if not (instrumental or hac) and p > 0 and sse > 0:
+        if not (instrumental or hac or by_errors) and p > 0 and sse > 0:
             facts["Condition"] = f"{condition(self.covariance_):.3g} (scaled regressors)"
         notes = [
             "Standard errors allow for a coloured equation error."
@@ -408,7 +542,7 @@ class ARXRegressor(BaseARX):
                 else '; covariance="hac" allows for a coloured one'
             )
         ]
-        if not instrumental:
+        if not (instrumental or by_errors):
             notes.append(CLOSED_LOOP.format('. method="iv" removes it'))
         notes.append(JUDGE.format(", AIC and BIC are" if criteria else " is"))
         if criteria:

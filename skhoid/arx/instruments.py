@@ -1,7 +1,9 @@
-"""Instrumental variables: ARX models of an element inside a loop, without the bias of remnant.
+"""Instrumental variables: ARX models without the bias of output noise, and of remnant in a loop.
 
-A(q) u = sum B_i(q) e_i + w, where w is coloured (w = A n for a remnant n added to u) and, through
-the loop, correlated with u and e. External signals (f_t, f_d) are not: their lags are instruments.
+A(q) u = sum B_i(q) e_i + w, where w is coloured (w = A n for a noise n added to u) and, through a
+loop, correlated with u and e. External signals (f_t, f_d) are not: their lags are instruments. In
+an open loop the inputs are such signals, and the best instruments are the regressors of the output
+that they alone bring about: the simulated one (IV4; Ljung 1999, section 15.3).
 
 Plain two-stage least squares is consistent, but scatters up to three times more than need be. So
 the equation and the instruments are filtered by D / A of the previous round until the parameters
@@ -11,17 +13,20 @@ whitens it (refined instrumental variables; Young 1984, Soderstrom and Stoica 19
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
 
 from ..exceptions import RankDeficiencyError, ShortRunError
+from ..preprocessing.grid import HeldInputs
 from ..runs import input_columns
 from ..runs.roles import is_external, role_of
+from .base import free_run_output
 from .least_squares import robust_covariance
 from .orders import Orders, regressors
+from .prediction_errors import cut_stretches, find_starts, stabilise
 
 FIRST_LAG, LAST_LAG = 0.05, 1.6  # s after the input delay; geometric steps between them
 N_LAGS = 6  # besides the input delay itself
@@ -29,7 +34,6 @@ SETTLE = 2.0  # s of start-up left out of the remnant model; bandwidth of the co
 NOISE_ORDER = 10
 MAX_ROUNDS, TOLERANCE = 20, 1e-6
 WEAK = 1e-6  # relative size of directions of the instruments that carry no excitation
-STABLE_RADIUS = 0.9995
 
 
 @dataclass(frozen=True)
@@ -47,17 +51,36 @@ class InstrumentalEstimate:
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Regressors, output and instruments of one stretch without gaps."""
+    """Regressors, output and instruments of rows without gaps."""
 
+    rows: np.ndarray
     Phi: np.ndarray
     y: np.ndarray
     Z: np.ndarray
 
-    def filtered(self, numerator: np.ndarray, denominator: np.ndarray) -> _Stretch:
-        # From rest this is exact: each filtered row is a sum of rows of the same equation.
-        return _Stretch(
-            *(lfilter(numerator, denominator, v, axis=0) for v in (self.Phi, self.y, self.Z))
-        )
+    def filtered(
+        self, numerator: np.ndarray, denominator: np.ndarray, begun: bool = False
+    ) -> _Stretch:
+        """Behind a filter from rest, or as it is ``begun`` best.
+
+        From rest each row is a sum of rows of the same equation, but noise before the first row
+        leaves a free response of the filter, which can be large: it is projected out.
+        """
+        columns = np.column_stack([self.Phi, self.y, self.Z])
+        columns = lfilter(numerator, denominator, columns, axis=0)
+        if begun and denominator.size > 1:
+            free = lfilter(
+                numerator, denominator, np.eye(self.y.size, denominator.size - 1), axis=0
+            )
+            basis = np.linalg.qr(free)[0]
+            columns -= basis @ (basis.T @ columns)
+        p = self.Phi.shape[1]
+        return _Stretch(self.rows, columns[:, :p], columns[:, p], columns[:, p + 1 :])
+
+    def simulated(self, output: np.ndarray, na: int) -> _Stretch:
+        """With the regressors of a simulated output as further instruments."""
+        past = np.column_stack([-output[self.rows - lag] for lag in range(1, na + 1)])
+        return replace(self, Z=np.hstack([past, self.Phi[:, na:], self.Z]))
 
 
 def estimate(
@@ -70,28 +93,46 @@ def estimate(
     dt: float,
     names: list[str],
     coloured: bool,
+    open_loop: bool = False,
 ) -> InstrumentalEstimate:
     """Estimate theta from output ``y``, inputs ``X`` and external signals ``R`` on model rows.
 
-    ``coloured`` asks for a covariance that allows for a coloured filtered error.
+    ``coloured`` asks for a covariance that allows for a coloured filtered error; in an
+    ``open_loop`` the inputs are instruments too, and so is the output that they bring about.
     """
-    lags = instrument_lags(dt, min(orders.nk), orders.n_params - orders.intercept, R.shape[1])
+    n_signals = R.shape[1] or X.shape[1]
+    lags = instrument_lags(dt, min(orders.nk), orders.n_params - orders.intercept, n_signals)
+    lags = lags if R.shape[1] else lags[:1]
     parts, n_missing = _stretches(y, X, R, begin, end, orders, lags)
     if not parts:
         raise ShortRunError(
             f"The instruments reach {int(lags[-1])} samples ({lags[-1] * dt:.3g} s) back, but no "
             "run is longer. Use longer runs, or method='ols'."
         )
+    held = HeldInputs(X, range(X.shape[1]), list(zip(begin, end, strict=True)))
+    everywhere = np.zeros(len(X), dtype=np.int64)
+
+    def with_simulated(theta: np.ndarray, a: np.ndarray) -> list[_Stretch]:
+        if not open_loop:
+            return parts
+        stable = np.r_[a[1:], theta[orders.na :]]
+        output = free_run_output(held, (begin, end, begin), orders, stable[None], everywhere)
+        return [part.simulated(output, orders.na) for part in parts]
+
     raw_Phi, raw_output, Z = _stack(parts)
-    theta, Q = _two_stage(raw_Phi, raw_output, Z, orders, names)
+    settle = round(SETTLE / dt)
+    if open_loop:
+        theta = find_starts(cut_stretches(y, X, begin, end, orders), y, X, begin, end, orders)[0]
+    else:
+        theta, Q = _two_stage(raw_Phi, raw_output, Z, orders, names)
     converged, rounds = False, 0
     # Coefficients by what they make of the output, whatever the units.
     weight = _find_scale(raw_Phi) / _find_scale(raw_output)
-    settle = round(SETTLE / dt)
     while not converged and rounds < MAX_ROUNDS:
-        a = _stabilised(np.r_[1.0, theta[: orders.na]])
-        whitening = _remnant_model(parts, theta, a, settle)
-        Phi, output, Z = _stack([part.filtered(whitening, a) for part in parts])
+        a = stabilise(np.r_[1.0, theta[: orders.na]])
+        whitening = _remnant_model(parts, theta, a, settle, open_loop)
+        told = with_simulated(theta, a)
+        Phi, output, Z = _stack([part.filtered(whitening, a, open_loop) for part in told])
         previous = theta
         theta, Q = _two_stage(Phi, output, Z, orders, names)
         rounds += 1
@@ -160,7 +201,7 @@ def _stretches(
         table, rows, Z = table[complete], rows[complete], Z[complete]
         for piece in np.split(np.arange(rows.size), np.flatnonzero(np.diff(rows) > 1) + 1):
             if piece.size:
-                parts.append(_Stretch(table[piece, :-1], table[piece, -1], Z[piece]))
+                parts.append(_Stretch(rows[piece], table[piece, :-1], table[piece, -1], Z[piece]))
     return parts, possible - sum(part.y.size for part in parts)
 
 
@@ -202,24 +243,14 @@ def _two_stage(
     return theta, Q
 
 
-def _stabilised(a: np.ndarray) -> np.ndarray:
-    """A with its poles brought inside the unit circle: a prefilter must not blow up."""
-    poles = np.roots(a)
-    size = np.abs(poles)
-    if size.size == 0 or size.max() < STABLE_RADIUS:
-        return a
-    inside = np.minimum(1 / np.maximum(size, STABLE_RADIUS), STABLE_RADIUS)
-    inward = inside * np.exp(1j * np.angle(poles))
-    return np.real(np.poly(np.where(size >= STABLE_RADIUS, inward, poles)))
-
-
 def _remnant_model(
-    parts: list[_Stretch], theta: np.ndarray, a: np.ndarray, settle: int
+    parts: list[_Stretch], theta: np.ndarray, a: np.ndarray, settle: int, begun: bool
 ) -> np.ndarray:
     """D: the autoregressive polynomial, by least squares, of the remnant n = (A u - B e) / A."""
     past, now = [], []
     for part in parts:
-        n = lfilter([1.0], a, part.y - part.Phi @ theta)[min(settle, part.y.size // 4) :]
+        behind = part.filtered(np.ones(1), a, begun)
+        n = (behind.y - behind.Phi @ theta)[0 if begun else min(settle, part.y.size // 4) :]
         if n.size > NOISE_ORDER:
             windows = np.lib.stride_tricks.sliding_window_view(n, NOISE_ORDER + 1)
             past.append(windows[:, -2::-1])
@@ -233,20 +264,21 @@ def _remnant_model(
 def instrument_columns(
     names: list[Any], given: Any, inputs: list[int], roles: Any, run: Any, what: str
 ) -> list[int]:
-    """Columns of the external signals, as given or by their roles; ``what`` needs them."""
+    """Columns of the external signals, as given or by their roles; ``what`` needs them.
+
+    Where there are none the inputs are taken, unless one is part of a loop by its role.
+    """
     if given is not None:
         positions = input_columns(names, len(names), given, run, what="instruments")
     else:
         positions = [i for i, n in enumerate(names) if is_external(role_of(n, roles))]
-    if not positions:
-        raise ValueError(
-            f"{what} needs external signals in X, such as the target f_t or a disturbance. "
-            f"Name them with instruments=[...]; the columns are {names}."
-        )
-    inside = [names[p] for p in positions if p in inputs]
-    if inside:
-        raise ValueError(
-            f"{inside[0]!r} is an input and cannot be its own instrument; instruments are "
-            "signals from outside the loop, such as f_t. If it is one, OLS has no bias to cure."
-        )
-    return positions
+    if positions:
+        return positions
+    fed_back = [names[i] for i in inputs if role_of(names[i], roles) in ("e", "x")]
+    if given is None and not fed_back:
+        return inputs
+    raise ValueError(
+        f"{what} needs external signals in X, such as the target f_t or a disturbance. "
+        f"Name them with instruments=[...]; the columns are {names}."
+        + (f" If {fed_back[0]!r} is not fed back, it is one itself." if fed_back else "")
+    )

@@ -152,10 +152,11 @@ class SimulatedARX(GreyBox, BaseARX):
         model : ARXRegressor
             Fitted or not.
         """
-        if model.method == "iv":
+        if model.method != "ols":
             raise ValueError(
-                "method='iv' does not take effects: they are estimated in simulation, which "
-                "remnant does not bias the way it biases one-step errors. Use method='ols'."
+                f"method={model.method!r} does not take effects: they are estimated in simulation, "
+                "with a noise model of its own, which remnant does not bias the way it biases "
+                "one-step errors. Use method='ols'."
             )
         return cls(**{name: getattr(model, name) for name in SHARED})
 

@@ -84,7 +84,8 @@ class RecursiveIV(WhitenedRecursion):
     ----------
     {orders, inputs}
     instruments : list of column names or positions, or None, default=None
-        External signals; None means the columns of role f_t or dist.
+        External signals; None means the columns of role f_t or dist or, without such, the inputs
+        where none has the role e or x. Naming the inputs says that nothing feeds the output back.
     noise_order : int, default=8
         Order of D.
     {memory_time}
