@@ -166,6 +166,8 @@ class ARXRegressor(BaseARX):
     True
     """
 
+    covariance_: np.ndarray
+
     _parameter_constraints: dict = {
         **BaseARX._parameter_constraints,
         "method": [StrOptions({"ols", "iv", *PREDICTION_ERRORS})],

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import lfilter
 from support import closed_loop as cl
 
 from skhoid import ARXRegressor, RankDeficiencyError, ShortRunError
@@ -64,9 +65,56 @@ def test_errors_say_what_to_do():
     X, y = recording("C1", GAINS["C1"], 5)
     with pytest.raises(ValueError, match="needs external signals"):
         ARXRegressor(method="iv").fit(X[["e", "x"]], y)
-    with pytest.raises(ValueError, match="cannot be its own instrument"):
-        ARXRegressor(method="iv", instruments=["e"]).fit(X, y)
     with pytest.raises(RankDeficiencyError, match="excite 1 directions"):
         ARXRegressor(nk=29, method="iv").fit(X.assign(f_t=1.0), y)
     with pytest.raises(ShortRunError, match="reach 189 samples"):
         ARXRegressor(nk=29, method="iv").fit(X[:150], y[:150])
+
+
+OPEN = {
+    "white": (2000, [1, -1.73, 0.835], [[0.05, 0.047]], 0.15, ([1], [1]), 0.1),
+    "strong": (3000, [1, -1.73, 0.835], [[0.05, 0.047]], 0.5, ([1], [1]), 0.1),
+    "minutes": (800, [1, -0.8], [[0.1, 0.1]], 0.2, ([1], [1, -0.5]), 60.0),
+    "two inputs": (1000, [1, -1.2, 0.5], [[0.3, 0.2], [0.5, -0.3]], 0.2, ([1], [1, -0.5]), 0.02),
+    "two steps": (400, [1, -0.9], [[0.2, 0.1]], 0.1, ([1], [1]), 1.0),
+    "short": (200, [1, -0.8], [[0.4, 0.1]], 0.2, ([1], [1]), 0.01),
+}
+
+
+@pytest.mark.parametrize("name", OPEN)
+def test_in_an_open_loop_the_input_and_the_simulated_output_are_instruments(name):
+    n, A, B, noise, colour, dt = OPEN[name]
+    truth, found, said, least = np.r_[A[1:], np.concatenate(B)], [], [], []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        U = lfilter([0.3], [1, -0.7], rng.standard_normal((n, len(B))), axis=0)
+        if name == "two steps":
+            U = np.where(np.arange(n) < 200, 1.0, -0.5)[:, None] * (np.arange(n) > 20)[:, None]
+        y = sum(lfilter([0, *b], A, U[:, i]) for i, b in enumerate(B))
+        y = y + noise * y.std() * lfilter(*colour, rng.standard_normal(n))
+        model = ARXRegressor(len(A) - 1, 2, 1, dt=dt, method="iv").fit(U, y)
+        assert model.instruments_ == model.inputs_
+        found.append(model.coef_)
+        said.append(model.standard_errors_)
+        least.append(ARXRegressor(len(A) - 1, 2, 1, dt=dt).fit(U, y).coef_)
+    off = np.abs(np.mean(found, axis=0) - truth)
+    assert np.all(off < 4 * np.mean(said, axis=0) / np.sqrt(10))
+    assert np.max(np.abs(np.mean(least, axis=0) - truth) / off) > 3
+
+
+def test_an_input_that_is_named_is_its_own_instrument():
+    """Of e, which loops feed back, only the user knows; others add to it."""
+    rng = np.random.default_rng(0)
+    e, dist = rng.standard_normal((2, 2000))
+    y = lfilter([0, 1.0], [1, -0.8], e + dist) + 0.5 * rng.standard_normal(2000)
+    index = pd.MultiIndex.from_product([[1], np.arange(2000) * 0.1], names=["run", "time"])
+    X = pd.DataFrame({"e": e, "dist": dist}, index=index)
+    alone = ARXRegressor(1, 1, 1, inputs=["e"], method="iv", instruments=["e"]).fit(X, y)
+    both = ARXRegressor(1, 1, 1, inputs=["e"], method="iv", instruments=["e", "dist"]).fit(X, y)
+    assert alone.instruments_ == ["e"]
+    assert both.instruments_ == ["e", "dist"]
+    for model in (alone, both):
+        assert abs(model.coef_[0] + 0.8) < 4 * model.standard_errors_[0]
+        assert abs(model.coef_[1] - 1.0) < 4 * model.standard_errors_[1]
+    with pytest.raises(ValueError, match="If 'e' is not fed back"):
+        ARXRegressor(1, 1, 1, method="iv").fit(X[["e"]], y)

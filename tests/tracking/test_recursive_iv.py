@@ -78,8 +78,6 @@ def test_errors(loop):
     X, y = loop
     with pytest.raises(ValueError, match="RecursiveIV needs external signals in X"):
         RecursiveIV(nk=29).fit(X[["e"]], y)
-    with pytest.raises(ValueError, match="cannot be its own instrument"):
-        RecursiveIV(nk=29, inputs=["e"], instruments=["e"]).fit(X, y)
     with pytest.raises(ValueError, match="memory_time"):
         RecursiveIV(nk=29, inputs=["e"], memory_time=[9.0, 9.0, 5.0, 5.0]).fit(X, y)
     with pytest.raises(ShortRunError, match="Use longer runs"):

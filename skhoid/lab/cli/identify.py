@@ -89,9 +89,11 @@ def add_identify(commands: Any) -> None:
     add("--na", type=order, metavar="N", help="order, not searched (nb: 2, or as given)")
     text = f"order, not searched (na: 2, or as given){several}"
     add("--nb", type=order, nargs="+", metavar="N", help=text)
-    text = "least squares, or instrumental variables, which remnant does not bias (default: ols); "
-    add("--method", choices=["ols", "iv"], default="ols", help=text + "searches use least squares")
-    text = "of iv: channels from outside the loop (default: f_t)"
+    text = "least squares; instrumental variables, which noise does not bias; output error, "
+    text += "Box-Jenkins, ARMAX (default: ols; searches use least squares)"
+    add("--method", choices=["ols", "iv", "oe", "bj", "armax"], default="ols", help=text)
+    text = "of iv: channels from outside the loop, or the input if nothing feeds the output back "
+    text += "(default: f_t)"
     add("--instruments", nargs="+", metavar="NAME", help=text)
     text = "also fit a model that follows changes, with a memory of this length"
     add("--memory-time", type=positive, metavar="S", help=text)
@@ -200,9 +202,6 @@ def _read(
         return X, y, list(X.columns), [], {}, source + "(Matic 2022, MIT licence)"
     asked = list(options.input or [])
     others = (options.instruments or ["f_t"]) if options.method == "iv" else []
-    inside = [name for name in others if name in asked]
-    if inside:
-        raise ValueError(f"{inside[0]!r} is an input and cannot be its own instrument.")
     roles = read_roles(options, {name: "e" for name in asked if name != options.target})
     # Of a guess the target is a channel already, if there is one.
     wanted = [*asked, *(others if asked or options.instruments else [])]
@@ -227,7 +226,10 @@ def _read(
 
 
 def _of_instruments(name: str) -> str:
-    return f"--method iv takes {name!r} as its instrument, unless --instruments names others."
+    return (
+        f"--method iv takes {name!r} as its instrument, unless --instruments names others: the "
+        "input itself, where nothing feeds the output back."
+    )
 
 
 def _draw(found: Any, folder: Path, options: argparse.Namespace) -> list[str]:
