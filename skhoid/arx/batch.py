@@ -147,6 +147,9 @@ class ARXRegressor(BaseARX):
 
     Notes
     -----
+    ``score`` is the VAF of the free run in percent: 100 is perfect, where other regressors have R²,
+    at most 1 (``VAFScorer(fraction=True)``).
+
     Several runs are fitted together. Lags never cross runs or gaps, and only known data are used:
     regression starts at k_c = max(na + 1, nb + nk) of each run. Confidence intervals are for the
     parameters of the ARX model, not of the operator: a model biased by remnant is precisely wrong.

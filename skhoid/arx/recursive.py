@@ -634,6 +634,9 @@ class RecursiveARX(RecursiveLeastSquares):
 
     Notes
     -----
+    ``score`` is the VAF of the free run in percent: 100 is perfect, where other regressors have R²,
+    at most 1 (``VAFScorer(fraction=True)``).
+
     The first update is at k_c = max(na + 1, nb + nk) of each run, even if θ0 comes from OLS on the
     same data, as in the thesis. Where y or a lag is NaN, nothing is updated and nothing is
     forgotten. :meth:`predict_ahead` uses the θ of ``horizon`` instants before.

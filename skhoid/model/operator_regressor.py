@@ -94,6 +94,9 @@ class OperatorRegressor(GreyBox):
 
     Notes
     -----
+    ``score`` is the VAF of the free run in percent: 100 is perfect, where other regressors have R²,
+    at most 1 (``VAFScorer(fraction=True)``).
+
     Residuals count at 25 Hz, above which operators have hardly any power; the simulation runs at
     the sampling rate. Runs with more remnant weigh less.
 

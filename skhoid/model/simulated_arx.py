@@ -85,6 +85,9 @@ class SimulatedARX(GreyBox, BaseARX):
 
     Notes
     -----
+    ``score`` is the VAF of the free run in percent: 100 is perfect, where other regressors have R²,
+    at most 1 (``VAFScorer(fraction=True)``).
+
     Parameters minimise the sum of squares of the simulation's residual, whitened by an AR model.
     Bounds and starting values of an effect's times follow from how fast the output moves.
     ``predict_ahead`` adds the AR model's prediction of the residual, and ``to_transfer_function``

@@ -38,7 +38,7 @@ def data():
 
 @pytest.fixture
 def model(data):
-    return ARXRegressor(na=1, nb=1, nk=1).fit(*data)
+    return ARXRegressor(na=1, nb=1, nk=1, initial="rest").fit(*data)
 
 
 def titles(display):
@@ -98,6 +98,15 @@ def test_run_in_is_shaded_and_not_scored(data):
         assert "run-in, not scored" in legend_texts(display)
 
 
+@pytest.mark.parametrize("initial", ["rest", "estimate", None])
+def test_its_title_has_the_score(initial, data):
+    X, y = data
+    arx = ARXRegressor(na=1, nb=1, nk=1, initial=initial).fit(X, y)
+    only = X.loc[["B"]], y.loc[["B"]]
+    display = SimulationDisplay.from_estimator(arx, *only)
+    assert titles(display) == [f"B: VAF {arx.score(*only):.1f} %"]
+
+
 def test_window_shows_and_scores_its_rows_only(data, model):
     X, y = data
     display = SimulationDisplay.from_estimator(model, X, y, runs="B", window=(1.0, 3.0))
@@ -110,7 +119,7 @@ def test_window_shows_and_scores_its_rows_only(data, model):
 
 def test_decimated_pipeline_is_drawn_at_full_rate(data):
     X, y = data
-    arx = ARXRegressor(na=1, nb=1, nk=0)
+    arx = ARXRegressor(na=1, nb=1, nk=0, initial="rest")
     pipe = make_pipeline(Decimator(2, padding="odd"), DelayShift(DT), arx).fit(X, y)
     display = SimulationDisplay.from_estimator(pipe, X, y, runs="B")
     expected = pipe.predict(X)[N_ROWS : 2 * N_ROWS]

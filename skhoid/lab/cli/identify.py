@@ -61,7 +61,10 @@ examples:
   skhoid identify run*.csv --memory-time 2.56         a person who adapts
 """
 PICTURES = ["simulation", "delay", "delay-vaf", "orders", "parameters"]
-CRITERIA = {"one_step": "lowest one-step error, used above", "vaf": "highest cross-validated VAF"}
+CRITERIA = {
+    "one_step": "lowest one-step error, used above",
+    "vaf": "highest cross-validated VAF, {}",
+}
 
 
 def add_identify(commands: Any) -> None:
@@ -311,7 +314,7 @@ def _tell(found: Any) -> Any:
                 "fit: that of MATLAB's compare. offset: mean of measured less simulated. Both are "
                 "of the held-out rows."
             ),
-            *([_table_of_delays(found)] if found.delay_searches else []),
+            *([_table_of_delays(found, means)] if found.delay_searches else []),
             parameters_table(chosen.model),
             Paragraph(
                 "Standard errors concern the ARX model's own parameters and allow for a coloured "
@@ -337,11 +340,11 @@ def _table_of_models(found: Any, means: str) -> Any:
     return TextTable(title, header, rows, left=("model", "verdict"))
 
 
-def _table_of_delays(found: Any) -> Any:
+def _table_of_delays(found: Any, means: str) -> Any:
     from ...text import TextTable
 
     rows = [
-        [CRITERIA[name], str(search.best_nk_), f"{search.best_delay_:.4g}"]
+        [CRITERIA[name].format(means), str(search.best_nk_), f"{search.best_delay_:.4g}"]
         for name, search in found.delay_searches.items()
     ]
     return TextTable("Delay", ["criterion", "samples", "seconds"], rows, left=("criterion",))

@@ -104,8 +104,8 @@ def _far_below(part: pd.DataFrame) -> Iterator[tuple[int, str]]:
         if others.size >= RUNS - 1 and np.median(others) > FAR_ABOVE:
             yield (
                 int(at),
-                f"does not follow the error: VAF {vaf[at]:.0f} %, {np.median(others):.0f} % for "
-                "the median of {others}",
+                f"does not follow the error: VAF (about zero) {vaf[at]:.0f} %, "
+                f"{np.median(others):.0f} % for the median of {{others}}",
             )
 
 

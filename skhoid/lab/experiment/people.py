@@ -141,7 +141,7 @@ def _of_conditions(r: PeopleResult) -> list[Block]:
         people = part.drop_duplicates(SUBJECT)
         vaf = people["vaf"].dropna()
         caption = f"{'Fits' if condition == ALL else condition}: " + (
-            f"VAF {vaf.min():.0f} to {vaf.max():.0f} %, median {vaf.median():.0f} %"
+            f"VAF (about zero) {vaf.min():.0f} to {vaf.max():.0f} %, median {vaf.median():.0f} %"
             if len(vaf)
             else "no fit"
         )
