@@ -98,14 +98,17 @@ class BaseARX(RunRegressor):
 
     @property
     def a_(self) -> np.ndarray:
+        self._check_fitted()
         return self.orders_.split(self.coef_)[0]
 
     @property
     def b_(self) -> Any:
+        self._check_fitted()
         return self.orders_.input_rows(self.coef_)
 
     @property
     def intercept_(self) -> float:
+        self._check_fitted()
         return self.orders_.split(self.coef_)[2]
 
     def _check_rank(self, triangle: Triangle, inputs: np.ndarray, output: np.ndarray) -> None:

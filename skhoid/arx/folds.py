@@ -105,6 +105,12 @@ class SplitsRuns(SharedDocs):
         self, X: Any, layout: RunLayout, groups: Any, params: dict[str, Any]
     ) -> dict[str, Any]:
         """What the splitter gets besides rows; groups are checked, and numbered by row."""
+        if "sample_weight" in params:
+            raise TypeError(
+                f"{type(self).__name__} takes no sample_weight: it compares candidates on rows "
+                "that count alike. Make y NaN in rows that shall not count, and give weights to "
+                "the model found: clone(search.best_estimator_).fit(X, y, sample_weight=...)."
+            )
         given = params if groups is None else {"groups": groups, **params}
         if routing_enabled():
             given = dict(process_routing(self, "fit", **given).get("splitter", {}).get("split", {}))

@@ -90,6 +90,7 @@ class FollowedPath(BaseARX):
 
     @property
     def parameters_(self) -> pd.DataFrame:
+        self._check_fitted()
         return arx_parameter_table(
             self.parameter_names_, self.coef_, self.standard_errors_, self._coefficient_units()
         )

@@ -119,7 +119,7 @@ class FreeMap(FreeForm):
 
     @property
     def place(self) -> str:  # type: ignore[override]
-        if self.where not in OVER:
+        if self.at not in (None, *OVER):
             self.check_choices()
         return PLACES.get(self.where) or PLACE_OF[self.where]
 
@@ -364,6 +364,8 @@ class FreeHysteresis(FreeForm):
 
     @property
     def place(self) -> str:  # type: ignore[override]
+        if self.at not in (None, *PLACE_OF):
+            self.check_choices()
         return PLACE_OF[self.where]
 
     @property
@@ -698,6 +700,8 @@ class FreePath(_Remembering):
 
     @property
     def place(self) -> str:  # type: ignore[override]
+        if self.at not in (None, "command", "output"):
+            self.check_choices()
         return "sum" if self.at == "output" else "path"
 
     @property

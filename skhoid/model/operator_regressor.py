@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from itertools import product
 from numbers import Real
@@ -12,6 +13,7 @@ import numpy as np
 from .._sklearn import Interval, StrOptions
 from ..effects.composition import Effects
 from ..effects.record import Record
+from ..exceptions import SlowClockWarning
 from ..preprocessing import doubt_long_delay
 from .controller import FORMS, ControllerCore, fit_controller
 from .cores import LEAST_DELAY, OperatorCore
@@ -171,6 +173,16 @@ class OperatorRegressor(GreyBox):
 
     def prepare(self, X: Any, y: Any, sample_weight: Any = None) -> Prepared:
         prepared = super().prepare(X, y, sample_weight)
+        if self.controller is None and not self._reading.indexed and self.dt is None:
+            warnings.warn(
+                SlowClockWarning(
+                    "X has no time index, so each row counts as 1 s, and no person steers that "
+                    "slowly.",
+                    hint="Give the sampling time in seconds, such as dt=0.01.",
+                    options=["dt"],
+                ),
+                stacklevel=4,
+            )
         if self.delay is not None:
             roles = ("e", "x") if self.controller is None else ("e",)
             doubt_long_delay(self.delay, self.recorded_dt, roles)

@@ -213,10 +213,12 @@ def simulated_model(estimator: Any, purpose: str) -> Any:
     if not isinstance(estimator, GreyBox):
         is_class = isinstance(estimator, type)
         name = estimator.__name__ if is_class else type(estimator).__name__
+        hint = f" the class {name}: pass {name}()." if is_class else f" {name}."
+        if hasattr(estimator, "steps"):
+            hint += f" Put its other steps before: make_pipeline(..., {purpose}(model))."
         raise TypeError(
             f"{purpose} takes an OperatorRegressor, an ARXRegressor, or a model derived from "
-            'skhoid.model.GreyBox (docs/effect-in-depth.md, "A model of your own"); got '
-            + (f"the class {name}: pass {name}()." if is_class else f"{name}.")
+            'skhoid.model.GreyBox (docs/effect-in-depth.md, "A model of your own"); got' + hint
         )
     return estimator
 

@@ -54,10 +54,14 @@ def of_person(roles: Iterable[str]) -> bool:
 
 
 def role_of(name: Any, roles: Mapping[Any, Any] | None = None) -> Any:
-    """Role of a column, from ``roles`` or its name; "" for none."""
+    """Role of a column, from ``roles`` or its name; "" for none.
+
+    A ColumnTransformer calls it ``scaler__e``.
+    """
     if name in (roles or {}):
         return roles[name]  # type: ignore[index]
-    return name if isinstance(name, str) and is_role(name) else OTHER
+    names = [name, name.rpartition("__")[2]] if isinstance(name, str) else []
+    return next(filter(is_role, names), OTHER)
 
 
 def roles_of(names: Sequence[Any], roles: Mapping[Any, Any] | None = None) -> dict[Any, str]:
@@ -113,6 +117,12 @@ def columns_by_role(names: Sequence[Any], roles: Any = None) -> dict[str, int]:
     return found
 
 
+def _hint_at_prefix(column: Any, names: Sequence[Any]) -> str:
+    """How a column keeps its name in a ColumnTransformer, where one has put its step before it."""
+    found = any(str(name).endswith(f"__{column}") for name in names)
+    return " ColumnTransformer(verbose_feature_names_out=False) keeps names." if found else ""
+
+
 def input_columns(
     columns: list[Any] | None,
     n_columns: int,
@@ -147,6 +157,7 @@ def input_columns(
         if position is None:
             raise ValueError(
                 f"{what} names {column!r}, which is not a column of X; the columns are {names}."
+                + _hint_at_prefix(column, names)
             )
         positions.append(position)
     if len(set(positions)) < len(positions):

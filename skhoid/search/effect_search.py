@@ -28,6 +28,7 @@ from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
 from ..effects.parameter import CoreKind
+from ..exceptions import did_you_mean
 from ..human import ELEMENT
 from ..model.estimator import GreyBox, delay_notes
 from ..model.fitting import MOST_ROWS, Criterion, RemnantModel
@@ -75,6 +76,17 @@ from .telling import (
 TRYING = (
     0.5  # of a time limit: judging what was tried takes as long at most, of a relay's 9,800 rows
 )
+INSTEAD = {  # of arguments of GridSearchCV
+    "param_grid": "effects= says what is tried",
+    "param_distributions": "effects= says what is tried",
+    "scoring": "candidates are judged by what they gain in VAF and in likelihood; give the search "
+    "itself to cross_val_score(search, X, y, scoring=...)",
+    "refit": "best_estimator_ is always fitted to all rows",
+    "verbose": "search.set_callbacks(sklearn.callback.ProgressBar()) shows progress",
+    "error_score": "a candidate that cannot be fitted is a row of ranking_ with its reason",
+    "return_train_score": "error_path_ has vaf_train",
+    "pre_dispatch": "n_jobs= is enough",
+}
 NOT_KEPT = ("parameters", "max_effects")  # the best estimator has these, and the search itself
 
 # Data of fits, for as long as others hold them: a search itself keeps none, and is small.
@@ -129,6 +141,9 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     max_rows : int or None, default=200_000
         Maximum number of rows in which to look for effects, in whole runs spread evenly over the
         data; None uses all. The models found are those of all rows.
+    **of_grid_search : dict
+        Nothing: arguments that ``GridSearchCV`` has and this search has not are refused with what
+        does the same.
     time_limit : float or None, default=None
         Seconds that ``fit`` may take, about. In the first half effects are tried; in the other the
         best model so far is judged and told. What was not tried has the status "not tried" in
@@ -177,10 +192,11 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     best_score_ : float
         VAF on held-out rows of that model, each fold refitted, in percent.
     cv_results_ : dict of ndarray
-        As of GridSearchCV: params (``effects``), mean_test_score, rank_test_score, and step. First
-        the models of ``error_path_``, then candidates that were not added.
+        As of GridSearchCV: params, param_effects, mean_test_score (the VAF of all held-out rows
+        together, not a mean over folds), rank_test_score, and step. First the models of
+        ``error_path_``, then candidates that were not added.
     best_index_ : int
-        Of the best model there.
+        Of the best model there, which need not have rank 1: an effect needs evidence, too.
     n_splits_ : int
         Number of folds.
     scorer_ : callable
@@ -268,7 +284,12 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         lost_control: str = LEAVE_OUT,
         max_rows: int | None = MOST_ROWS,
         time_limit: float | None = None,
+        **of_grid_search: Any,
     ):
+        for name in of_grid_search:
+            why = f"; {INSTEAD[name]}." if name in INSTEAD else "."
+            why += did_you_mean(name, self._get_param_names())
+            raise TypeError(f"EffectSearchCV has no argument {name!r}{why}")
         self.estimator = estimator
         self.effects = effects
         self.cv = cv

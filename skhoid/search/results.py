@@ -182,8 +182,12 @@ def compare_models(result: SearchResult, best_effects: Any) -> dict[str, Any]:
         steps.append(row["step"])
     mean = np.array(scores, dtype=float)
     order = pd.Series(mean).rank(method="min", ascending=False, na_option="bottom")
+    effects = np.ma.masked_all(len(params), dtype=object)
+    for i, one in enumerate(params):
+        effects[i] = one["effects"]
     return {
         "params": params,
+        "param_effects": effects,
         "step": np.array(steps),
         "mean_test_score": mean,
         "rank_test_score": order.to_numpy().astype(np.int32),

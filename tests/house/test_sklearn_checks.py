@@ -31,7 +31,7 @@ ESTIMATORS = [
     SMALL,
     # Of four parameters, as elsewhere: a recursion is compiled for each number of them.
     RecursiveARX(inputs=[0], **RECURSIONS[0]),
-    OperatorRegressor(),
+    OperatorRegressor(dt=1.0),
     Decimator(),
     DelayShift(),
     RunInTrimmer(),
@@ -39,7 +39,7 @@ ESTIMATORS = [
 COSTLY = [
     DelaySearchCV(SMALL, nk=[0, 1]),
     OrderSearchCV(ARXRegressor(inputs=[0]), na=[1], nb=[1]),
-    EffectSearchCV(OperatorRegressor(delay=1.0), effects=["bias"], max_effects=0),
+    EffectSearchCV(OperatorRegressor(delay=1.0, dt=1.0), effects=["bias"], max_effects=0),
     RecursiveBoxJenkins(na=1, nb=1, inputs=[0], noise_order=0, init_window=1000),
     RecursiveARX(inputs=[0], **RECURSIONS[1]),
 ]
