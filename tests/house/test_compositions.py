@@ -43,6 +43,17 @@ def test_bagging_and_boosting_pass_bare_rows_as_the_docs_say(kind):
     kind(Seen(nk=3), n_estimators=1, random_state=0).fit(X, Y)
 
 
+def test_bagging_draws_by_weights_and_keeps_the_order_of_rows():
+    x, y = X.loc[[1]].to_numpy(), Y.loc[[1]].to_numpy()
+    model = ARXRegressor(nk=3)
+    bag = BaggingRegressor(model, n_estimators=5, random_state=0).fit(x, y)
+    twin = model.fit(x, y)
+    assert np.mean([one.coef_ for one in bag.estimators_], axis=0) == pytest.approx(
+        twin.coef_, abs=5 * twin.standard_errors_.max()
+    )
+    assert bag.score(x, y) > twin.score(x, y) / 100 - 0.02
+
+
 def test_stacking_and_voting_pass_runs_on():
     expected = ARXRegressor(nk=3).fit(X, Y).predict(X)
     voted = VotingRegressor([("model", MODEL)]).fit(X, Y)
@@ -67,7 +78,7 @@ def test_selection_by_importance_does_not_take_lags_for_columns(model):
     assert selected.fit(X, Y).transform(X).shape[1] > 0
 
 
-@pytest.mark.parametrize("model", [OperatorRegressor(), DelaySearchCV(ARXRegressor(), nk=[2, 3])])
+@pytest.mark.parametrize("model", [OperatorRegressor(dt=0.01), DelaySearchCV(ARXRegressor(), nk=[2, 3])])
 def test_selection_by_importance_refuses_what_has_no_coefficients(model):
     for selector in (RFE(model), SelectFromModel(model)):
         with pytest.raises(ValueError, match="should have `coef_`"):
