@@ -353,7 +353,6 @@ class CoefficientsOfLags:
             return self
         found = vars(model).get("coef_")
         if found is None:
-            model._check_fitted()  # an error that is an AttributeError, too, and says what lacks
             raise AttributeError(f"{type(model).__name__!r} object has no attribute 'coef_'")
         asking = sys._getframe(1).f_globals.get("__name__", "")
         if asking.startswith("sklearn.feature_selection") and not model.one_coefficient_per_column:

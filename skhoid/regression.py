@@ -312,14 +312,14 @@ class RunRegressor(RemembersParameters, SharedDocs, FittedDisplay, RegressorMixi
         vaf : float
             Unclipped, at least -1000; rows of a marked run-in are left out.
         """
+        self._check_fitted()
+        layout = self._read_X(X, reset=False)[0].layout
         measured = self._read_y(X, y)
         weights = as_weights(sample_weight, X, measured.size)
         counts = np.ones(measured.size) if weights is None else weights
         # A row that does not count does not say how a run began either.
-        prediction, fed = self.prediction_from(
-            X, y if weights is None else np.where(counts > 0.0, measured, np.nan)
-        )
-        layout = self._read_X(X, reset=False)[0].layout
+        told = y if weights is None else np.where(counts > 0.0, measured, np.nan)
+        prediction, fed = self.prediction_from(X, told)
         keep = scored_rows(layout, None, None) & fed & (counts > 0.0)
         warn_of_unscored(layout, measured, keep)
         measured, prediction = (np.sqrt(counts) * signal for signal in (measured, prediction))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from copy import copy, deepcopy
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from sklearn.exceptions import NotFittedError
@@ -129,6 +129,14 @@ class Streaming(RunRegressor):
     """
 
     init_window: float
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Say of fitted attributes that a stream has too few rows yet, as predictions do."""
+            if name.endswith("_") and "_pending" in vars(self):
+                self._check_fitted()
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def _begun(self, X: np.ndarray, y: np.ndarray, fresh: np.ndarray) -> Recursion | None:
         raise NotImplementedError

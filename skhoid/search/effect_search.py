@@ -141,13 +141,13 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     max_rows : int or None, default=200_000
         Maximum number of rows in which to look for effects, in whole runs spread evenly over the
         data; None uses all. The models found are those of all rows.
-    **of_grid_search : dict
-        Nothing: arguments that ``GridSearchCV`` has and this search has not are refused with what
-        does the same.
     time_limit : float or None, default=None
         Seconds that ``fit`` may take, about. In the first half effects are tried; in the other the
         best model so far is judged and told. What was not tried has the status "not tried" in
         ``ranking_``, and a note lists it. None means as long as it takes.
+    **of_grid_search : dict
+        Nothing: arguments that ``GridSearchCV`` has and this search has not are refused with what
+        does the same.
 
     Attributes
     ----------

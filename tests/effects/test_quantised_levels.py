@@ -21,6 +21,7 @@ def test_step_is_within_the_range(at):
     assert step.max <= np.ptp(seen) / (1 if at == "error" else 2) * (1 + 1e-9)
 
 
+@pytest.mark.filterwarnings("ignore::skhoid.NothingExplainedWarning")
 @pytest.mark.parametrize("seed", [1, 2])
 def test_two_levels_are_no_quantisation(seed):
     """An output far from zero, which a step that large would imitate."""

@@ -78,7 +78,9 @@ def test_selection_by_importance_does_not_take_lags_for_columns(model):
     assert selected.fit(X, Y).transform(X).shape[1] > 0
 
 
-@pytest.mark.parametrize("model", [OperatorRegressor(dt=0.01), DelaySearchCV(ARXRegressor(), nk=[2, 3])])
+@pytest.mark.parametrize(
+    "model", [OperatorRegressor(dt=0.01), DelaySearchCV(ARXRegressor(), nk=[2, 3])]
+)
 def test_selection_by_importance_refuses_what_has_no_coefficients(model):
     for selector in (RFE(model), SelectFromModel(model)):
         with pytest.raises(ValueError, match="should have `coef_`"):
