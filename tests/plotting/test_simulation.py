@@ -142,7 +142,8 @@ def test_many_runs_and_their_names():
 def test_array_with_run_column_and_sampling_time_of_the_estimator(data, model):
     X, y = data
     array = np.column_stack([np.repeat([3, 4, 5], N_ROWS), X["e"]])
-    of_array = ARXRegressor(na=1, nb=1, nk=1, dt=DT, run=0).fit(array, y.to_numpy())
+    rest = ARXRegressor(na=1, nb=1, nk=1, initial="rest", dt=DT, run=0)
+    of_array = rest.fit(array, y.to_numpy())
     display = SimulationDisplay.from_estimator(of_array, array, y.to_numpy())
     assert list(display.traces) == ["run 3.0", "run 4.0", "run 5.0"]
     twin = SimulationDisplay.from_estimator(model, X, y)
