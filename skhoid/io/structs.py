@@ -140,6 +140,12 @@ def _spread_list(name: str, items: list[Any], found: Columns, shapes: Counter[An
     elif items and all(isinstance(item, str) for item in items):
         found.arrays[name] = np.array(items)
     else:
+        rows = isinstance(items, Structs) and len(items) >= LEAST
+        if rows and all(np.size(v) == 1 for item in items for v in item.values()):
+            for key in items[0]:  # each element is a sample
+                values = np.array([np.ravel(item[key])[0] for item in items])
+                _spread(f"{name}.{key}", values, found, shapes)
+            return
         found.unreadable[name] = _IS_STRUCTS if isinstance(items, Structs) else _IS_CELL
         for key in items[0] if isinstance(items, Structs) and items else ():
             found.unreadable[f"{name}.{key}"] = _IS_STRUCTS
@@ -151,7 +157,7 @@ def _spread_struct(
     if name:
         found.unreadable[name] = _IS_STRUCT.format(f"{name}.{next(iter(node), 'field')}")
     recorded = _recorded(node)
-    fields = node if recorded is None else recorded
+    fields = {k: _side_by_side(v) for k, v in (node if recorded is None else recorded).items()}
     channels = {key: _labels_of(key, value, node, shapes) for key, value in fields.items()}
     counts = {len(labels) for labels in channels.values() if labels}
     for key, value in fields.items():
@@ -171,6 +177,14 @@ def _spread_struct(
             found.aliases |= {f"{own}:{number}": column, column: column}
             found.aliases |= {f"{own}(:,{number})": column} if value is by_column else {}
             found.aliases |= {f"{own}({number},:)": column} if value is not by_column else {}
+
+
+def _side_by_side(value: Any) -> Any:
+    """Vectors of one length in a cell as a matrix; anything else as it is."""
+    vectors = isinstance(value, list) and all(_is_signal(v) and _length(v) for v in value)
+    if vectors and len(value) > 1 and len({v.size for v in value}) == 1:
+        return np.column_stack([v.ravel() for v in value])
+    return value
 
 
 def _recorded(node: dict[str, Any]) -> dict[str, Any] | None:

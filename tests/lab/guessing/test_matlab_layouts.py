@@ -120,6 +120,26 @@ OF_ONE = {
         "outputs": np.c_[t, u],
         "outputNames": cells("time", "stick"),
     },
+    "a struct a sample": {
+        "S": structs(
+            *({"time": a, "error": b, "stick": c} for a, b, c in zip(t, e, u, strict=True))
+        )
+    },
+    "a cell of vectors": {
+        "header": cells("time", "error", "stick"),
+        "log": cells(column(t), column(e), column(u)),
+    },
+    "scope": {
+        "ScopeData": {
+            "time": column(t),
+            "signals": structs(
+                *(
+                    {"values": column(v), "label": "", "title": n}
+                    for n, v in (("error", e), ("stick", u))
+                )
+            ),
+        }
+    },
     "structs in structs": {
         "D": {"Position": {"target": column(target), "actual": column(x)}, "Stick": u, "fs": 100}
     },
