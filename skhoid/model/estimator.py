@@ -180,7 +180,7 @@ class GreyBox(RunRegressor):
         criterion = Criterion(model.simulator.record)
         plain = model.refined(criterion)
         self.simulation_parameters_ = tabulate_least_error(plain, criterion, prepared)
-        vaf = vaf_of_output(plain.simulator.record, plain.output)
+        vaf = vaf_of_output(plain.simulator.record, plain.simulator.run_ahead(plain.theta))
         if vaf - self.vaf_ > SAME_VAF:
             rmse = self.simulation_.rmse * np.sqrt((100 - vaf) / (100 - self.vaf_))
             self.simulation_ = replace(self.simulation_, predicting=plain.theta, rmse=float(rmse))
@@ -207,7 +207,7 @@ class GreyBox(RunRegressor):
             intervals = find_profile_intervals(model, own, covariance)
         else:
             covariance = model.covariance()
-        n, output = criterion.n, model.output
+        n, output = criterion.n, model.simulator.run_ahead(model.theta)
         self.noise_ar_ = noise.ar
         self.loglik_ = -0.5 * n * float(np.log(max(model.sse, 1e-300) / n))
         self.bic_ = -2 * self.loglik_ + model.n_parameters * float(np.log(n))
