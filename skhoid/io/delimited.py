@@ -95,7 +95,8 @@ class _Sheet:
     def body(self) -> str:
         """The rows; comments among them are blank lines."""
         rows = self.text.split("\n", self.skip)[-1] if self.skip else self.text
-        return re.sub(r"(?m)^[ \t]*[#%].*$", "", rows)
+        commented = "#" in rows or "%" in rows  # which is much faster to see
+        return re.sub(r"(?m)^[ \t]*[#%].*$", "", rows) if commented else rows
 
     @cached_property
     def cells(self) -> pd.DataFrame:

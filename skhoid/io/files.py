@@ -348,8 +348,8 @@ def as_numbers(values: Any, where: str) -> np.ndarray:
 _DAY = 86400.0  # s
 _SHORTEST = 1e-5  # of a clock in s, whose steps are longer: it would be 0.9 s in days
 _TIME_OF_DAY = re.compile(
-    r"^(?P<date>.*?)[T\s,_]*(?:(?P<h>\d{1,2}):)?(?P<m>\d{1,2}):(?P<s>\d{1,2}(?:[.,:]\d+)?)"
-    r"\s*(?P<half>[AaPp])?(?(half)\.?\s?[Mm]\.?)\s*(?:Z|UTC|GMT|[+-]\d\d:?\d\d)?\s*$"
+    r"(?:(\d{1,2}):)?(\d{1,2}):(\d{1,2}(?:[.,:]\d+)?)"
+    r"\s*(?:([AaPp])\.?\s?[Mm]\.?)?\s*(?:Z|UTC|GMT|[+-]\d\d:?\d\d)?$"
 )
 
 
@@ -364,19 +364,26 @@ def read_clock(raw: Any) -> np.ndarray:
         return _DAY * _since_first(numbers) if _are_days(numbers) else numbers
     if series.dtype.kind in "mM":
         return (series - series[series.first_valid_index()]).dt.total_seconds().to_numpy()
-    texts = series.where(series.notna(), "").astype(str).str.strip()
-    parts = texts.str.extract(_TIME_OF_DAY)
-    if 2 * parts["s"].notna().sum() < series.notna().sum():
+    texts = series.where(series.notna(), "").astype(str).str.strip().tolist()
+    found = [_TIME_OF_DAY.search(text) for text in texts]
+    if 2 * sum(map(bool, found)) < series.notna().sum():
         return numbers
-    hours = pd.to_numeric(parts["h"]).fillna(0.0)
-    half = parts["half"].str.casefold()
-    hours = hours.where(half.isna(), hours % 12) + 12 * (half == "p")
-    seconds = pd.to_numeric(parts["s"].str.replace("[,:]", ".", regex=True))
-    time = (3600 * hours + 60 * pd.to_numeric(parts["m"]) + seconds).to_numpy()
-    dates = parts["date"].fillna("").str.strip()
+    hours, minutes, seconds = np.array(
+        [
+            (float(m[1] or 0), float(m[2]), float(re.sub("[,:]", ".", m[3]))) if m else [np.nan] * 3
+            for m in found
+        ]
+    ).T
+    half = np.array([(m[4] or "").casefold() if m else "" for m in found])
+    hours = np.where(half == "", hours, hours % 12 + 12 * (half == "p"))
+    time = 3600 * hours + 60 * minutes + seconds
+    dates = pd.Series(
+        [t[: m.start()].rstrip("T_, ") if m else "" for t, m in zip(texts, found, strict=True)]
+    )
     if dates.str.len().max() > 0:
         return _since_first(time + _DAY * dates.map(_days_of(dates)).to_numpy(dtype=float))
-    whole = _DAY / 2 if half.isna().all() and hours.between(1, 12).all() else _DAY
+    twelve = (half == "").all() and np.nanmin(hours) >= 1 and np.nanmax(hours) < 13
+    whole = _DAY / 2 if twelve else _DAY
     return _since_first(time + whole * np.cumsum(np.diff(time, prepend=time[0]) < -whole / 2))
 
 

@@ -613,7 +613,9 @@ class _Guess:
                 f"No column is {plainly} the error e, or the target f_t, which the person answers."
             )
             inputs = left if output_known or "u" in there or len(left) < 2 else left[1:]
-            options = [("target" if place else "input", c.header) for c in inputs[:_OFFERED]]
+            options = [("input", c.header) for c in inputs[:_OFFERED]]
+            if place:  # beside x the target may have been recorded, or the error
+                options = [(o, c.header) for c in inputs[:_OFFERED] for o in ("target", "input")]
             options = options or ([("input", place.header)] if place else [("input", "NAME")])
             self.guess.problems.append(Problem(text, tuple(options)))
 
