@@ -164,9 +164,10 @@ def robust_covariance(
     for lag in range(int(bandwidth) + 1):
         share = 1 - lag / (bandwidth + 1)
         for score, act in zip(scores, acting, strict=True):
-            cross = share * score[lag:].T @ score[: len(score) - lag]
+            earlier = slice(max(len(score) - lag, 0))  # none in a stretch as short as the lag
+            cross = share * score[lag:].T @ score[earlier]
             long_run += cross + cross.T if lag else cross
-            squares = np.einsum("tp,tp->p", act[lag:] ** 2, act[: len(act) - lag] ** 2)
+            squares = np.einsum("tp,tp->p", act[lag:] ** 2, act[earlier] ** 2)
             spread += (2 if lag else 1) * share**2 * squares
     power = sum(np.einsum("tp,tp->p", act, act) for act in acting)
     known = power**2 / np.maximum(spread, np.finfo(float).tiny)

@@ -43,7 +43,7 @@ class Bias(Effect):
     formula = "u + level"
     tex = r"u' = u + \mathrm{level}"
     source = "Ljung (1999)"
-    parameters = (Parameter("level", U, -20.0, 20.0, (0.1,), "offset"),)
+    parameters = (Parameter("level", U, -1e4, 1e4, (0.1,), "offset"),)
     neutral = {"level": 0.0}
     within = ("drift",)  # that has settled
     citation = "Ljung, System identification (1999), section 14.1."

@@ -128,6 +128,8 @@ def _filter_by_denominator(
     y = filtered(record.y)
     columns = [-_delay(y, i + 1) for i in range(core.na)]
     columns += _stack_inputs(core, record, x, filtered)
+    if not core.intercept:  # else an offset of the output is told as a slow pole
+        columns.append(filtered(np.ones_like(y)))
     usable = record.known.copy()
     for lag in range(1, core.na + 1):
         usable[lag:] &= record.known[:-lag]

@@ -369,8 +369,8 @@ class ARXCore(Core):
         self.sizes = sizes or {}
         self.parameters = (
             *(Parameter(f"a{i + 1}", ONE, meaning="of the output") for i in range(na)),
-            *(Parameter(f"b{i}", U / E, meaning="of the input", scale=ONE) for i in range(nb)),
-            *[Parameter("intercept", U, meaning="constant", scale=ONE)] * intercept,
+            *(Parameter(f"b{i}", U / E, meaning="of the input") for i in range(nb)),
+            *[Parameter("intercept", U, meaning="constant")] * intercept,
         )
 
     def add_to_record(self, record: Record) -> Record:

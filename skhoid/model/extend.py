@@ -79,6 +79,9 @@ def extended(
         starts = [make_start(rough, simulator, name, v) for v in values]
         if effect.place == "delay":
             starts = [restart_core(simulator, coarse, start) for start in starts]
+        elif effect.place == "sum":  # an offset may have made the parent's poles slow
+            plain = core.starts_for(coarse.record, coarse.record.input)
+            starts += [np.r_[own, starts[0][len(own) :]] for own in plain]
         starts += [apply_start(simulator, one, start) for one in starts[:1] if start]
         for other in parent.other_cores:
             starts += [make_start(rough, simulator, name, v, other) for v in values]

@@ -316,3 +316,12 @@ def test_stock_cross_validation_over_runs():
         np.testing.assert_allclose(
             predictions[groups == run], model.predict(X.loc[[run]]), rtol=1e-12
         )
+
+
+def test_hac_of_a_record_in_many_short_stretches():
+    X, y = arx_runs(1, 3000)
+    lost = np.random.default_rng(0).random(len(X)) < 0.05
+    whole = ARXRegressor(2, 2, 3, covariance="hac").fit(X, y)
+    cut = ARXRegressor(2, 2, 3, covariance="hac").fit(X[~lost], y[~lost])
+    np.testing.assert_allclose(cut.coef_, whole.coef_, atol=4 * cut.standard_errors_.max())
+    assert np.all(cut.standard_errors_ > whole.standard_errors_)

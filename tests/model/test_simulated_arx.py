@@ -195,6 +195,28 @@ def test_search_names_it(name, others):
     assert search.score(X, y) > 99.8 > search.baseline_.score(X, y)
 
 
+@pytest.mark.parametrize(("of_e", "of_u"), [(1e6, 1e-6), (1e-9, 1e9), (57.3, 0.0175)])
+def test_units_change_no_name(of_e, of_u):
+    X, y = runs(lambda r: linear(gap(r["e"].to_numpy(), 1.0)), noise=0.3)
+    search = EffectSearchCV(arx(), effects=["dead_zone"]).fit(X[["e"]] * of_e, y * of_u)
+    assert search.best_effects_ == ["dead_zone"]
+    width = search.best_estimator_.parameters_.loc["dead_zone__width", "value"]
+    assert width == pytest.approx(1.0 * of_e, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("level", "noise", "seed"), [(1.0, 0.1, 0), (-5.0, 0.1, 1), (30.0, 0.3, 2)]
+)
+def test_an_offset_of_the_output_is_a_bias(level, noise, seed):
+    X, y = runs(lambda r: linear(r["e"].to_numpy()), noise=noise)
+    y = y + level
+    model = ARXRegressor(2, 2, NK).with_effect("bias").fit(X, y)
+    assert model.parameters_.loc["bias__level", "value"] == pytest.approx(level, rel=0.1)
+    np.testing.assert_allclose(model.parameters_["value"].iloc[:2], A, atol=0.05)
+    search = EffectSearchCV(arx(), effects=["bias", "dead_zone"]).fit(X, y)
+    assert search.best_effects_ == ["bias"]
+
+
 def test_search_finds_nothing_in_a_linear_system():
     X, y = runs(lambda r: linear(r["e"].to_numpy()), noise=0.3)
     some = ["dead_zone", "bias", "higher_order", "nm_mode", "extra_lead"]
