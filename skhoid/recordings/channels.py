@@ -104,9 +104,13 @@ def check_channels(
         _slower,
         _missing,
         _constant,
+        _wrapping,
     ):
         findings += check(recording)
     return findings
+
+
+TURNS = (360.0, 2 * np.pi)  # in degrees and radians
 
 
 def _error_signal(recording: RawRecording) -> Iterator[Finding]:
@@ -466,6 +470,33 @@ def _missing(recording: RawRecording) -> Iterator[Finding]:
             else "Cut out long stretches, or fill short ones by interpolation (X.interpolate()).",
             about=str(name),
         )
+
+
+def _wrapping(recording: RawRecording) -> Iterator[Finding]:
+    """Angles that jump back by a turn from one row to the next."""
+    for name, values in recording.values.items():
+        known = values[np.isfinite(values)]
+        for turn in TURNS:
+            steps = [np.diff(values[rows]) for rows in recording.runs]
+            size = np.abs(np.concatenate([*steps, np.zeros(0)]))
+            size = size[np.isfinite(size)]
+            if not size.size or np.ptp(known) > turn * (1 + 1e-6):
+                continue
+            jumps, rest = size[size > 0.75 * turn], size[size <= 0.75 * turn]
+            most = rest.max(initial=0.0)
+            # Unwrapped, it moves there as it does elsewhere; spikes and pulses do not.
+            if not jumps.size or most > turn / 4 or (np.abs(jumps - turn) > most).any():
+                continue
+            yield Finding(
+                "wrapped angle",
+                f"{name} jumps by a turn {counted(jumps.size, 'time')}",
+                f"It jumps by {jumps.min():.4g} or more of {turn:.4g}; elsewhere it moves by "
+                f"{most:.3g} at most from row to row.",
+                "An angle that wraps: a model cannot follow the jump, and looks for effects in it.",
+                f"Unwrap it in each run: numpy.unwrap({name}, period={turn:.8g}).",
+                about=str(name),
+            )
+            break
 
 
 def _constant(recording: RawRecording) -> Iterator[Finding]:

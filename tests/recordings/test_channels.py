@@ -381,3 +381,40 @@ def test_arrays_and_run_columns():
     assert check_channels(np.column_stack([phi, rate]), dt=DT) == []
     copied = check_channels(np.column_stack([phi, phi]), 2 * phi, dt=DT)
     assert names(copied) == ["copy"] * 3
+
+
+def turning(turn, *, start=0.0, slope=0.3, n=2000):
+    """An angle that goes on turning, slowly and unevenly."""
+    return np.mod(turn * (start + np.cumsum(slope + np.sin(np.arange(n) / 90)) / 400), turn)
+
+
+@pytest.mark.parametrize(
+    "angle",
+    [
+        turning(360.0),
+        turning(2 * np.pi),
+        turning(360.0, start=0.9) - 180.0,
+        turning(2 * np.pi, slope=-0.4) - np.pi,
+        turning(360.0, start=0.4, slope=0.2),
+    ],
+)
+def test_an_angle_that_wraps_is_said(angle):
+    found = [one for one in check_channels(angle[:, None], dt=0.02) if one.name == "wrapped angle"]
+    assert len(found) == 1
+    turn = 360.0 if np.ptp(angle) > 7 else 2 * np.pi
+    assert f"period={turn:.8g}" in found[0].next_step
+    whole = np.unwrap(angle, period=turn)
+    assert not [o for o in check_channels(whole[:, None], dt=0.02) if o.name == "wrapped angle"]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        np.sign(np.sin(np.arange(2000) / 90)) * 3.0,  # a square wave of 6
+        np.where(np.arange(2000) % 500 == 7, 300.0, 0.0),  # spikes
+        np.repeat(np.random.default_rng(0).uniform(0, 6, 40), 50),
+        360 * np.random.default_rng(0).uniform(size=2000),
+    ],
+)
+def test_what_jumps_and_is_no_angle_is_not(other):
+    assert not [o for o in check_channels(other[:, None], dt=0.02) if o.name == "wrapped angle"]
