@@ -83,6 +83,7 @@ def test_a_run_in_leaves_whole_periods(run_in, n_runs):
     if run_in:
         assert "has a period of 20 s" in " ".join(map(str, found.notes))
         assert "1 whole period" in " ".join(map(str, found.notes))
+        assert "whole periods" in [note.kind for note in found.notes]
     late = X.index.get_level_values("time") >= run_in - 1e-9
     assert (found.traces["scored"].to_numpy() == late).all()
 
@@ -134,8 +135,10 @@ def test_a_free_run_that_does_not_settle_is_said():
         """A model whose start takes a minute to be forgotten."""
         return 5 * np.exp(-np.arange(len(X)) / 3600) + X["e"].to_numpy()
 
-    notes = " ".join(note.with_hint for note in compare(Gives(slow), X, y).notes)
+    found = compare(Gives(slow), X, y).notes
+    notes = " ".join(note.with_hint for note in found)
     assert "still shows its start" in notes
+    assert "unsettled" in [note.kind for note in found]
     assert "longer run_in" in notes
 
 
@@ -167,7 +170,8 @@ def test_a_disturbance_that_nobody_answers_costs_nothing(seed, slowness):
     found = compare(Gives(lambda X: predicted), idle, y, run_in=5.0)
     assert found.ceiling_route == "repeats"
     assert found.noise_ceiling == pytest.approx(truth, abs=2)
-    assert "nobody answers" in " ".join(map(str, found.notes))
+    assert "output does not follow it" in " ".join(map(str, found.notes))
+    assert "idle disturbance" in [note.kind for note in found.notes]
 
 
 @pytest.mark.parametrize("seed", [3, 4])

@@ -32,6 +32,7 @@ def test_it_says_where_it_looked(data, search):
     assert len(search.searched_runs_) == 3
     assert {*search.searched_runs_} < {*run_labels(data[0])}
     note = search.notes_[0]
+    assert note.kind == "some runs"
     assert note.text.startswith("effects were looked for in 3 of 6 runs")
     assert "max_rows=None" in note.hint
     assert search.best_effects_ == ["saturation"]
