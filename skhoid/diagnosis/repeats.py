@@ -100,7 +100,8 @@ def grouped(
     members, apart = runs_in_common(layout, stretches, outside, labels)
     groups = []
     notes = [
-        Note("idle disturbance", f"{name} is recorded, and the output does not follow it") for name in idle
+        Note("idle disturbance", f"{name} is recorded, and the output does not follow it")
+        for name in idle
     ]
     decided = BY_TARGET
     if labels is not None:
