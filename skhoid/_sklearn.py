@@ -133,9 +133,10 @@ SHARED = {
     "sample_weight": (
         "sample_weight : array-like of shape (n_rows,), float or None, default=None",
         "Weight of each row of y in the squares, as the inverse of the variance of its noise: only",
-        "ratios count, so that standard errors do not shrink where all are doubled. Runs of weight",
-        "2 give the estimates of runs that are there twice. 0 means that y was not measured, as",
-        "NaN does; a small weight does not: the row still serves as a lag.",
+        "ratios count (and in a recursion the size beside P0), so that standard errors do not",
+        "shrink where all are doubled. Runs of weight 2 give the estimates of runs that are there",
+        "twice. 0 means that y was not measured, as NaN does; a small weight does not: the row",
+        "still serves as a lag.",
     ),
     "groups": (
         "groups : array-like of shape (n_rows,) or None, default=None",

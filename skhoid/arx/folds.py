@@ -108,8 +108,8 @@ class SplitsRuns(SharedDocs):
         if "sample_weight" in params:
             raise TypeError(
                 f"{type(self).__name__} takes no sample_weight: it compares candidates on rows "
-                "that count alike. Make y NaN in rows that shall not count, and give weights to "
-                "the model found: clone(search.best_estimator_).fit(X, y, sample_weight=...)."
+                "that count alike. Make y NaN in rows that shall not count, and fit the model "
+                "found anew with weights."
             )
         given = params if groups is None else {"groups": groups, **params}
         if routing_enabled():

@@ -206,7 +206,8 @@ class DelayShift(RowPreservingTransformer):
             run = int(np.argmin(lengths))
             raise ShortRunError(
                 f"delay={self.delay:g} s is longer than run {layout.labels[run]!r}, which lasts "
-                f"{lengths[run] * layout.dt:g} s."
+                f"{lengths[run] * layout.dt:g} s. It is in seconds: {self.delay:g} samples, as nk "
+                f"counts them, are delay={self.delay * layout.dt:g}."
             )
         names = self._reading.names or []
         doubt_long_delay(self.delay, layout.dt, roles_of(names, self.roles).values())

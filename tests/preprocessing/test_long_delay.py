@@ -6,7 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhoid import DelayShift, LongDelayWarning, OperatorRegressor, make_tracking_runs
+from skhoid import (
+    DelayShift,
+    LongDelayWarning,
+    OperatorRegressor,
+    ShortRunError,
+    make_tracking_runs,
+)
 
 N = 3000
 CLOCKED = pd.MultiIndex.from_product([[0], np.arange(N) * 0.01], names=["run", "time"])
@@ -59,6 +65,11 @@ def test_what_cannot_be_mistaken_is_not(delay, X, dt):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         DelayShift(delay, dt=dt).fit(X)
+
+
+def test_a_delay_longer_than_the_run_is_in_seconds_too():
+    with pytest.raises(ShortRunError, match=r"seconds: 29 samples, as nk counts.*delay=0\.29"):
+        DelayShift(29).fit(PERSON[:1000])
 
 
 def test_roles_say_who_answers():

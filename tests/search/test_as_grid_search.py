@@ -23,6 +23,7 @@ from skhoid import (
     OperatorRegressor,
     OrderSearchCV,
     RecursiveARX,
+    RecursiveARXCV,
     make_tracking_runs,
     run_labels,
 )
@@ -135,7 +136,9 @@ def test_what_it_has_not_is_said(argument, says):
     assert says in str(told.value)
 
 
-@pytest.mark.parametrize("search", [SEARCH, OrderSearchCV(ARXRegressor(), na=[1], nb=[1])])
+@pytest.mark.parametrize(
+    "search", [SEARCH, OrderSearchCV(ARXRegressor(), na=[1], nb=[1]), RecursiveARXCV([64])]
+)
 def test_searches_take_no_weights(search):
     with pytest.raises(TypeError, match=r"takes no sample_weight.*Make y NaN"):
         clone(search).fit(X, Y, sample_weight=np.ones(len(Y)))
