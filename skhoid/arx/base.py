@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy import linalg, signal
 
 from .. import _kernels
 from .._sklearn import DT, CoefficientsOfLags, Interval
@@ -24,6 +25,7 @@ from .least_squares import Triangle, rank_error
 from .orders import Orders, regressors
 
 FARTHEST = 2**62  # rows; more cannot be counted
+ON_THE_AXIS = 1e-9  # imaginary part of a pole there, by rounding
 BOUND = 1e100  # of simulated outputs; its square still sums without overflow
 
 
@@ -142,8 +144,8 @@ class BaseARX(RunRegressor):
             units += [f"{output}/{self._units.get(channel) or f'[{channel}]'}"] * nb
         return units + [output] * self.orders_.intercept
 
-    def to_transfer_function(self, backend: str = "scipy") -> Any:
-        """Return the discrete-time transfer function from the inputs to the output.
+    def to_transfer_function(self, backend: str = "scipy", *, continuous: bool = False) -> Any:
+        """Return the transfer function from the inputs to the output, in discrete time or not.
 
         G(z) = z^-nk (b_0 + b_1 z^-1 + ...) / (1 + a_1 z^-1 + ...), with the sampling time ``dt_``.
         It includes neither the intercept nor a :class:`DelayShift` before the model.
@@ -152,16 +154,26 @@ class BaseARX(RunRegressor):
         ----------
         backend : {"scipy", "control"}, default="scipy"
             Library of the result; python-control is an extra: ``pip install "skhoid[control]"``.
+        continuous : bool, default=False
+            Invert the zero-order hold (the inputs are constant between samples): the system in
+            continuous time of which G(z) holds the samples, and its delay apart, in s, (nk - 1)
+            ``dt_``. Needs poles off the negative real axis, and ``nb`` of at most ``na`` (for nk =
+            0, where the input acts at once, one more).
 
         Returns
         -------
         G : scipy.signal.dlti, dict of them by input, or control.TransferFunction
             With several inputs, a dict ``{input: dlti}`` for SciPy, which has no multi-input
-            systems with delays, and one system for python-control.
+            systems with delays, and one system for python-control. If ``continuous``, a tuple of a
+            system (``scipy.signal.lti`` or ``control.TransferFunction``) and its delay, or a dict
+            of them by input.
         """
         self._check_fitted()
         if backend not in ("scipy", "control"):
             raise ValueError(f"backend must be 'scipy' or 'control'; got {backend!r}.")
+        if continuous:
+            found = continuous_systems(self.orders_, self.coef_, self.dt_, backend)
+            return found[0] if len(found) == 1 else dict(zip(self.inputs_, found, strict=True))
         return transfer_function(
             self.orders_, self.coef_, self.dt_, self.inputs_, self.output_name, backend
         )
@@ -625,12 +637,7 @@ def transfer_function(
         numerator = np.trim_zeros(numerator, "f")
         polynomials.append((numerator if numerator.size else np.zeros(1), denominator))
     if backend == "control":
-        try:
-            import control
-        except ImportError as error:
-            raise ImportError(
-                'backend="control" needs python-control: pip install "skhoid[control]".'
-            ) from error
+        control = _import_control()
         numerators, denominators = zip(*polynomials, strict=True)
         return control.TransferFunction(
             [[n.tolist() for n in numerators]],
@@ -639,7 +646,64 @@ def transfer_function(
             inputs=list(inputs),
             outputs=[output],
         )
-    from scipy import signal
-
     systems = [signal.dlti(n, d, dt=dt) for n, d in polynomials]
     return systems[0] if len(systems) == 1 else dict(zip(inputs, systems, strict=True))
+
+
+def _import_control() -> Any:
+    try:
+        import control
+    except ImportError as error:
+        raise ImportError(
+            'backend="control" needs python-control: pip install "skhoid[control]".'
+        ) from error
+    return control
+
+
+def continuous_systems(
+    orders: Orders, theta: np.ndarray, dt: float, backend: str
+) -> list[tuple[Any, float]]:
+    """Systems whose samples under zero-order hold are the model, each with its delay in s.
+
+    With states x, [x, u] a sample later is expm([[A, B], [0, 0]] dt) [x, u].
+    """
+    a, b, _ = orders.split(theta)
+    poles = np.roots(np.r_[1.0, a])
+    bad = poles[(poles.real <= 0.0) & (np.abs(poles.imag) <= ON_THE_AXIS)]
+    if bad.size:
+        raise ValueError(
+            f"The pole at z = {bad[0].real:.4g} has no counterpart in continuous time under "
+            "zero-order hold: only poles off the negative real axis have one. Use a smaller na, or "
+            "decimate less."
+        )
+    found = []
+    for row, nb, nk in zip(b, orders.nb, orders.nk, strict=True):
+        at_once = nk == 0
+        if nb > orders.na + at_once:
+            raise ValueError(
+                f"nb = {nb} input coefficients with na = {orders.na} poles have no counterpart in "
+                f"continuous time: use nb of at most {orders.na + at_once}, or a larger na."
+            )
+        numerator = np.zeros(orders.na + 1)
+        numerator[1 - at_once : 1 - at_once + nb] = row[:nb]
+        through = numerator[0]
+        output = numerator[1:] - through * a
+        n = orders.na
+        step = np.zeros((n + 1, n + 1))
+        step[:n, :n] = np.eye(n, k=-1)
+        step[:1, :n] = -a
+        step[0, n] = step[n, n] = 1.0
+        if n == 0:
+            step[0, 0] = 1.0
+        rates = np.real(linalg.logm(step)) / dt
+        num, den = signal.ss2tf(rates[:n, :n], rates[:n, n:], output[None], [[through]])
+        size = np.abs(num[0]) * dt ** -np.arange(n, -1.0, -1.0)  # at the sampling frequency
+        num = np.trim_zeros(np.where(size > ON_THE_AXIS * size.max(), num[0], 0.0), "f")
+        num = num if num.size else np.zeros(1)
+        system = (
+            _import_control().TransferFunction(num.tolist(), den.tolist())
+            if backend == "control"
+            else signal.lti(num, den)
+        )
+        found.append((system, max(nk - 1, 0) * dt))
+    return found

@@ -6,6 +6,7 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict, cross_val_score
+from sklearn.multioutput import MultiOutputRegressor
 from support import naive
 from support.synthetic import A, B, arx_runs, run_time, stretches_of
 
@@ -325,3 +326,16 @@ def test_hac_of_a_record_in_many_short_stretches():
     cut = ARXRegressor(2, 2, 3, covariance="hac").fit(X[~lost], y[~lost])
     np.testing.assert_allclose(cut.coef_, whole.coef_, atol=4 * cut.standard_errors_.max())
     assert np.all(cut.standard_errors_ > whole.standard_errors_)
+
+
+@pytest.mark.parametrize("kind", [np.asarray, lambda Y: Y])
+def test_one_model_per_output(kind):
+    X, y = arx_runs(3, 200)
+    Y = pd.DataFrame({"u": y, "v": -2.0 * y}, index=y.index)
+    with pytest.raises(ValueError, match=r"MultiOutputRegressor\(model\) fits one for each column"):
+        ARXRegressor(2, 2, 3).fit(X, Y if kind is not np.asarray else Y.to_numpy())
+    both = MultiOutputRegressor(ARXRegressor(2, 2, 3)).fit(X, kind(Y))
+    alone = ARXRegressor(2, 2, 3).fit(X, y)
+    np.testing.assert_allclose(both.estimators_[0].coef_, alone.coef_)
+    expected = np.column_stack([alone.predict(X), -2.0 * alone.predict(X)])
+    np.testing.assert_allclose(both.predict(X), expected)
