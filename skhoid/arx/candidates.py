@@ -225,6 +225,45 @@ class CandidateTable:
             losses.append(np.nan if dependent else small.rss / triangle.n_rows)
         return np.array(losses)
 
+    def impulse_losses(self) -> np.ndarray:
+        """How unlikely each delay is, by impulse responses of any form that begin there.
+
+        -2 ln of the marginal likelihood, per row, of y = sum g_k x(t - k) + 1/D n, with a D of
+        ``NOISE_LAGS`` coefficients and a prior of smooth, decaying (D g)_k (kernel "TC", whose size
+        and decay are the likeliest; Chen, Ohlsson and Ljung 2012).
+        """
+        some = self.orders[0]
+        nk = np.array([orders.nk for orders in self.orders])
+        low, high = nk.min(axis=0), nk.max(axis=0)
+        begin, end = self.grid.begin[self.grid.measured], self.grid.end[self.grid.measured]
+        rows = int(np.maximum(end - begin - high.max(), 0).sum())
+        lags = max(min(RESPONSE_LAGS, rows // (4 * low.size) - NOISE_LAGS), 1)
+        orders = Orders.of(NOISE_LAGS, (high - low + lags).tolist(), low.tolist(), low.size)
+        check_lengths(self.grid, orders)
+        blocks = regressor_blocks(self.output, self._raw_inputs, begin, end, orders)
+        ones = (np.column_stack([np.ones(len(t)), t])[:, not some.intercept :] for t, *_ in blocks)
+        known = NOISE_LAGS + some.intercept
+        whole = Triangle.of_blocks(
+            map(np.asfortranarray, ones), orders.n_params + 1 + some.intercept
+        )
+        check_row_count(whole.n_rows, orders.n_params + 2, self.grid)
+        R = whole.R[known:, known:]
+        size = np.repeat(
+            [np.sqrt(np.mean(R[:, a:b] ** 2)) for a, b in pairwise([0, *np.cumsum(orders.nb)])],
+            orders.nb,
+        )
+        R = np.column_stack([R[:, :-1] / np.where(size > 0, size, 1.0), R[:, -1]])
+        first = np.cumsum([0, *orders.nb[:-1]])
+        losses = []
+        for delays in nk:
+            columns = np.concatenate([np.arange(lags) + f for f in first + delays - low])
+            losses.append(
+                min(
+                    _unlikelihood(R, columns, decay, lags, whole.n_rows - known) for decay in DECAYS
+                )
+            )
+        return np.array(losses)
+
     def fitted(self, triangles: list[Triangle]) -> FittedCandidates:
         """All candidates, fitted on the rows of each triangle."""
         found = [solutions(triangles, self.columns(orders)) for orders in self.orders]
@@ -297,6 +336,28 @@ class CandidateTable:
                 options=["na", "nb", "nk"],
             )
         return reduce(Triangle.merged, pieces)
+
+
+NOISE_LAGS = 10  # of D
+RESPONSE_LAGS = 50  # of the impulse response, after its delay
+DECAYS = 1 - np.geomspace(0.01, 0.6, 8)  # of the variance of a coefficient, by sample
+SIZES = np.geomspace(1e-4, 1e6, 31)  # of the first one's variance, to that of the noise
+
+
+def _unlikelihood(
+    R: np.ndarray, columns: np.ndarray, decay: float, lags: int, n_rows: int
+) -> float:
+    """-2 ln of the marginal likelihood per row, of the likeliest size of the response."""
+    variance = decay ** np.arange(1, lags + 1)
+    kernel = np.minimum.outer(variance, variance)
+    root = np.kron(np.eye(columns.size // lags), np.linalg.cholesky(kernel))
+    U, sizes, _ = np.linalg.svd(R[:, columns] @ root, full_matrices=False)
+    output = R[:, -1]
+    along = (U.T @ output) ** 2
+    beside = max(float(output @ output) - float(along.sum()), 0.0)
+    more = 1 + np.outer(SIZES, sizes**2)
+    squares = np.maximum(beside + (along / more).sum(axis=1), np.finfo(float).tiny)
+    return float(np.min(np.log(squares / n_rows) + np.log(more).sum(axis=1) / n_rows))
 
 
 N_BLOCKS = 8  # of the rows of a single fold, for a standard error

@@ -41,7 +41,8 @@ def as_output(
     if np.ndim(y) == 2 and np.shape(y)[1] > 1:
         raise ValueError(
             f"{what} should be a 1d array, got an array of shape {np.shape(y)} instead: a model "
-            "has one output. sklearn.multioutput.MultiOutputRegressor(model) fits one for each column."
+            "has one output. sklearn.multioutput.MultiOutputRegressor(model) fits one for each "
+            "column."
         )
     values = column_or_1d(unmasked(y), warn=warn)
     if values.dtype.kind not in "iufb":
