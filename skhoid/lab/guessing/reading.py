@@ -118,13 +118,14 @@ def read_runs(
     An (N, 1) or (1, N) variable of a MAT or NPZ file is one run. If every channel is an (N, M)
     matrix, its columns are M runs, labelled ``"<file>-1"`` to ``"<file>-M"``, and the time may be
     one vector for all; a matrix whose shape no other has holds a channel per column. MATLAB objects
-    such as ``iddata`` and ``timetable`` cannot be read; the error has the line of MATLAB that
-    converts them.
+    such as ``iddata`` cannot be read (tables and timetables need ``pip install "skhoid[matlab]"``);
+    the error has the line of MATLAB that converts them.
 
     Examples
     --------
     >>> import tempfile
-    >>>     >>> from skhoid import read_runs
+    >>> from pathlib import Path
+    >>> from skhoid import read_runs
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     for name in ("run1", "run2"):
     ...         rows = "t [ms];error [deg];u\\n0;1,5;0\\n10;1,25;-0,5\\n"
