@@ -36,6 +36,7 @@ from .problems import (
 )
 
 _TICK_ERROR = 1e-3  # of a tick, by which floats may miss whole ones
+_TICKS = 3.5  # in a row at least: a lost row is then more than rounding
 _ROUNDED = 1.5  # ticks, by which a clock that is read late and rounded misses an even one
 
 
@@ -235,7 +236,8 @@ def _even_out(X: pd.DataFrame, y: pd.Series, guess: ColumnGuess) -> None:
             step, first = np.polyfit(rows, ticks[start:stop], 1)
             even[start:stop] = first + step * rows
             uneven = max(uneven, np.abs(np.diff(ticks[start:stop]) / step - 1).max())
-        if np.abs(even - ticks).max() > _ROUNDED or uneven <= JITTER_TOLERANCE:
+        is_rounded = step >= _TICKS and np.abs(even - ticks).max() <= _ROUNDED
+        if not is_rounded or uneven <= JITTER_TOLERANCE:
             return
         arrays = [X.index.get_level_values(name) for name in X.index.names if name != TIME]
         X.index = pd.MultiIndex.from_arrays([*arrays, even * tick], names=X.index.names)

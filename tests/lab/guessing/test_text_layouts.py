@@ -201,6 +201,17 @@ def test_a_clock_of_whole_ticks(tmp_path, name, per_second, jitter, capsys):
     assert even == (jitter > 0 and per_second == 1000)
 
 
+@pytest.mark.parametrize("step", [2, 4, 10])
+@pytest.mark.parametrize("lost", [700, 1500])
+def test_a_lost_row_is_no_rounding(tmp_path, step, lost, capsys):
+    ticks = np.delete(np.arange(N + 1) * step, lost)
+    text = "error,time_ms,stick\n" + rows([LOOP["e"], ticks, LOOP["u"]])
+    (tmp_path / "a.csv").write_text(text)
+    X, _ = read_runs(tmp_path / "a.csv")
+    assert np.diff(X.index.get_level_values("time")).max() == pytest.approx(2e-3 * step)
+    assert "even" not in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     "heads",
     [
