@@ -62,7 +62,8 @@ examples:
 """
 PICTURES = ["simulation", "delay", "delay-vaf", "orders", "parameters"]
 CRITERIA = {
-    "one_step": "lowest one-step error, used above",
+    "impulse": "likeliest impulse response",
+    "one_step": "lowest one-step error",
     "vaf": "highest cross-validated VAF, {}",
 }
 
@@ -248,7 +249,7 @@ def _draw(found: Any, folder: Path, options: argparse.Namespace) -> list[str]:
         unit = found.units.get(str(found.y.name))
         draw = show.DelayLossDisplay.from_estimator
         displays |= {
-            "delay": draw(searches["one_step"], unit=unit),
+            "delay": draw(next(iter(searches.values())), unit=unit),
             "delay-vaf": draw(searches["vaf"]),
         }
     if found.order_search is not None:
@@ -344,7 +345,11 @@ def _table_of_delays(found: Any, means: str) -> Any:
     from ...text import TextTable
 
     rows = [
-        [CRITERIA[name].format(means), str(search.best_nk_), f"{search.best_delay_:.4g}"]
-        for name, search in found.delay_searches.items()
+        [
+            CRITERIA[name].format(means) + ", used above" * (i == 0),
+            str(search.best_nk_),
+            f"{search.best_delay_:.4g}",
+        ]
+        for i, (name, search) in enumerate(found.delay_searches.items())
     ]
     return TextTable("Delay", ["criterion", "samples", "seconds"], rows, left=("criterion",))

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import cont2discrete, lfilter
 from support.person_in_loop import pursued
 
 from skhoid import ARXRegressor, RecursiveARX, load_human_tracking, make_tracking_runs, vaf_score
@@ -215,3 +216,19 @@ def test_channels_of_the_leak_test_are_no_inputs(run_json, lost_file):
     assert alone["models"][0]["leak_reason"] is None
     (model,) = identify(run_json, *lost_file, *words, "--method", "iv")["models"]
     assert model["nk"] == [11]
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.1])
+def test_noise_on_the_output_of_an_element_does_not_move_its_delay(run_json, tmp_path, noise):
+    """The one-step error is two samples late with 10 % of noise."""
+    rng = np.random.default_rng(3)
+    u = lfilter([0.3], [1, -0.7], rng.standard_normal(2000))
+    b, a, _ = cont2discrete(([100.0], [1.0, 10.0, 100.0]), 0.02)
+    y = lfilter(np.r_[np.zeros(12), b.ravel()], a, u)
+    y += noise * y.std() * rng.standard_normal(2000)
+    frame = pd.DataFrame({"time": 0.02 * np.arange(2000), "u": u, "y": y})
+    frame.to_csv(tmp_path / "plant.csv", index=False)
+    words = ["plant.csv", "--input", "u", "--output", "y", "--domain", "machine", "--na", "2"]
+    found = identify(run_json, *words)
+    assert found["delay"]["impulse"]["nk"] == 13
+    assert found["models"][-1]["nk"] == [13]
