@@ -25,7 +25,7 @@ from ...io.assembling import (
     gather_units,
     wanted_channels,
 )
-from ...io.files import FileTable, numbers_of, shown, split_header
+from ...io.files import FileTable, read_clock, shown, split_header
 from ...io.reading import open_table
 from ...runs import TIME
 from ...runs.roles import role_of
@@ -110,7 +110,7 @@ class Columns:
     def unit_by_steps(self) -> bool:
         """Whether the unit of the time was guessed from the steps of the first file."""
         by_name = isinstance(self.clock, str) and unit_by_name(self.clock, time=True)
-        return "time" in self.units and not self.stated and not by_name
+        return self.units.get("time", "s") != "s" and not self.stated and not by_name
 
     def take_seconds(self) -> None:
         """Drop the unit that was guessed, as the clocks of other files do not look like it."""
@@ -539,7 +539,7 @@ def _step(table: FileTable, columns: Columns) -> float:
     if not isinstance(name, str):
         return np.nan
     peeked = table.peek(PEEK)
-    steps = np.diff(numbers_of(peeked[table.find(name)]))
+    steps = np.diff(read_clock(peeked[table.find(name)]))
     return float(np.nanmedian(steps)) if steps.size else np.nan
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from scipy.signal import lfilter
 
-from skhoid import read_runs
+from skhoid import read_experiment, read_runs
 from skhoid.lab.cli import main
 from skhoid.lab.guessing import UnclearColumnsError, guess_columns
 
@@ -369,3 +369,19 @@ def test_a_fast_record_needs_no_option(tmp_path, step, capsys):
     )
     assert main(["identify", str(tmp_path / "a.csv"), "--no-pictures", "--na", "2"]) == 0
     assert f"{N} rows at {1 / step:g} Hz" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("has_header", [True, False])
+def test_an_experiment_of_such_files(tmp_path, has_header, capsys):
+    clock = list(START.strftime("%I:%M:%S.%f %p"))
+    columns = [clock, *of("e u")] if has_header else of("t f_t x u")
+    text = ("Time;e;u\n" if has_header else "") + rows(columns, ";")
+    for person in ("S1", "S2"):
+        for run in "12":
+            (tmp_path / f"{person}_gain_{run}.dat").write_text(text)
+    X, y = read_experiment(tmp_path)
+    assert "looks like" not in capsys.readouterr().out
+    assert len(y) == 4 * N
+    np.testing.assert_allclose(X["e"], np.tile(LOOP["e"], 4), atol=1e-5)
+    np.testing.assert_allclose(y, np.tile(LOOP["u"], 4), atol=1e-5)
