@@ -469,7 +469,7 @@ class OrderSearchCV(ModelSearch):
     >>> from skhoid import make_tracking_runs, run_labels
     >>> X, y = make_tracking_runs(n_runs=4, duration=10.24, sampling_rate=50, random_state=0)
     >>> people = np.array(["Ann", "Ann", "Bob", "Cleo"])[run_labels(X) - 1]
-    >>> search = OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[1], nk=[15])
+    >>> search = OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[2], nk=[15])
     >>> search = search.fit(X, y, groups=people)
     >>> [key for key in search.cv_results_ if key.startswith("split")]
     ['split0_test_score', 'split1_test_score', 'split2_test_score']
