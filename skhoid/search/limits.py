@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,8 @@ from .judges import BLOCK, RATES
 from .judging import LEAST_GAIN, THRESHOLD, Candidate
 from .path import Path
 from .probability import find_needed
-from .statuses import Ending, Verdict
+from .statuses import Against, Ending, Verdict
+from .steps import attempt
 
 ALLOWED = float(chi2.ppf(0.9, 1)) / 2  # nats below the likeliest size: 95 % on one side
 ROUNDS = 5  # of simulations at the sizes that the last ones lead to
@@ -85,7 +87,11 @@ def find_limits(
     if asked:
         beside = Beside(path.model)
         needed = max(find_needed(asked[0], confidence), THRESHOLD)
-        rows = [limit_effect(beside, tried[e.name], e, units, needed) for e in asked]
+        record = path.model.simulator.record
+        for e in asked:
+            found = attempt(partial(limit_effect, beside, tried[e.name], e, units, needed), record)
+            failed = isinstance(found, Against)
+            rows.append(Limit(e.name, title_of(e.name), reason=NOT_SEEN) if failed else found)
     rows.sort(key=lambda row: (np.isnan(row.limit_points), -row.limit_points))
     return pd.DataFrame([vars(row) for row in rows], columns=[one.name for one in fields(Limit)])
 
