@@ -46,7 +46,7 @@ def test_json_holds_what_the_api_gives(run_json):
     free_run = model.predict(X)
     expected = vaf_score(y[half:], free_run[half:], centered=True)
     assert with_delay["vaf_validation"] == pytest.approx(expected, abs=1e-9)
-    assert expected >= 93.5
+    assert expected >= 93.0
     assert found["models"][0]["vaf_validation"] < with_delay["vaf_validation"]
     values = [p["value"] for p in with_delay["parameters"]]
     np.testing.assert_allclose(values, model.coef_, rtol=1e-9)
