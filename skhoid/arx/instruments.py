@@ -79,7 +79,7 @@ class _Stretch:
 
     def simulated(self, output: np.ndarray, na: int) -> _Stretch:
         """With the regressors of a simulated output as further instruments."""
-        past = np.column_stack([-output[self.rows - lag] for lag in range(1, na + 1)])
+        past = -output[np.subtract.outer(self.rows, np.arange(1, na + 1))]
         return replace(self, Z=np.hstack([past, self.Phi[:, na:], self.Z]))
 
 

@@ -21,11 +21,11 @@ from .orders import Orders, regressors
 
 PREFILTERS = (0.0, 0.8, 0.95, 0.99)  # poles of low-pass filters before the first least squares
 N_ROUNDS = 6  # of Steiglitz and McBride
-N_FOLLOWED = 3  # starts, best first
+N_FOLLOWED = 2  # starts, best first
 STABLE_RADIUS = 0.9995  # of poles of starts and prefilters
 LONG_ORDER = 20  # of the autoregression whose errors stand for n in a first C and D
-TOLERANCE = 1e-10
-MOST_STEPS = 200
+TOLERANCE = 1e-8  # relative, of squares and parameters
+MOST_STEPS = 60
 
 
 class PredictionErrorEstimate(NamedTuple):
@@ -320,11 +320,15 @@ def estimate(
         if nc + nd:
             least = np.r_[stabilise(np.r_[1.0, least[: orders.na]])[1:], least[orders.na :]]
             starts = [least, *starts]
+    if nc + nd:
+        empty = np.zeros(nc + nd)
+        starts = [
+            np.r_[theta, find_noise_start(criterion.noise(np.r_[theta, empty]), nc, nd)]
+            for theta in starts
+        ]
+    starts.sort(key=lambda theta: float(np.sum(criterion.errors(theta) ** 2)))
     tried = []
-    for theta in starts:
-        if nc + nd:
-            empty = np.r_[theta, np.zeros(nc + nd)]
-            theta = np.r_[theta, find_noise_start(criterion.noise(empty), nc, nd)]
+    for theta in starts[:N_FOLLOWED]:
         tried.append(
             least_squares(
                 criterion.errors,

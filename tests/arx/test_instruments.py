@@ -118,3 +118,11 @@ def test_an_input_that_is_named_is_its_own_instrument():
         assert abs(model.coef_[1] - 1.0) < 4 * model.standard_errors_[1]
     with pytest.raises(ValueError, match="If 'e' is not fed back"):
         ARXRegressor(1, 1, 1, method="iv").fit(X[["e"]], y)
+
+
+def test_without_poles_instruments_are_the_inputs_themselves():
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal((500, 1))
+    y = lfilter([0, 1.0, 0.5], [1], u[:, 0]) + 0.1 * rng.standard_normal(500)
+    model = ARXRegressor(0, 2, 1, dt=0.1, method="iv").fit(u, y)
+    assert np.all(np.abs(model.coef_ - [1.0, 0.5]) < 4 * model.standard_errors_)
