@@ -10,6 +10,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -54,8 +55,10 @@ class Runs:
         control = control_of(estimator, X, lost_control, domain)
         kept = without_output(y, control)
         measured = as_output(kept)
-        settling = float(getattr(estimator, "settling", 0.0)) or None
-        scored = scored_rows(layout, settling, None) & ~np.isnan(measured)
+        scored = scored_rows(layout, None, None) & ~np.isnan(measured)
+        settling = round(float(getattr(estimator, "settling", 0.0)) / layout.dt)
+        for a, b in pairwise(layout.run_starts):  # of a short run a quarter, as in its fit
+            scored[a : a + min(settling, (b - a) // 4)] = False
         table = control.table
         lost = list(zip(table["run"], table["from"], table["to"], strict=True))
         frame = as_frame(X)

@@ -184,3 +184,14 @@ def test_many_parameters_on_few_rows_can_have_learnt_the_noise(capsys, seed):
     assert main([*words, "--domain", "machine", "--json"]) == 0
     (model,) = json.loads(capsys.readouterr().out)["models"]
     assert model["verdict"] != "worse held out"
+
+
+@pytest.mark.parametrize("seconds", [0.8, 1.5, 3.0])
+def test_pages_of_runs_shorter_than_a_person_settles(seconds):
+    """Spikes, of a person by default: limits that have no power to compare with, a short run."""
+    n = round(seconds * 50)
+    spikes = np.where(np.arange(n) % 13 == 5, 5.0, 0.0)
+    given = written(spikes + 0.01 * RNG.standard_normal(n))
+    table = pd.read_csv("r.csv")
+    table.assign(time=np.arange(n) / 50, y=5 * table["y"]).to_csv("r.csv", index=False)
+    assert main(["report", *given, "--effects", "lapses", "--domain", "machine"]) == 0
