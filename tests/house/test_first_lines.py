@@ -170,7 +170,7 @@ def test_several_scores(name):
 @EACH
 def test_shuffled_rows_are_refused(name):
     a, _, b, _ = train_test_split(X, Y, random_state=0)
-    with pytest.raises(RunIndexError, match="not contiguous"):
+    with pytest.raises(RunIndexError, match="shuffled, or drawn one by one"):
         model(name).fit(a, b)
     with pytest.raises(RunIndexError, match="row indexes of X and y disagree"):
         model(name).fit(X, Y.sample(frac=1.0, random_state=0))
