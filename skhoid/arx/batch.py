@@ -549,6 +549,11 @@ class ARXRegressor(BaseARX):
         ]
         if not (instrumental or by_errors):
             notes.append(CLOSED_LOOP.format('. method="iv" removes it'))
+        if instrumental and set(self.inputs_) <= set(self.instruments_):
+            notes.append(
+                "The inputs are their own instruments: right only where nothing feeds the output "
+                "back to them."
+            )
         notes.append(JUDGE.format(", AIC and BIC are" if criteria else " is"))
         if criteria:
             notes.append("AIC and BIC omit constants; compare them only on the same rows.")

@@ -125,4 +125,5 @@ def test_without_poles_instruments_are_the_inputs_themselves():
     u = rng.standard_normal((500, 1))
     y = lfilter([0, 1.0, 0.5], [1], u[:, 0]) + 0.1 * rng.standard_normal(500)
     model = ARXRegressor(0, 2, 1, dt=0.1, method="iv").fit(u, y)
+    assert "right only where nothing feeds the output" in " ".join(model.summary().split())
     assert np.all(np.abs(model.coef_ - [1.0, 0.5]) < 4 * model.standard_errors_)
