@@ -18,6 +18,7 @@ from .archives import grid_of, stream
 from .files import FileTable, numbers_of, one_by_one, read_clock, split_header
 
 _ROWS_LOOKED_AT = 1000
+_LEAST = 20  # rows
 _OFTEN = 0.05  # share of the rows in which a signal that counts has a value
 _APART = 0.1  # of the rows of one topic, at most, have values of another
 _DIGITS = re.compile(r"\d+")
@@ -58,7 +59,7 @@ def on_one_clock(table: FileTable) -> FileTable:
     shares = there[often].mean(axis=1)
     together = there[often] @ there[often].T / there.shape[1]
     of_topics = (together < _APART * np.minimum.outer(shares, shares)).any(axis=1)
-    if not of_topics.any():
+    if there.shape[1] < _LEAST or not of_topics.any():
         return table
     at = [k for k, kept in zip(found.at, often, strict=True) if kept]
     raw, *others = table.load([found.clock, *at], None)[0]
@@ -117,7 +118,9 @@ def _look(table: FileTable) -> _Signals:
     signals = []
     for k, (name, raw) in enumerate(zip(table.names, table.peek(_ROWS_LOOKED_AT), strict=True)):
         values = numbers_of(raw)
-        if names_time(split_header(name)[0].rpartition(".")[2]) or advances_evenly(values):
+        if names_time(split_header(name)[0].rpartition(".")[2]) or (
+            np.isfinite(values).all() and advances_evenly(values)
+        ):
             clock = k if clock is None else clock
         elif values.size > 1:
             signals.append(k)
