@@ -296,7 +296,7 @@ class _Rows:
     """Rows of numbers in the first lines of a text, if a sign separates their cells."""
 
     sign: str
-    weight: float  # share of cells that are numbers; 0 if there are no such rows
+    weight: float  # share of filled cells that are numbers; 0 if there are no such rows
     start: int = 0
     width: int = 0
 
@@ -310,7 +310,8 @@ def _find_rows(lines: list[str], sign: str) -> _Rows:
     widths = [len(rows[k]) for k in there]
     width = max(set(widths), key=lambda w: (widths.count(w), w))
     there = [k for k in there if len(rows[k]) == width]
-    share = sum(counts[k] for k in there) / (width * len(there))
+    filled = sum(cell.strip() != "" for k in there for cell in rows[k])  # an empty cell is missing
+    share = sum(counts[k] for k in there) / filled
     places = {k: place for place, k in enumerate(rows)}
     blocks = np.split(there, np.flatnonzero(np.diff([places[k] for k in there]) != 1) + 1)
     block = next((b for b in blocks if len(b) >= _BLOCK), max(blocks, key=len))

@@ -298,3 +298,15 @@ class TestMatlab:
         X, y = read_runs(tmp_path / "r.mat", inputs="e", output="u", dt=1)
         assert X["e"].to_list() == [1.0, 2.0]
         assert y.to_list() == [0.0, 3.0]
+
+
+@pytest.mark.parametrize("separator", ["\t", ";", ","])
+@pytest.mark.parametrize("n", [3, 20])
+def test_an_empty_cell_is_missing_and_moves_no_other(tmp_path, separator, n):
+    rows = [[f"{0.01 * k:.2f}", f"{k + 1}.5", f"{k + 1}.25"] for k in range(n)]
+    rows[1][1] = ""
+    lines = [separator.join(row) for row in (["t", "e", "u"], *rows)]
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    X, y = read_runs(tmp_path / "a.csv", inputs="e", output="u", time="t")
+    assert np.flatnonzero(X["e"].isna()).tolist() == [1]
+    assert y.to_list() == [k + 1.25 for k in range(n)]
