@@ -49,10 +49,6 @@ for name, y in outputs.items():
         error.loc[name, method] = 100 * np.sqrt(np.mean(np.abs(found / truth - 1) ** 2))
 print(error.round(1))
 
-# %%
-# Least squares are wrong wherever the noise is not white behind F. The others are right where their
-# noise is the true one, and output error and instruments in all three, as the loop is open.
-
 import matplotlib.pyplot as plt
 
 axes = error.plot.bar(logy=True, rot=0, figsize=(7.0, 3.6))
@@ -71,3 +67,10 @@ models = {
 for horizon in (1, 10, 100):
     left = [np.std(slow - m.predict_ahead(x[:, None], slow, horizon)) for m in models.values()]
     print(horizon, dict(zip(models, np.round(left, 3).tolist(), strict=True)))
+
+# %%
+# The answer
+# ----------
+# Least squares are wrong wherever the noise is not white behind F. The others are right where their
+# noise is the true one, and output error and instruments in all three, as the loop is open. Of
+# those, Box-Jenkins foresees slow noise too.

@@ -38,9 +38,10 @@ def as_output(
         y = _dense(y)
     elif isinstance(y, np.ndarray) and y.dtype.kind == "V":
         raise TypeError(f"{what} is an array of {y.dtype}, not numbers: pass one of its fields.")
-    if np.ndim(y) == 2 and np.shape(y)[1] > 1:
+    shape = np.asarray(y).shape
+    if len(shape) == 2 and shape[1] > 1:
         raise ValueError(
-            f"{what} should be a 1d array, got an array of shape {np.shape(y)} instead: a model "
+            f"{what} should be a 1d array, got an array of shape {shape} instead: a model "
             "has one output. sklearn.multioutput.MultiOutputRegressor(model) fits one for each "
             "column."
         )

@@ -250,9 +250,11 @@ def advances_evenly(values: np.ndarray) -> bool:
     """Whether values advance by equal steps, but where runs begin anew."""
     if values.dtype.kind not in "iuf" or values.size < 3:
         return False
-    step = np.diff(values.astype(float))
+    with np.errstate(over="ignore"):
+        step = np.diff(values.astype(float))
     typical = np.median(step)
-    return bool(typical > 0 and np.mean(np.abs(step / typical - 1) <= JITTER_TOLERANCE) >= _TICKS)
+    even = np.abs(step - typical) <= JITTER_TOLERANCE * typical
+    return bool(typical > 0 and np.mean(even) >= _TICKS)
 
 
 def as_frame(data: Any) -> pd.DataFrame:

@@ -28,7 +28,6 @@ from ..effects.base import Effect
 from ..effects.catalogue import BY_NAME, CLASSES
 from ..effects.composition import Effects
 from ..effects.parameter import CoreKind
-from ..exceptions import did_you_mean
 from ..human import ELEMENT
 from ..model.estimator import GreyBox, delay_notes
 from ..model.fitting import MOST_ROWS, Criterion, RemnantModel
@@ -76,17 +75,6 @@ from .telling import (
 TRYING = (
     0.5  # of a time limit: judging what was tried takes as long at most, of a relay's 9,800 rows
 )
-INSTEAD = {  # of arguments of GridSearchCV
-    "param_grid": "effects= says what is tried",
-    "param_distributions": "effects= says what is tried",
-    "scoring": "candidates are judged by what they gain in VAF and in likelihood; give the search "
-    "itself to cross_val_score(search, X, y, scoring=...)",
-    "refit": "best_estimator_ is always fitted to all rows",
-    "verbose": "search.set_callbacks(sklearn.callback.ProgressBar()) shows progress",
-    "error_score": "a candidate that cannot be fitted is a row of ranking_ with its reason",
-    "return_train_score": "error_path_ has vaf_train",
-    "pre_dispatch": "n_jobs= is enough",
-}
 NOT_KEPT = ("parameters", "max_effects")  # the best estimator has these, and the search itself
 
 # Data of fits, for as long as others hold them: a search itself keeps none, and is small.
@@ -145,9 +133,6 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         Seconds that ``fit`` may take, about. In the first half effects are tried; in the other the
         best model so far is judged and told. What was not tried has the status "not tried" in
         ``ranking_``, and a note lists it. None means as long as it takes.
-    **of_grid_search : dict
-        Nothing: arguments that ``GridSearchCV`` has and this search has not are refused with what
-        does the same.
 
     Attributes
     ----------
@@ -239,6 +224,11 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
     and ``wrong_delay`` says whether the data also refute the given one. For progress, call
     ``search.set_callbacks(sklearn.callback.ProgressBar())`` before ``fit``.
 
+    Of ``GridSearchCV`` it has no ``param_grid`` (``effects`` says what is tried), ``scoring``
+    (candidates are judged by evidence; give the search itself to ``cross_val_score``), ``refit``
+    (``best_estimator_`` is always of all rows), ``error_score`` (what cannot be fitted is a row of
+    ``ranking_``) and ``return_train_score`` (``error_path_`` has ``vaf_train``).
+
     Examples
     --------
     >>> from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
@@ -284,12 +274,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         lost_control: str = LEAVE_OUT,
         max_rows: int | None = MOST_ROWS,
         time_limit: float | None = None,
-        **of_grid_search: Any,
     ):
-        for name in of_grid_search:
-            why = f"; {INSTEAD[name]}." if name in INSTEAD else "."
-            why += did_you_mean(name, self._get_param_names())
-            raise TypeError(f"EffectSearchCV has no argument {name!r}{why}")
         self.estimator = estimator
         self.effects = effects
         self.cv = cv

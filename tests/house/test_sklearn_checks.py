@@ -64,6 +64,7 @@ def test_sklearn_checks(estimator, check):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::skhoid.exceptions.NothingExplainedWarning")  # of random data
 @parametrize_with_checks(COSTLY, expected_failed_checks=waived)
 def test_costly_sklearn_checks(estimator, check):
     if (

@@ -118,25 +118,6 @@ def test_other_searches_and_validations_take_it():
 
 
 @pytest.mark.parametrize(
-    ("argument", "says"),
-    [
-        ("scoring", "cross_val_score"),
-        ("refit", "best_estimator_ is always fitted"),
-        ("verbose", "ProgressBar"),
-        ("error_score", "ranking_"),
-        ("return_train_score", "vaf_train"),
-        ("pre_dispatch", "n_jobs"),
-        ("param_grid", "effects="),
-        ("efects", "Did you mean 'effects'"),
-    ],
-)
-def test_what_it_has_not_is_said(argument, says):
-    with pytest.raises(TypeError, match=f"EffectSearchCV has no argument '{argument}'") as told:
-        EffectSearchCV(OperatorRegressor(), **{argument: None})
-    assert says in str(told.value)
-
-
-@pytest.mark.parametrize(
     "search", [SEARCH, OrderSearchCV(ARXRegressor(), na=[1], nb=[1]), RecursiveARXCV([64])]
 )
 def test_searches_take_no_weights(search):
