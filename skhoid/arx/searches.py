@@ -369,14 +369,14 @@ class DelaySearchCV(ModelSearch):
         if "mean_test_score" not in results:
             found += (
                 "the likelihood of an impulse response that begins there."
-                if self.criterion == "impulse"
+                if as_fitted(self).criterion == "impulse"
                 else "the mean squared error one step ahead."
             )
             shown, caption = lowest(self.loss_), "Lowest losses"
             header += ["loss", "over the best"]
             least = max(self.loss_[self.best_index_], 1e-300)
             cells = [[f"{x:.5g}", f"{100 * (x / least - 1):.2f} %"] for x in self.loss_]
-            if self.criterion == "impulse":  # a logarithm
+            if as_fitted(self).criterion == "impulse":  # a logarithm
                 best_loss = self.loss_[self.best_index_]
                 cells = [[f"{x:.5g}", f"{x - best_loss:.3g}"] for x in self.loss_]
         else:

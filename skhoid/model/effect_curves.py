@@ -434,7 +434,9 @@ def signal_map(bench: Bench, signal: str) -> Response:
     what = {"e": _answered(bench), "u": "output"}.get(signal, "command")
     met = {"e": bench.error, "u": "u"}.get(signal)  # the command is not measured
     simulation = bench.model.simulation_
-    behind = simulation.effects.before(bench.name, simulation.spec.core.kind == CoreKind.ARX)
+    behind: tuple[str, ...] = ()
+    if bench.name in simulation.effects.names:  # not one that is shown without a fit
+        behind = simulation.effects.before(bench.name, simulation.spec.core.kind == CoreKind.ARX)
     seen = f"{what} {name}" if met else what
     if behind:  # nor is what others made of a signal
         seen, met = f"{seen} behind {' and '.join(behind)}", None

@@ -480,7 +480,7 @@ class GreyBox(RunRegressor):
         return prepared.grid.to_full_rate(found)
 
     def _rows_to_forget(self, dt: float) -> int:
-        return max(round(self.settling / dt), super()._rows_to_forget(dt))
+        return max(round(self.simulation_.settling / dt), super()._rows_to_forget(dt))
 
     def make_record(self, X: Any) -> Record:
         """Channels of runs as a record, as simulations of this fitted model take them.

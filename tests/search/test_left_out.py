@@ -78,6 +78,7 @@ def test_what_is_left_out_is_said_with_how_to_keep_it(found):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::skhoid.exceptions.NothingExplainedWarning")
 def test_rows_may_be_kept(lost):
     X, y, _ = lost
     kept = search(effects="bias", lost_control="keep").fit(X, y)
