@@ -35,7 +35,7 @@ _COMMENT = re.compile(r"\s*[#%;!*/]+\s*(?=\S|$)")
 _RULE = re.compile(r"[-=_*+|\s]*([-=_]{3}[-=_*+|\s]*)?$")
 _ABOVE = 20  # rows above the last one, with which it is compared
 _ARRIVAL = re.compile(r"(?m)^\[?(\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)\]?[ \t]*->[ \t]*")
-_LEGACY = ["cp932", "gb18030", "cp949", "big5", "cp1251", "cp1253"]  # where letters are no Latin
+_LEGACY = ["cp932", "gb18030", "cp1251", "cp1253"]  # where letters are no Latin
 _BLOCK = 3  # rows of numbers one below the other that begin a table
 _SPACE = " "  # stands for white space of any kind
 # The default parser of pandas < 3.1 is off by an ulp for some numbers; later it is exact, and the
@@ -209,9 +209,9 @@ class _Sheet:
         return f"{self.path}: {said}"
 
 
-def _read_text(path: Path) -> str:
-    """The text of a file in whatever encoding, with one kind of line end."""
-    content = path.read_bytes()
+def _read_text(path: Path) -> tuple[str, list[str]]:
+    """The text of a file in whatever encoding, with one kind of line end; and what to say of it."""
+    content, said = path.read_bytes(), []
     if content[:2] == b"\x1f\x8b":
         with read_as(path, "a gzip archive"):
             content = gzip.decompress(content)
@@ -228,12 +228,14 @@ def _read_text(path: Path) -> str:
             raise ValueError(
                 f"{path} begins as UTF-16 text, but is none. Save it as UTF-8."
             ) from error
-        text = _decode(content)
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+        encoding = _find_encoding(content)
+        text = content.decode(encoding, "replace")
+        said = [f"it is no UTF-8, and read as {encoding}"] if encoding in _LEGACY else []
+    return text.replace("\r\n", "\n").replace("\r", "\n"), said
 
 
-def _decode(content: bytes) -> str:
-    """Text that is no UTF-8: that of Western Windows, unless most of its letters are no Latin."""
+def _find_encoding(content: bytes) -> str:
+    """That of Western Windows for text that is no UTF-8, unless most letters are no Latin."""
     high = re.findall(rb"[\x80-\xff]+", content)
     if sum(len(run) for run in high if len(run) > 2) > len(b"".join(high)) / 2:
         try:
@@ -243,9 +245,8 @@ def _decode(content: bytes) -> str:
         else:
             lines = (line for line in content.splitlines() if not line.isascii())
             found = from_bytes(b"\n".join(lines), cp_isolation=_LEGACY).best()
-            if found is not None:
-                return content.decode(found.encoding, "replace")
-    return content.decode("cp1252", "replace")
+            return "cp1252" if found is None else str(found.encoding)
+    return "cp1252"  # what spreadsheets write for the degree sign in "e [°]"
 
 
 def is_text(path: Path) -> bool:
@@ -258,15 +259,17 @@ def is_text(path: Path) -> bool:
 
 def _read_sheet(path: Path) -> _Sheet:
     """The table of a text, without what stands before its rows, between and below them."""
-    text = _read_text(path)
+    text, said = _read_text(path)
     stamped = len(_ARRIVAL.findall(text, 0, 1 << 16))
-    if 2 * stamped < text.count("\n", 0, 1 << 16) + 1:
-        return _cut(_find_table(path, text))
-    sheet = _find_table(path, _ARRIVAL.sub("", text))
-    stamps = [_ARRIVAL.match(line) for line in text.split("\n")[sheet.skip :]]
-    before = [stamp[1] if stamp else "" for stamp in stamps]
-    said = 'what a serial monitor wrote before each row is the column "arrival time"'
-    return _cut(_with_column(sheet, "arrival time", before, said))
+    is_serial = 2 * stamped > text.count("\n", 0, 1 << 16)
+    sheet = _find_table(path, _ARRIVAL.sub("", text) if is_serial else text)
+    sheet = replace(sheet, remarks=(*said, *sheet.remarks))
+    if is_serial:
+        stamps = [_ARRIVAL.match(line) for line in text.split("\n")[sheet.skip :]]
+        before = [stamp[1] if stamp else "" for stamp in stamps]
+        remark = 'what a serial monitor wrote before each row is the column "arrival time"'
+        sheet = _with_column(sheet, "arrival time", before, remark)
+    return _cut(sheet)
 
 
 def _with_column(sheet: _Sheet, name: str, cells: Sequence[object], remark: str) -> _Sheet:

@@ -271,7 +271,9 @@ def in_order(table: FileTable) -> FileTable:
     for name, raw in zip(table.names, table.peek(), strict=True):
         series = raw if isinstance(raw, pd.Series) else pd.Series(np.ravel(raw))
         first = str(series.iloc[0]) if series.size else ""
-        if not (series.dtype.kind == "M" or (series.dtype == object and _DATE.match(first))):
+        if not (
+            series.dtype.kind == "M" or (series.dtype.kind not in "biufc" and _DATE.match(first))
+        ):
             continue
         clock = read_clock(series)
         falls = np.count_nonzero(np.diff(clock) < 0)
