@@ -50,7 +50,9 @@ _EXACT: dict[str, Any] = (
 def read_csv(path: Path) -> FileTable:
     """Read a text file: separator comma, semicolon, tab or white space; a header if it has one."""
     sheet = _read_sheet(path)
-    kept = [k for k in range(len(sheet.names)) if k not in sheet.rests.values()]
+    first = map(sheet.names.index, sheet.names)
+    twice = [k for k, j in enumerate(first) if j < k and sheet.cells[j].equals(sheet.cells[k])]
+    kept = [k for k in range(len(sheet.names)) if k not in [*sheet.rests.values(), *twice]]
     names = [_mend(sheet.names[k]) for k in kept]
 
     def load(numbers: Sequence[int], labels: int | None) -> Columns:
@@ -66,6 +68,9 @@ def read_csv(path: Path) -> FileTable:
     if sheet.above:
         where = "rows" if sheet.numbered else "header"
         table.remarks.append(f"{counted(sheet.above, 'line')} above the {where} skipped")
+    if any(sheet.names[k] for k in twice):
+        said = ", ".join(f'"{sheet.names[k]}"' for k in twice if sheet.names[k])
+        table.remarks.append(f"equal columns of one name are one: {said}")
     for rest in sheet.rests.values():
         table.remarks.append(f'the nanoseconds of "{sheet.names[rest]}" are added')
     garbled = [name for name in names if name not in sheet.names]

@@ -211,8 +211,8 @@ class FileTable:
         hits = [i for i, name in enumerate(self.names) if name == asked]
         if not hits:
             hits = [i for i, name in enumerate(self.names) if split_header(name)[0] == asked]
-        if not hits and self.kind == "column" and asked in map(str, range(1, len(self.names) + 1)):
-            hits = [int(asked) - 1]  # names may repeat
+        if not hits and self.kind == "column" and len(set(self.names)) < len(self.names):
+            hits = [k for k in range(len(self.names)) if asked == str(k + 1)]
         if not hits and self.resolve is not None and self.resolve(asked):
             hits = [len(self.names) - 1]
         if len(hits) == 1:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from ..._sklearn import DT, checked
@@ -31,6 +32,7 @@ from .problems import (
     even_times,
     problems_of_files,
     problems_of_runs,
+    quoted,
     where_of,
 )
 
@@ -80,8 +82,9 @@ def read_runs(
     output : str, dict or None, default=None
         The operator's output, as in `inputs`. None guesses, and names it ``u``.
     time : str or None, default=None
-        Column of the time in seconds, or in the unit that `units` or its header states (s, ms,
-        us). None is guessed unless `dt` is given.
+        Column of the time, in the unit that `units` or its header states (s, ms, us, ns); else in
+        seconds, unless steps of 2 or more say another one, which is printed. None is guessed
+        unless `dt` is given.
     run : str or None, default=None
         Column of the run labels; the rows of a run must be contiguous. None means that each file is
         one run, labelled by its name without extension; if anything is guessed, this column is
@@ -160,7 +163,15 @@ def read_runs(
     check_names(channels)
     clock = checked_clock(time, dt)
     given = checked_units(units or {}, channels, time)
-    return read_named(each_table(files), channels, clock, given, run)
+    X, y = read_named(each_table(files), channels, clock, given, run)
+    slow = np.median(np.diff(X.index.get_level_values(TIME))) >= 1 if len(X) > 2 else False
+    if time is not None and "time" not in given and slow:
+        guess = make_guess(first_table(files), paths, output=output, time=time, signals=False)
+        if guess.time_remark:
+            print(f"{quoted(time)}: {guess.time_remark}")
+        given |= {key: unit for key, unit in guess.units.items() if key == "time"}
+        return read_named(each_table(files), channels, clock, given, run)
+    return X, y
 
 
 def _guessed(

@@ -197,7 +197,9 @@ def roles_by_name(header: str) -> dict[str, int]:
         return {}
     less = 5 if there & OF_OTHERS else 0
     found = _of_symbols(words) or _of_words(there)
-    if there <= _PLAIN and (path := set(put_in_words(folded(header)))) & (ERROR | TARGET):
+    if there - AXES.keys() <= _PLAIN and (path := set(put_in_words(folded(header)))) & (
+        ERROR | TARGET
+    ):
         found = _of_words(path)  # reference.position
     if not found and len(words) == 2 and words[1] in ("u", "y"):  # controle_u, saida_y
         found = {"u": 5} if words[1] == "u" else {"x": 5}

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhoid import read_runs
+from skhoid import read_experiment, read_runs
 from skhoid.lab.guessing import guess_columns
 
 from .test_text_layouts import LOOP, TIME, check, of, rows
@@ -24,9 +24,15 @@ def test_a_named_clock_has_the_unit_that_its_steps_say(tmp_path, capsys, scale):
     path = written(
         tmp_path / "a.csv", "stamp,e,u\n" + rows(of("t e u", time=stamps), form="{:.17g}")
     )
-    X, _ = read_runs(path, time="stamp")
-    assert np.median(np.diff(X.index.get_level_values("time"))) == pytest.approx(0.02)
-    assert "as it advances by" in capsys.readouterr().out
+    every = {"time": "stamp", "inputs": "e", "output": "u"}
+    for read, given in (
+        (read_runs, {"time": "stamp"}),
+        (read_runs, every),
+        (read_experiment, every),
+    ):
+        X, _ = read(path, **given)
+        assert np.median(np.diff(X.index.get_level_values("time"))) == pytest.approx(0.02)
+        assert "as it advances by" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", ["run1.lvm", "run1.xyz", "run1", "run1.001"])
@@ -135,6 +141,16 @@ def test_names_that_are_numbers_above_units(tmp_path):
     X, y = read_runs(path, inputs="1", output="2")
     np.testing.assert_allclose(X["1"], LOOP["e"], atol=1e-5)
     assert y.attrs["units"] == {"2": "Volt"}
+
+
+def test_equal_columns_of_one_name_are_one(tmp_path, capsys):
+    columns = of("t f_t f_t x u")
+    path = written(
+        tmp_path / "a.txt",
+        "t\tTarget.PosX\tTarget.PosX\tCursor.PosX\tstick\n" + rows(columns, "\t"),
+    )
+    check(path)
+    assert 'equal columns of one name are one: "Target.PosX"' in capsys.readouterr().out
 
 
 def test_names_that_repeat_are_offered_by_number(tmp_path):
