@@ -321,10 +321,9 @@ def _cut(sheet: _Sheet) -> _Sheet:
         for k in range(stop - 1, max(start, first), -1):
             if not lines[k].strip():
                 continue
-            if not (
-                _is_words(lines[k], row, sheet.separator)
-                or _is_short(lines, k, stop, sheet.separator)
-            ):
+            is_short = _is_short(lines, k, stop, sheet.separator)
+            is_empty = not any(_split(lines[k], sheet.separator))
+            if not (is_short or is_empty or _is_words(lines[k], row, sheet.separator)):
                 break
             lines[k] = ""
             dropped.append(k)
@@ -344,10 +343,11 @@ def _cut(sheet: _Sheet) -> _Sheet:
 
 
 def _is_words(line: str, row: list[str], sign: str) -> bool:
-    """Whether a line has text, and no more numbers than that where a row has numbers."""
+    """Whether a line has text in the first place of a number, or in half of these or more."""
     cells = _split(line, sign)
     there = [_is_number(c) for c, other in zip(cells, row, strict=False) if c and _is_number(other)]
-    return any(cells) and any(map(_is_number, row)) and 2 * sum(there) <= len(there)
+    many = 2 * sum(there) <= len(there) or not there[0]
+    return any(cells) and any(map(_is_number, row)) and many
 
 
 def _is_short(lines: list[str], k: int, stop: int, sign: str) -> bool:

@@ -53,6 +53,8 @@ ENDS = {
     "cut off in the clock": ("60", 1),
     "a comment of words": ("\nend of the recording\n", 1),
     "a summary with numbers": ("\n\nMean of e,0.1,deg\nCrashes,none,0\n", 2),
+    "statistics": ("Mean,0.1,0.2\nMax,3,4\n", 2),
+    "empty cells": (",,\n,,\n", 2),
     "one cell of words": ("stopped by: operator,,\n", 1),
 }
 
