@@ -509,6 +509,10 @@ def evaluated(
                 in_threads(score(table, models, i) for i in range(len(parts))), 0, 1
             )
         losses = table.one_step_losses(whole)
+        fails = np.isnan(scores[0]).all(axis=1)
+        if fails.any() and not np.isnan(losses).all():
+            rows = np.flatnonzero(folds[int(np.argmax(fails))].train.mask())
+            _say_why(with_orders(variant, **table.candidates[0]), X, y, rows)
         n_params = np.array([orders.n_params for orders in table.orders])
         return Evaluated(table, (X, y), losses, n_params, whole.n_rows, scores[0].T, scores[1].T)
 
@@ -530,3 +534,16 @@ def evaluated(
     scores, n_params = np.array([f[0] for f in found]), np.array([float(f[1]) for f in found])
     n_rows = int(np.sum(known))
     return Evaluated(table, (X, y), losses, n_params, n_rows, scores[..., 0], scores[..., 1])
+
+
+def _say_why(model: Any, X: Any, y: Any, rows: np.ndarray) -> None:
+    """Raise what no candidate can be fitted for to the rows that a fold leaves."""
+    try:
+        model.fit(safe_indexing(X, rows), safe_indexing(y, rows))
+    except RankDeficiencyError as error:
+        raise RankDeficiencyError(
+            f"On rows {rows[0] + 1} to {rows[-1] + 1} of {len(X)}, on which one fold fits: "
+            f"{error.message} Leave out rows in which nothing happens, or choose other folds.",
+            hint=error.hint,
+            options=error.options,
+        ) from error

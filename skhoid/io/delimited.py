@@ -24,7 +24,8 @@ UNITS = {"deg": "deg", "degree": "deg", "rad": "rad", "px": "px", "pixel": "px",
 UNITS |= {"cm": "cm", "m": "m", "nm": "Nm", "volt": "V", "v": "V", "mv": "mV", "pct": "%"}
 UNITS |= {"percent": "%", "degs": "deg/s", "g": "g", "n": "N"}
 TIME_UNITS = {"s": "s", "sec": "s", "second": "s", "ms": "ms", "msec": "ms", "us": "us"}
-TIME_UNITS |= {"millisecond": "ms", "milli": "ms", "usec": "us"}
+TIME_UNITS |= {"millisecond": "ms", "milli": "ms", "millis": "ms", "usec": "us", "micros": "us"}
+TIME_UNITS |= {"ns": "ns", "nsec": "ns"}
 _KNOWN_UNITS = {*UNITS, *TIME_UNITS, *UNITS.values()}
 _KNOWN_UNITS |= {"\u00b0", "%", "m/s", "rad/s", "hz", "\u00b0/s"}
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?\s*$")
@@ -32,6 +33,9 @@ _DECIMAL_POINT = re.compile(_DECIMAL_COMMA.pattern.replace(",", r"\."))
 _FAR = 200  # lines in which the header must come
 _COMMENT = re.compile(r"\s*[#%;!*/]+\s*(?=\S|$)")
 _RULE = re.compile(r"[-=_*+|\s]*([-=_]{3}[-=_*+|\s]*)?$")
+_ABOVE = 20  # rows above the last one, with which it is compared
+_ARRIVAL = re.compile(r"(?m)^\[?(\d{1,2}:\d\d:\d\d(?:[.,]\d+)?)\]?[ \t]*->[ \t]*")
+_LEGACY = ["cp932", "gb18030", "cp1251", "cp1253"]  # where letters are no Latin
 _BLOCK = 3  # rows of numbers one below the other that begin a table
 _SPACE = " "  # stands for white space of any kind
 # The default parser of pandas < 3.1 is off by an ulp for some numbers; later it is exact, and the
@@ -45,25 +49,31 @@ _EXACT: dict[str, Any] = (
 
 def read_csv(path: Path) -> FileTable:
     """Read a text file: separator comma, semicolon, tab or white space; a header if it has one."""
-    sheet = _find_table(path)
-    names = [_mend(name) for name in sheet.names]
+    sheet = _read_sheet(path)
+    first = map(sheet.names.index, sheet.names)
+    twice = [k for k, j in enumerate(first) if j < k and sheet.cells[j].equals(sheet.cells[k])]
+    kept = [k for k in range(len(sheet.names)) if k not in [*sheet.rests.values(), *twice]]
+    names = [_mend(sheet.names[k]) for k in kept]
 
     def load(numbers: Sequence[int], labels: int | None) -> Columns:
-        columns = [sheet.column(position) for position in numbers]
-        return columns, None if labels is None else coded(sheet.column(labels))
+        columns = [sheet.column(kept[position]) for position in numbers]
+        return columns, None if labels is None else coded(sheet.column(kept[labels]))
 
     note = "It has no header: its columns are named by their numbers." if sheet.numbered else ""
-    table = FileTable(path, names, load, note=note, first_rows=sheet.peek)
+    table = FileTable(path, names, load, note=note, first_rows=lambda n: sheet.peek(n, kept))
     if sheet.numbered:
-        table.remarks.append(f"no header, so that columns are numbered from 1 to {len(names)}")
-    if sheet.remark:
-        table.remarks.append(sheet.remark)
+        last = max(int(name) for name in names if name.isdecimal())
+        table.remarks.append(f"no header, so that columns are numbered from 1 to {last}")
+    table.remarks += sheet.remarks
     if sheet.above:
         where = "rows" if sheet.numbered else "header"
         table.remarks.append(f"{counted(sheet.above, 'line')} above the {where} skipped")
-    for whole in sheet.rests:
-        table.remarks.append(f'the nanoseconds of "{names[sheet.rests[whole]]}" are added')
-    garbled = [new for old, new in zip(sheet.names, names, strict=True) if old != new]
+    if any(sheet.names[k] for k in twice):
+        said = ", ".join(f'"{sheet.names[k]}"' for k in twice if sheet.names[k])
+        table.remarks.append(f"equal columns of one name are one: {said}")
+    for rest in sheet.rests.values():
+        table.remarks.append(f'the nanoseconds of "{sheet.names[rest]}" are added')
+    garbled = [name for name in names if name not in sheet.names]
     if garbled:
         table.remarks.append(
             "letters of headers are garbled, as UTF-8 was read as Latin-1, and were mended: "
@@ -72,7 +82,8 @@ def read_csv(path: Path) -> FileTable:
     if any("\ufffd" in name for name in names):
         table.remarks.append("letters of headers are lost: save the file as UTF-8")
     if sheet.units:
-        table.units |= {name: unit for name, unit in zip(names, sheet.units, strict=False) if unit}
+        units = dict(zip(sheet.names, sheet.units, strict=False))
+        table.units |= {_mend(name): unit for name, unit in units.items() if unit}
         table.remarks.append("units from the row below the header")
     return table
 
@@ -86,10 +97,11 @@ class _Sheet:
     separator: str
     names: list[str]
     skip: int  # lines before the first row
+    header: int = -1  # the line of the header
     above: int = 0  # of these, lines above the header
     units: tuple[str, ...] = ()
     numbered: bool = False  # there is no header
-    remark: str = ""
+    remarks: tuple[str, ...] = ()
 
     @cached_property
     def body(self) -> str:
@@ -133,9 +145,9 @@ class _Sheet:
                 **_EXACT,
             )
 
-    def peek(self, count: int | None) -> list[Any]:
-        """The first cells of each column."""
-        return [self.column(k, strict=False)[:count] for k in range(len(self.names))]
+    def peek(self, count: int | None, columns: Sequence[int]) -> list[Any]:
+        """The first cells of columns."""
+        return [self.column(k, strict=False)[:count] for k in columns]
 
     @cached_property
     def rests(self) -> dict[int, int]:
@@ -202,9 +214,9 @@ class _Sheet:
         return f"{self.path}: {said}"
 
 
-def _read_text(path: Path) -> str:
-    """The text of a file in whatever encoding, with one kind of line end."""
-    content = path.read_bytes()
+def _read_text(path: Path) -> tuple[str, list[str]]:
+    """The text of a file in whatever encoding, with one kind of line end; and what to say of it."""
+    content, said = path.read_bytes(), []
     if content[:2] == b"\x1f\x8b":
         with read_as(path, "a gzip archive"):
             content = gzip.decompress(content)
@@ -221,14 +233,133 @@ def _read_text(path: Path) -> str:
             raise ValueError(
                 f"{path} begins as UTF-16 text, but is none. Save it as UTF-8."
             ) from error
-        # Western European Windows: what spreadsheets write for the degree sign in "e [°]".
-        text = content.decode("cp1252", "replace")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+        encoding = _find_encoding(content)
+        text = content.decode(encoding, "replace")
+        said = [f"it is no UTF-8, and read as {encoding}"] if encoding in _LEGACY else []
+    return text.replace("\r\n", "\n").replace("\r", "\n"), said
 
 
-def _find_table(path: Path) -> _Sheet:
+def _find_encoding(content: bytes) -> str:
+    """That of Western Windows for text that is no UTF-8, unless most letters are no Latin."""
+    high = re.findall(rb"[\x80-\xff]+", content)
+    if sum(len(run) for run in high if len(run) > 2) > len(b"".join(high)) / 2:
+        try:
+            from charset_normalizer import from_bytes
+        except ImportError:
+            pass
+        else:
+            lines = (line for line in content.splitlines() if not line.isascii())
+            found = from_bytes(b"\n".join(lines), cp_isolation=_LEGACY).best()
+            return "cp1252" if found is None else str(found.encoding)
+    return "cp1252"  # what spreadsheets write for the degree sign in "e [°]"
+
+
+def is_text(path: Path) -> bool:
+    """Whether a file begins as text does."""
+    with path.open("rb") as file:
+        start = file.read(1 << 16)
+    is_wide = start[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+    return is_wide or not re.search(rb"[\x00-\x08\x0e-\x19\x1c-\x1f]", start)
+
+
+def _read_sheet(path: Path) -> _Sheet:
+    """The table of a text, without what stands before its rows, between and below them."""
+    text, said = _read_text(path)
+    stamped = len(_ARRIVAL.findall(text, 0, 1 << 16))
+    is_serial = 2 * stamped > text.count("\n", 0, 1 << 16)
+    sheet = _find_table(path, _ARRIVAL.sub("", text) if is_serial else text)
+    sheet = replace(sheet, remarks=(*said, *sheet.remarks))
+    if is_serial:
+        stamps = [_ARRIVAL.match(line) for line in text.split("\n")[sheet.skip :]]
+        before = [stamp[1] if stamp else "" for stamp in stamps]
+        remark = 'what a serial monitor wrote before each row is the column "arrival time"'
+        sheet = _with_column(sheet, "arrival time", before, remark)
+    return _cut(sheet)
+
+
+def _with_column(sheet: _Sheet, name: str, cells: Sequence[object], remark: str) -> _Sheet:
+    """The table with one more column, the first; blank lines stay blank."""
+    rows = zip(cells, sheet.body.split("\n"), strict=True)
+    body = "\n".join(f"{cell}{sheet.separator}{row}" if row.strip() else "" for cell, row in rows)
+    return replace(
+        sheet,
+        text="\n" * sheet.skip + body,
+        names=[name, *sheet.names],
+        units=("", *sheet.units) if sheet.units else (),
+        remarks=(*sheet.remarks, remark),
+    )
+
+
+def _cut(sheet: _Sheet) -> _Sheet:
+    """Leave out what stands below the rows; a table whose header comes again is one of runs."""
+    lines = sheet.body.split("\n")
+    first = next((k for k, line in enumerate(lines) if line.strip()), 0)
+    row = _split(lines[first], sheet.separator)
+    head = sheet.text.split("\n", sheet.skip)[: sheet.skip]
+    starts = [0]
+    if sheet.header >= 0 and f"\n{head[sheet.header]}\n" in sheet.body:
+        again = [k for k, line in enumerate(lines) if line == head[sheet.header]]
+        starts += [k + sheet.skip - sheet.header for k in again]
+        for k in again:
+            lines[k : k + sheet.skip - sheet.header] = [""] * (sheet.skip - sheet.header)
+    elif "\n\n" in sheet.body.rstrip():  # another table may stand below
+        breaks = (k for k in range(first + 1, len(lines) - _BLOCK) if not lines[k].strip())
+        other = next((k for k in breaks if _is_words(lines[k + 1], row, sheet.separator)), None)
+        n_rows = (
+            sum(
+                _continues(_split(line, sheet.separator), _split(line, sheet.separator))
+                for line in lines[other:]
+            )
+            if other
+            else 0
+        )
+        if other and n_rows >= _BLOCK:
+            said = f"another table of {n_rows} rows below line {sheet.skip + other} is not read"
+            lines, sheet = lines[:other], replace(sheet, remarks=(*sheet.remarks, said))
+    dropped = []
+    for start, stop in zip(starts, [*starts[1:], len(lines)], strict=True):
+        for k in range(stop - 1, max(start, first), -1):
+            if not lines[k].strip():
+                continue
+            is_short = _is_short(lines, k, stop, sheet.separator)
+            is_empty = not any(_split(lines[k], sheet.separator))
+            if not (is_short or is_empty or _is_words(lines[k], row, sheet.separator)):
+                break
+            lines[k] = ""
+            dropped.append(k)
+    if dropped:
+        place = sheet.skip + min(dropped) + 1
+        said = f"{counted(len(dropped), 'line')} below the rows, from line {place}, left out"
+        sheet = replace(sheet, remarks=(*sheet.remarks, said))
+    if not dropped and len(starts) == 1 and len(lines) == sheet.body.count("\n") + 1:
+        return sheet
+    sheet = replace(sheet, text="\n" * sheet.skip + "\n".join(lines))
+    if len(starts) == 1:
+        return sheet
+    numbers = np.searchsorted(starts, np.arange(len(lines)), side="right")
+    name = next(n for n in ("block", "block of rows") if n not in sheet.names)
+    said = f"its header stands {len(starts)} times: each block of rows is a run"
+    return _with_column(sheet, name, numbers.tolist(), said)
+
+
+def _is_words(line: str, row: list[str], sign: str) -> bool:
+    """Whether a line has text in the first place of a number, or in half of these or more."""
+    cells = _split(line, sign)
+    there = [_is_number(c) for c, other in zip(cells, row, strict=False) if c and _is_number(other)]
+    many = 2 * sum(there) <= len(there) or not there[0]
+    return any(cells) and any(map(_is_number, row)) and many
+
+
+def _is_short(lines: list[str], k: int, stop: int, sign: str) -> bool:
+    """Whether the last row of all has fewer cells than each of those above it."""
+    if any(line.strip() for line in lines[k + 1 : stop]):
+        return False
+    above = [_split(line, sign) for line in lines[max(k - _ABOVE, 0) : k] if line.strip()]
+    return len(above) >= _BLOCK and len(_split(lines[k], sign)) < min(map(len, above))
+
+
+def _find_table(path: Path, text: str) -> _Sheet:
     """Find separator, header and first row of a text: rows of numbers say where they are."""
-    text = _read_text(path)
     lines = text.split("\n", _FAR)[:_FAR]
     for k in range(len(lines) - 1):  # a name of two lines, in quotes
         if re.search('(^|[\t;, ])"[^"]*$', lines[k]) and re.match(
@@ -253,7 +384,8 @@ def _find_table(path: Path) -> _Sheet:
             alike = len({bool(_COMMENT.match(lines[k])) for k in above[-2:]}) == 1
             over = _names(lines, above[-2], sign, width, row) if alike else None
             whole = over and all(over) and len(set(over)) == width and above[-2] == above[-1] - 1
-            if over and (whole or are_units(names)) and not any(map(_is_number, over)):
+            numbers = [_is_number(name) for name in over or []]
+            if over and (not all(numbers) if are_units(names) else whole and not any(numbers)):
                 return _below(path, text, sign, lines, above[-2], above[-1], over, names)
         if names and not any(map(_is_number, names)):
             return _below(path, text, sign, lines, above[-1], above[-1], names)
@@ -274,9 +406,11 @@ def _find_table(path: Path) -> _Sheet:
     counted_up = [[str(k + base) for k in range(width)] for base in (0, 1)]
     if after and width > 2 and row in counted_up and float(after[0] or "nan") <= int(row[0]):
         sheet = _below(path, text, sign, lines, start, start, row)
-        return replace(sheet, remark=f"its first row, {', '.join(row)}, is taken for the header")
+        return replace(
+            sheet, remarks=(f"its first row, {', '.join(row)}, is taken for the header",)
+        )
     names = [str(k + 1) for k in range(width)]
-    return _Sheet(path, text, sign, names, start, start - first, numbered=True)
+    return _Sheet(path, text, sign, names, start, above=start - first, numbered=True)
 
 
 def _continues(row: list[str], after: list[str]) -> bool:
@@ -310,11 +444,12 @@ def _find_rows(lines: list[str], sign: str) -> _Rows:
     widths = [len(rows[k]) for k in there]
     width = max(set(widths), key=lambda w: (widths.count(w), w))
     there = [k for k in there if len(rows[k]) == width]
-    filled = sum(cell.strip() != "" for k in there for cell in rows[k])  # an empty cell is missing
-    share = sum(counts[k] for k in there) / filled
     places = {k: place for place, k in enumerate(rows)}
     blocks = np.split(there, np.flatnonzero(np.diff([places[k] for k in there]) != 1) + 1)
     block = next((b for b in blocks if len(b) >= _BLOCK), max(blocks, key=len))
+    there = [k for k in there if k >= block[0]]  # settings above have numbers too
+    filled = sum(cell.strip() != "" for k in there for cell in rows[k])  # an empty cell is missing
+    share = sum(counts[k] for k in there) / filled
     return _Rows(sign, share, int(block[0]), width)
 
 
@@ -362,7 +497,7 @@ def _below(
     first = next(k for k, line in enumerate(lines) if line.strip())
     found = tuple(map(_unit_in, units or ()))
     names = [name.strip() for name in names]
-    return _Sheet(path, text, sign, names, last + 1, header - first, found)
+    return _Sheet(path, text, sign, names, last + 1, header, header - first, found)
 
 
 def _split(line: str, sign: str) -> list[str]:

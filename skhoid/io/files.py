@@ -12,7 +12,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -75,15 +75,17 @@ _NOTES = (".txt", ".log")  # that may stand beside recordings of another kind
 
 def find_files(folder: Path) -> tuple[list[Path], int]:
     """The recordings in a folder and those below it, and how many other files were left out."""
+    from .delimited import is_text
     from .reading import READERS
 
-    found = [
+    there = [
         path
         for path in folder.rglob("*")
-        if path.suffix.lower() in READERS
-        and path.is_file()
+        if path.is_file()
         and not any(part.startswith((".", "_", "~$")) for part in path.relative_to(folder).parts)
     ]
+    found = [path for path in there if path.suffix.lower() in READERS]
+    found = found or [path for path in there if path.stat().st_size and is_text(path)]
     motion = [path for path in found if path.name.endswith(MOTION)]
     kept = motion or [path for path in found if not _is_aside(path.stem)]
     if not kept:
@@ -121,6 +123,8 @@ _HEADER = re.compile(
     r"^(?P<name>.*\S)(?:\s*\[(?P<square>[^\[\]]*)\]|\s+\((?P<round>[^()]*[^\W\d_][^()]*|[%°])\))$"
 )
 _MOST_NAMES = 30
+_DATE = re.compile(r"\s*\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ]")
+_SHUFFLED = 0.01  # falls of a clock in a row, from which they are no beginnings of runs
 _CLOSE = 0.6  # likeness of names, from 0 to 1
 # Columns, and the codes and labels of one of them if it is asked for.
 Columns = tuple[list[Any], tuple[np.ndarray, list[Any]] | None]
@@ -207,6 +211,8 @@ class FileTable:
         hits = [i for i, name in enumerate(self.names) if name == asked]
         if not hits:
             hits = [i for i, name in enumerate(self.names) if split_header(name)[0] == asked]
+        if not hits and self.kind == "column" and len(set(self.names)) < len(self.names):
+            hits = [k for k in range(len(self.names)) if asked == str(k + 1)]
         if not hits and self.resolve is not None and self.resolve(asked):
             hits = [len(self.names) - 1]
         if len(hits) == 1:
@@ -258,6 +264,31 @@ def _same_field(asked: str, name: str) -> bool:
     """Whether fields of structs are alike by their own names; in one struct all share its name."""
     one, other = (text.casefold().rpartition(".")[2] for text in (asked, name))
     return difflib.SequenceMatcher(None, one, other).ratio() >= _CLOSE
+
+
+def in_order(table: FileTable) -> FileTable:
+    """A table whose rows are sorted by the dates in one column, if these all differ."""
+    for name, raw in zip(table.names, table.peek(), strict=True):
+        series = raw if isinstance(raw, pd.Series) else pd.Series(np.ravel(raw))
+        first = str(series.iloc[0]) if series.size else ""
+        if not (
+            series.dtype.kind == "M" or (series.dtype.kind not in "biufc" and _DATE.match(first))
+        ):
+            continue
+        clock = read_clock(series)
+        falls = np.count_nonzero(np.diff(clock) < 0)
+        if falls < _SHUFFLED * clock.size or np.unique(clock[np.isfinite(clock)]).size < clock.size:
+            continue
+        order = np.argsort(clock)
+
+        def load(numbers: Sequence[int], labels: int | None, order: Any = order) -> Columns:
+            columns, coded = table.load(numbers, labels)
+            columns = [pd.Series(np.ravel(values)).iloc[order] for values in columns]
+            return columns, coded and (coded[0][order], coded[1])
+
+        remark = f'rows are not in the order of time, and are sorted by "{name}"'
+        return replace(table, load=load, first_rows=None, remarks=[*table.remarks, remark])
+    return table
 
 
 def first_run(values: Any, axis: int = 0) -> np.ndarray:

@@ -12,8 +12,8 @@ import pandas as pd
 
 from .archives import read_excel, read_npz, read_parquet, read_xdf
 from .assembling import Channel, FileRuns, assemble, cut_runs, gather_units
-from .delimited import read_csv
-from .files import FileTable, Paths, expand_paths, shown
+from .delimited import is_text, read_csv
+from .files import FileTable, Paths, expand_paths, in_order, shown
 from .joining import are_parts, join_parts, on_one_clock
 from .matlab import read_mat
 
@@ -33,13 +33,16 @@ DOTTED = (".mat", ".xdf")  # whose names may be paths, of which the last part na
 
 
 def open_table(path: Path) -> FileTable:
-    """One file as a table, by its extension."""
+    """One file as a table, by its extension; as text if it has another one and is text."""
     reader = READERS.get(path.suffix.lower().partition("#")[0])
+    if reader is None and is_text(path):
+        reader = read_csv
     if reader is None:
         raise ValueError(
-            f"{path} has the extension {path.suffix!r}; skhoid reads {', '.join(READERS)}."
+            f"{path} is no text, and has the extension {path.suffix!r}; skhoid reads text and "
+            f"{', '.join(READERS)}."
         )
-    return on_one_clock(reader(path))
+    return on_one_clock(in_order(reader(path)))
 
 
 def each_table(paths: Paths, opened: FileTable | None = None) -> Iterator[FileTable]:

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from ...io import first_table
+from ...io.delimited import TIME_UNITS
 from ...io.files import FileTable, is_plain_clock, numbers_of, read_clock, split_header
 from ...runs.roles import OUTPUT, role_of
 from ...runs.tables import advances_evenly, labelled_stretches
@@ -78,7 +79,7 @@ def make_guess(
         signals=signals,
     )
     said = (output is not None, time is not None or dt is not None, run == guess.run)
-    guess.guessed = signals or not all(said) or bool(guess.levels or guess.remarks)
+    guess.guessed = signals or not all(said) or bool(guess.levels or guess.all_remarks)
     return guess
 
 
@@ -136,6 +137,13 @@ class _Column:
         falls = np.flatnonzero(step < 0) + 1
         is_clock = step.size > 1 and np.count_nonzero(step > 0) + falls.size == step.size
         return falls if is_clock and falls.size <= _FALLS * step.size else None
+
+
+def _uneven(column: _Column) -> float:
+    """How far the steps of a clock are from the usual one (rms, in hundredths of it)."""
+    step = np.diff(column.times)
+    step = step[step > 0]
+    return float(np.round(np.std(step) / np.median(step), 2)) if step.size else np.inf
 
 
 class _Guess:
@@ -255,7 +263,7 @@ class _Guess:
             return
         if guess.dt is not None:
             return
-        named = [c for c in self.free.values() if may_be_time(c.header) and c.numbers.size > 1]
+        named = [c for c in self.free.values() if self._may_be_clock(c)]
         named = [c for c in named if np.isfinite(c.times).any()] or named
         if not named:  # the column that rises in every row, but where runs begin
             rising = [
@@ -265,7 +273,10 @@ class _Guess:
                 and not is_row_number(c.header)
                 and not roles_by_name(c.header)
             ]
-            named = [c for c in rising if len(rising) == 1 or advances_evenly(c.times)][:1]
+            # A counter of rows is no clock beside one.
+            rising = [c for c in rising if not self._counts(c)] or rising
+            rising = [c for c in rising if len(rising) == 1 or advances_evenly(c.times)]
+            named = [max(rising, key=self._clock_score)] if rising else []
         if not named:
             guess.dt = self._stored_dt()
             if guess.dt is None:
@@ -275,6 +286,10 @@ class _Guess:
                 )
             return
         best = max(named, key=self._clock_score)
+        less = [c for c in named if c.falls is not None and _uneven(c) > _uneven(best)]
+        if less:
+            names = ", ".join(quoted(c.header) for c in less)
+            guess.remarks.append(f"{names} could be the time too, and is less even")
         guess.time = best.header
         self._take(best.position)
         for other in named:
@@ -282,10 +297,22 @@ class _Guess:
                 self.free.pop(other.position)
         self._time_unit(best.position)
 
-    def _clock_score(self, column: _Column) -> tuple[bool, bool, bool]:
+    def _may_be_clock(self, column: _Column) -> bool:
+        """Whether a column may be a clock by its name, or by a unit of time and as it rises."""
+        if may_be_time(column.header):
+            return column.numbers.size > 1
+        return column.falls is not None and bool(unit_by_name(column.header, time=True))
+
+    def _counts(self, column: _Column) -> bool:
+        """Whether a column counts rows, and has no unit of time."""
+        step = np.diff(column.times)
+        timed = self.table.unit_of(column.position) in TIME_UNITS
+        return not timed and not (step % 1).any() and float(np.median(step)) == 1.0
+
+    def _clock_score(self, column: _Column) -> tuple[bool, bool, float, bool]:
         name = folded(column.header).casefold().rpartition(".")[2]
         whole = name in ("t", "time", "zeit", "temps", "tijd")
-        return advances_evenly(column.times), not column.is_text, whole
+        return advances_evenly(column.times), not column.is_text, -_uneven(column), whole
 
     def _stored_dt(self) -> float | None:
         """Sampling time of a MATLAB file in a variable of one number."""
@@ -317,11 +344,13 @@ class _Guess:
             if stated != "s":
                 guess.units["time"] = stated
             return
-        if asked or column.is_text:
+        if column.is_text:
             return
         step = np.diff(column.numbers)
         typical = float(np.nanmedian(step)) if step.size else 0.0
-        if typical == 1.0:
+        if typical == 1.0 and asked:
+            guess.time_remark = "time is read in s, as its header says no unit, 1 s a row"
+        elif typical == 1.0:
             options = (("unit", f"{guess.time}=ms"), ("unit", f"{guess.time}=s"))
             guess.problems.append(
                 Problem(
@@ -604,7 +633,8 @@ class _Guess:
             if not left and place and roles_by_name(place.header).get("x", 0) < _OF_PLANT:
                 text += " If the person moves x itself, that is the output."
                 options = [("output", place.header)]
-            self.guess.problems.append(Problem(text, tuple(options) or (("output", "NAME"),)))
+            options = options or self._by_number("output")
+            self.guess.problems.append(Problem(text, tuple(options)))
             values = {c.header: c.numbers for c in left}
             if left and find_loop(values, {"u": left[0].header}).roles:
                 asks_error = False
@@ -616,8 +646,14 @@ class _Guess:
             options = [("input", c.header) for c in inputs[:_OFFERED]]
             if place:  # beside x the target may have been recorded, or the error
                 options = [(o, c.header) for c in inputs[:_OFFERED] for o in ("target", "input")]
-            options = options or ([("input", place.header)] if place else [("input", "NAME")])
+            options = options or ([("input", place.header)] if place else self._by_number("input"))
             self.guess.problems.append(Problem(text, tuple(options)))
+
+    def _by_number(self, option: str) -> list[tuple[str, str]]:
+        """Columns whose names repeat, as options."""
+        names = self.table.names
+        places = [k + 1 for k, name in enumerate(names) if name and names.count(name) > 1]
+        return [(option, str(k)) for k in places[:_OFFERED]] or [(option, "NAME")]
 
 
 def guess_columns(paths: Any, **given: Any) -> ColumnGuess:

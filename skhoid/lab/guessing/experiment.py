@@ -182,8 +182,7 @@ def find_columns(table: FileTable, paths: Any, asked: Asked) -> Columns:
     channels = [*inputs, Channel(*guess.output, renamed=True)]
     check_names(channels)
     clock = checked_clock(guess.time, guess.dt)
-    given = dict(guess.units if not asked.complete else asked.units or {})
-    units = checked_units(given, channels, guess.time)
+    units = checked_units(guess.units, channels, guess.time)
     stated = "time" in checked_units(dict(asked.units or {}), channels, guess.time)
     return Columns(channels, clock, units, levels, guess, stated)
 
@@ -466,8 +465,8 @@ def read_experiment(
     Notes
     -----
     NaN at the end of array columns, in all channels, fills short runs and is left out. A clock in
-    ms is converted where a header or `units` says so; one that only looks like it is read as it
-    is, and named by :func:`skhoid.check_experiment`.
+    ms is converted where a header or `units` says so, or steps of 2 or more in the files that are
+    looked at, which is printed; else :func:`skhoid.check_experiment` names one that looks like it.
 
     References
     ----------
@@ -526,7 +525,8 @@ def _read(sources: Sources, asked: Asked, dims: Dims | None) -> tuple[pd.DataFra
     said = [from_files.said] * bool(from_files.said)
     said += [str(order)] * (order is not None and dims is None)
     said += [sources.remark] * bool(sources.remark)
-    if columns.guess.guessed or len(asked.levels) < len(columns.levels):
+    by_steps = bool(columns.guess.time_remark)
+    if columns.guess.guessed or by_steps or len(asked.levels) < len(columns.levels):
         said.append(str(columns.guess))
     if said:
         print(f"{_counts(X, len(sources.files))}; {'; '.join(said)}")

@@ -15,6 +15,7 @@ from ...io.assembling import count_per_second, find_restarts, plain_labels
 from ...io.files import FileTable, as_numbers, is_plain_clock, numbers_of, read_clock, shown
 from ...runs import GAP, RUN, TIME, contiguous_runs, read_layout
 from ...runs.roles import role_of
+from ...runs.tables import JITTER_TOLERANCE
 
 MEANING = {
     "e": "error e",
@@ -202,7 +203,45 @@ def where_of(paths: list[Path]) -> str:
 _FILLS = (999.0, 9999.0, 99999.0, 999999.0, 32767.0, 32768.0, 65535.0)  # for missing numbers
 _FAR = 10.0  # times beyond all other values
 _OFTEN = 0.01  # share of the steps of a clock
+_TICK_ERROR = 1e-3  # of a tick, by which floats may miss whole ones
+_WHOLE = 0.6  # share of the times that are written no finer; of few digits, not all are
+_FEWEST_TICKS, _HALF = 2.0, 0.6  # in a row, and by which a clock that is rounded misses
+_TICKS = 3.5  # in a row at least: a lost row is then more than rounding
+_ROUNDED = 1.5  # ticks, by which a clock that is read late and rounded misses an even one
 _SIGNAL = "a signal that never changes tells nothing"
+
+
+def even_times(index: pd.MultiIndex) -> tuple[np.ndarray, str] | None:
+    """Times of a clock that is even but for its rounding, and what to say; None for others."""
+    time = index.get_level_values(TIME).to_numpy()
+    for tick in 10.0 ** np.arange(0, -7, -1):
+        ticks = time / tick
+        if np.mean(np.abs(ticks - np.round(ticks)) <= _TICK_ERROR) > _WHOLE:
+            break
+    else:
+        return None
+    codes = pd.factorize(index.droplevel(TIME))[0]
+    starts = np.append(0, np.flatnonzero(np.diff(codes)) + 1)
+    even, uneven, steps = ticks.copy(), 0.0, []
+    for start, stop in zip(starts, np.append(starts[1:], time.size), strict=True):
+        rows, own = np.arange(stop - start), ticks[start:stop]
+        step = np.polyfit(rows, own, 1)[0] if rows.size > 2 else 0.0
+        if step < _FEWEST_TICKS:
+            return None
+        rest = own - step * rows
+        even[start:stop] = step * rows + (rest.min() + rest.max()) / 2
+        uneven = max(uneven, np.abs(np.diff(own) / step - 1).max())
+        steps.append(step)
+    slack = _ROUNDED if min(steps) >= _TICKS else _HALF
+    if np.abs(even - ticks).max() > slack or uneven <= JITTER_TOLERANCE:
+        return None
+    unit = {1e-3: " ms", 1e-6: " us"}.get(tick, "")
+    written = f"in whole{unit}" if unit else f"written to {tick:g} s"
+    but = f"{slack:g}{unit}" if unit else f"{slack * tick:g} s"
+    return even * tick, (
+        f"the clock is {written} and even but for {but}, and is taken as even, "
+        f"{np.median(steps) * tick:.6g} s a row"
+    )
 
 
 def problems_of_runs(X: pd.DataFrame, y: pd.Series, *, irregular: bool = False) -> list[Problem]:
@@ -315,7 +354,7 @@ def _numbers(
 
 def _constant(name: str, channel: str, values: np.ndarray, asked: dict[str, str]) -> str:
     what = "error e" if channel == "e" else "output u"
-    text = f"The {what}, {quoted(name)}, is {np.nanmax(values):g} in every row: {_SIGNAL}."
+    text = f"The {what}, {quoted(name)}, is {np.nanmax(values) + 0.0:g} in every row: {_SIGNAL}."
     if channel == "e" and {"f_t", "x"} <= set(asked.values()):
         text += " Delete the column, and the error is formed as f_t - x."
     return text
@@ -404,6 +443,8 @@ def _problems_of_time(
     index = pd.MultiIndex.from_arrays([codes, time / per_second], names=[RUN, TIME])
     steps = step[within]
     gaps = int(np.count_nonzero(steps > GAP * np.median(steps))) if steps.size else 0
+    if even_times(index) is not None:
+        return []
     irregular = _problems_of_clock(pd.DataFrame({"e": np.zeros(time.size)}, index=index))
     if irregular or gaps <= _OFTEN * steps.size:
         return irregular

@@ -23,21 +23,18 @@ from ...io.files import FileTable, Paths, expand_paths
 from ...io.reading import DOTTED, each_table, first_table, read_named
 from ...runs import RUN, TIME
 from ...runs.roles import role_of
-from ...runs.tables import JITTER_TOLERANCE
 from .columns import make_guess
 from .names import LEVELS, UnclearNamesError, names_guess
 from .problems import (
     ColumnGuess,
     Problem,
     UnclearColumnsError,
+    even_times,
     problems_of_files,
     problems_of_runs,
+    quoted,
     where_of,
 )
-
-_TICK_ERROR = 1e-3  # of a tick, by which floats may miss whole ones
-_TICKS = 3.5  # in a row at least: a lost row is then more than rounding
-_ROUNDED = 1.5  # ticks, by which a clock that is read late and rounded misses an even one
 
 
 @checked(
@@ -85,8 +82,9 @@ def read_runs(
     output : str, dict or None, default=None
         The operator's output, as in `inputs`. None guesses, and names it ``u``.
     time : str or None, default=None
-        Column of the time in seconds, or in the unit that `units` or its header states (s, ms,
-        us). None is guessed unless `dt` is given.
+        Column of the time, in the unit that `units` or its header states (s, ms, us, ns); else in
+        seconds, unless steps of 2 or more say another one, which is printed. None is guessed
+        unless `dt` is given.
     run : str or None, default=None
         Column of the run labels; the rows of a run must be contiguous. None means that each file is
         one run, labelled by its name without extension; if anything is guessed, this column is
@@ -165,7 +163,15 @@ def read_runs(
     check_names(channels)
     clock = checked_clock(time, dt)
     given = checked_units(units or {}, channels, time)
-    return read_named(each_table(files), channels, clock, given, run)
+    X, y = read_named(each_table(files), channels, clock, given, run)
+    slow = np.median(np.diff(X.index.get_level_values(TIME))) >= 1 if len(X) > 2 else False
+    if time is not None and "time" not in given and slow:
+        guess = make_guess(first_table(files), paths, output=output, time=time, signals=False)
+        if guess.time_remark:
+            print(f"{quoted(time)}: {guess.time_remark}")
+        given |= {key: unit for key, unit in guess.units.items() if key == "time"}
+        return read_named(each_table(files), channels, clock, given, run)
+    return X, y
 
 
 def _guessed(
@@ -220,34 +226,14 @@ def read_guessed(
 
 
 def _even_out(X: pd.DataFrame, y: pd.Series, guess: ColumnGuess) -> None:
-    """Take a clock that only rounds its times, to whole ms or us, as the even one that it reads."""
-    time = X.index.get_level_values(TIME).to_numpy()
-    for tick in (1e-3, 1e-6):
-        ticks = time / tick
-        if np.abs(ticks - np.round(ticks)).max() > _TICK_ERROR:
-            continue
-        codes = pd.factorize(X.index.droplevel(TIME))[0]
-        starts = np.append(0, np.flatnonzero(np.diff(codes)) + 1)
-        even, uneven = ticks.copy(), 0.0
-        for start, stop in zip(starts, np.append(starts[1:], time.size), strict=True):
-            rows = np.arange(stop - start)
-            if rows.size < 3:
-                return
-            step, first = np.polyfit(rows, ticks[start:stop], 1)
-            even[start:stop] = first + step * rows
-            uneven = max(uneven, np.abs(np.diff(ticks[start:stop]) / step - 1).max())
-        is_rounded = step >= _TICKS and np.abs(even - ticks).max() <= _ROUNDED
-        if not is_rounded or uneven <= JITTER_TOLERANCE:
-            return
+    """Take a clock that only rounds its times as the even one that it reads."""
+    found = even_times(X.index)
+    if found is not None:
+        even, remark = found
         arrays = [X.index.get_level_values(name) for name in X.index.names if name != TIME]
-        X.index = pd.MultiIndex.from_arrays([*arrays, even * tick], names=X.index.names)
+        X.index = pd.MultiIndex.from_arrays([*arrays, even], names=X.index.names)
         y.index = X.index
-        unit = "ms" if tick == 1e-3 else "us"
-        guess.remarks.append(
-            f"the clock is in whole {unit} and even but for {_ROUNDED:g} {unit}, and is taken as "
-            f"even, {step * tick:.6g} s a row"
-        )
-        return
+        guess.remarks.append(remark)
 
 
 def add_error(X: pd.DataFrame, guess: ColumnGuess) -> None:

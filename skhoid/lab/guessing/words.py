@@ -24,7 +24,7 @@ ERROR = _words(
 TARGET = _words(
     "target tgt trg stimulus ref reference goal setpoint desired des commanded wanted forcing "
     "soll sollwert ziel zielposition fuhrungsgrosse fuehrungsgroesse consigne cible doel gewenst "
-    "guidance"
+    "guidance 目標値"
 )
 DEVICE = _words(
     "joy gamepad tiller thumbstick trackball cyclic collective gimbal finger grip master leader "
@@ -36,13 +36,17 @@ ACTOR = _words("operator human pilot person driver rider")
 CONTROL = _words(
     "control controller ctrl ctl command cmd commande steuer steuersignal steuerung stellgrosse "
     "stellgroesse stellsignal response action force torque actuator effort stuursignaal commando "
-    "manipulated"
+    "manipulated 操作量"
 )
 PLANT = _words("plant system vehicle aircraft process controlled strecke procede slave")
 PLACE = _words(
     "cursor position pos attitude angle pitch roll yaw heading altitude height theta phi psi ist "
     "istwert regelgrosse regelgroesse lage winkel hoek positie displacement location bank "
-    "att actual act measured meas state uitgang ausgang sortie follower"
+    "att actual act measured meas state uitgang ausgang sortie follower mesure messwert meetwaarde "
+    "制御量"
+)
+_PLAIN = _words(  # which may be of the target as well
+    "position pos attitude angle pitch roll yaw heading altitude height displacement location"
 )
 DISTURBANCE = _words(
     "disturbance disturb dist dis perturbation storung stoerung storgrosse verstoring gust wind"
@@ -61,6 +65,8 @@ SYMBOLS = {
     "ft": ("f_t", 10),
     "r": ("f_t", 6),
     "sp": ("f_t", 6),
+    "pv": ("x", 6),
+    "op": ("u", 6),
     "f d": ("dist", 10),
     "fd": ("dist", 10),
     "d": ("dist", 5),
@@ -191,6 +197,10 @@ def roles_by_name(header: str) -> dict[str, int]:
         return {}
     less = 5 if there & OF_OTHERS else 0
     found = _of_symbols(words) or _of_words(there)
+    if there - AXES.keys() <= _PLAIN and (path := set(put_in_words(folded(header)))) & (
+        ERROR | TARGET
+    ):
+        found = _of_words(path)  # reference.position
     if not found and len(words) == 2 and words[1] in ("u", "y"):  # controle_u, saida_y
         found = {"u": 5} if words[1] == "u" else {"x": 5}
     return {role: score - less for role, score in found.items() if score > less}

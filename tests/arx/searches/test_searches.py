@@ -356,3 +356,15 @@ def test_instrumental_variables_can_be_searched():
 def test_only_arx_models_are_searched(search, data):
     with pytest.raises(TypeError, match=r"needs an ARX model.*got Ridge"):
         search(Ridge()).fit(*data)
+
+
+@pytest.mark.parametrize("still", [0.0, 3.0])
+def test_an_input_that_is_still_where_a_fold_fits_is_named(still):
+    rng = np.random.default_rng(0)
+    e = np.where(np.arange(1000) < 600, still, rng.standard_normal(1000))
+    u = 0.1 * rng.standard_normal(1000)
+    index = pd.MultiIndex.from_product([[1], np.arange(1000) * 0.01], names=["run", "time"])
+    X, y = pd.DataFrame({"e": e}, index=index), pd.Series(u, index=index, name="u")
+    search = DelaySearchCV(ARXRegressor(fit_intercept=True), range(20), criterion="vaf")
+    with pytest.raises(ValueError, match=r"On rows 1 to 500 of 1000.*Input 'e' is"):
+        search.fit(X, y)

@@ -127,7 +127,8 @@ def test_renaming(tmp_path, write):
         ("t", {"t": "us"}, 1e6),
         ("t [ms]", {"time": "s"}, 1),
         ("t [s]", None, 1),
-        ("t", None, 1),
+        ("t", None, 1000),  # by its steps
+        ("t", {"t": "s"}, 1),
     ],
 )
 def test_time_in_seconds(tmp_path, write, header, units, factor):
