@@ -456,7 +456,8 @@ def _find_rows(lines: list[str], sign: str) -> _Rows:
 def _names(lines: list[str], k: int, sign: str, width: int, row: list[str]) -> list[str] | None:
     """The cells of a line as names of columns, if there are as many; units may stand apart."""
     line = lines[k]
-    for text in (line, _COMMENT.sub("", line, count=1)):
+    sign_of_comment = _COMMENT.match(line)
+    for text in (line, line[sign_of_comment.end() :]) if sign_of_comment else (line,):
         ways = [_split(text, sign)]
         if sign == _SPACE or text != line:  # a header may be written otherwise than the rows
             ways += [_split(text, other) for other in "\t;, "]

@@ -250,10 +250,10 @@ def advances_evenly(values: np.ndarray) -> bool:
     """Whether values advance by equal steps, but where runs begin anew."""
     if values.dtype.kind not in "iuf" or values.size < 3:
         return False
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         step = np.diff(values.astype(float))
-    typical = np.median(step)
-    even = np.abs(step - typical) <= JITTER_TOLERANCE * typical
+        typical = np.median(step)
+        even = np.abs(step - typical) <= JITTER_TOLERANCE * typical
     return bool(typical > 0 and np.mean(even) >= _TICKS)
 
 

@@ -126,7 +126,13 @@ def test_numbers_that_pandas_wrote(data):
     with TemporaryDirectory() as folder:
         path = Path(folder, "drawn.csv")
         path.write_bytes(text.encode(data.draw(st.sampled_from(ENCODINGS[:3]))))
-        X, y = check_read(path, inputs="e", output="u", time="t")
+        read = check_read(path, inputs="e", output="u", time="t")
+    if read is None:  # few rows, or cells that are no plain numbers, may leave the layout open
+        size = frame[["e", "u"]].abs()
+        plain = (size == 0) | ((size > 1e-15) & (size < 1e15))
+        assert n < 3 or not plain.to_numpy().all()
+        return
+    X, y = read
     np.testing.assert_array_equal(X["e"], frame["e"])
     np.testing.assert_array_equal(y, frame["u"])
 
