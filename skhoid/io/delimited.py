@@ -318,6 +318,7 @@ def _cut(sheet: _Sheet) -> _Sheet:
             lines, sheet = lines[:other], replace(sheet, remarks=(*sheet.remarks, said))
     dropped = []
     for start, stop in zip(starts, [*starts[1:], len(lines)], strict=True):
+        below: list[int] = []
         for k in range(stop - 1, max(start, first), -1):
             if not lines[k].strip():
                 continue
@@ -325,8 +326,13 @@ def _cut(sheet: _Sheet) -> _Sheet:
             is_empty = not any(_split(lines[k], sheet.separator))
             if not (is_short or is_empty or _is_words(lines[k], row, sheet.separator)):
                 break
-            lines[k] = ""
-            dropped.append(k)
+            below.append(k)
+        # Many rows with a word before their numbers are no statistics, but of another label.
+        if below and len(below) > min(_ABOVE, below[-1] - start):
+            below = [k for k in below if _is_text(lines[k], sheet.separator)]
+        dropped += below
+    for k in dropped:
+        lines[k] = ""
     if dropped:
         place = sheet.skip + min(dropped) + 1
         said = f"{counted(len(dropped), 'line')} below the rows, from line {place}, left out"
@@ -348,6 +354,12 @@ def _is_words(line: str, row: list[str], sign: str) -> bool:
     there = [_is_number(c) for c, other in zip(cells, row, strict=False) if c and _is_number(other)]
     many = 2 * sum(there) <= len(there) or not there[0]
     return any(cells) and any(map(_is_number, row)) and many
+
+
+def _is_text(line: str, sign: str) -> bool:
+    """Whether no cell of a line is a number, or hardly any."""
+    filled = [_is_number(cell) for cell in _split(line, sign) if cell]
+    return 2 * sum(filled) <= len(filled)
 
 
 def _is_short(lines: list[str], k: int, stop: int, sign: str) -> bool:
@@ -456,8 +468,9 @@ def _find_rows(lines: list[str], sign: str) -> _Rows:
 def _names(lines: list[str], k: int, sign: str, width: int, row: list[str]) -> list[str] | None:
     """The cells of a line as names of columns, if there are as many; units may stand apart."""
     line = lines[k]
-    sign_of_comment = _COMMENT.match(line)
-    for text in (line, line[sign_of_comment.end() :]) if sign_of_comment else (line,):
+    bare = line[comment.end() :] if (comment := _COMMENT.match(line)) else line
+    stands_apart = comment and comment[0][-1].isspace()  # no part of the first name
+    for text in (bare, line) if stands_apart else (line, bare):
         ways = [_split(text, sign)]
         if sign == _SPACE or text != line:  # a header may be written otherwise than the rows
             ways += [_split(text, other) for other in "\t;, "]

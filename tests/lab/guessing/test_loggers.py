@@ -217,3 +217,29 @@ def test_letters_that_are_no_latin(tmp_path, encoding, names):
 def test_latin_letters_that_lie_together(tmp_path):
     guess = guess_columns(written(tmp_path / "a.csv", f"Zeit,Größe,Stellgröße\n{BODY}", "cp1252"))
     assert guess.columns == ["Zeit", "Größe", "Stellgröße"]
+
+
+def test_rows_of_another_label_are_no_summary(tmp_path):
+    rows = [
+        f"{label},{0.01 * i:g},{i % 7},{i % 5}" for label in ("1", "practice") for i in range(60)
+    ]
+    path = tmp_path / "r.csv"
+    path.write_text("\n".join(["r,t,e,u", *rows, "end of file, by H."]))
+    X, _ = read_runs(path, time="t", inputs="e", output="u", run="r")
+    assert X.groupby("run").size().tolist() == [60, 60]
+
+
+def test_a_sign_of_comments_is_no_part_of_a_name(tmp_path):
+    rows = [f"{0.01 * i:g},{i % 7},{i % 5}" for i in range(60)]
+    path = tmp_path / "r.csv"
+    path.write_text("\n".join(["# tempo,e,u", *rows]))
+    assert len(read_runs(path, time="tempo", inputs="e", output="u")[0]) == 60
+
+
+@pytest.mark.parametrize("sign", [",", ";", "\t"])
+def test_an_output_that_was_hardly_measured(tmp_path, sign):
+    rows = [f"{0.01 * i:g}{sign}{i % 7}{sign}{i % 5 if i % 50 == 3 else ''}" for i in range(200)]
+    path = tmp_path / "r.csv"
+    path.write_text("\n".join([sign.join("teu"), *rows]))
+    X, y = read_runs(path, time="t", inputs="e", output="u")
+    assert (len(X), int(y.notna().sum())) == (200, 4)
