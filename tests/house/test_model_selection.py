@@ -23,6 +23,8 @@ from skhoid import (
 )
 from skhoid.exceptions import RunCutWarning
 
+pytestmark = pytest.mark.slow  # each line of the table is a cross-validation
+
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "validate.md"
 LINES = re.findall(
     r"^\| `([^`]*(?:model)[^`]*)` \| ([^|]+) \| ([^|]+) \|", PAGE.read_text("utf-8"), re.M
