@@ -15,6 +15,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
+import pytest
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 from support.fuzzing import RAW, fuzz
@@ -23,6 +24,8 @@ from skhoid import ARXRegressor, OperatorRegressor
 from skhoid.effects import catalogue
 from skhoid.lab.cli import main
 from skhoid.lab.explore import Exploration
+
+pytestmark = pytest.mark.slow  # whole commands on drawn recordings
 
 EFFECTS = list(catalogue().index)
 N = st.sampled_from([40, 150, 400, 900])
