@@ -25,7 +25,7 @@ from skhoid.effects import catalogue
 from skhoid.lab.cli import main
 from skhoid.lab.explore import Exploration
 
-pytestmark = pytest.mark.slow  # whole commands on drawn recordings
+pytestmark = pytest.mark.whole  # commands on drawn recordings: minutes; docs/contributing.md
 
 EFFECTS = list(catalogue().index)
 N = st.sampled_from([40, 150, 400, 900])
