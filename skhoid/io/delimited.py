@@ -305,14 +305,8 @@ def _cut(sheet: _Sheet) -> _Sheet:
     elif "\n\n" in sheet.body.rstrip():  # another table may stand below
         breaks = (k for k in range(first + 1, len(lines) - _BLOCK) if not lines[k].strip())
         other = next((k for k in breaks if _is_words(lines[k + 1], row, sheet.separator)), None)
-        n_rows = (
-            sum(
-                _continues(_split(line, sheet.separator), _split(line, sheet.separator))
-                for line in lines[other:]
-            )
-            if other
-            else 0
-        )
+        rows = [_split(line, sheet.separator) for line in lines[other:]] if other else []
+        n_rows = sum(any(map(_is_number, cells)) for cells in rows)
         if other and n_rows >= _BLOCK:
             said = f"another table of {n_rows} rows below line {sheet.skip + other} is not read"
             lines, sheet = lines[:other], replace(sheet, remarks=(*sheet.remarks, said))
