@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ from .output import (
     print_wrapped,
     say_files,
     say_next,
+    shows_progress,
     typed,
 )
 from .parser import (
@@ -149,7 +149,7 @@ def identify(options: argparse.Namespace) -> int:
         longest_delay=options.longest_delay,
         validation_runs=options.validate,
         centered=not options.keep_means,
-        callbacks=() if options.json or not sys.stdout.isatty() else _progress(),
+        callbacks=_progress() if shows_progress(options) else (),
     )
     files = {
         "pictures": [] if folder is None else _draw(found, folder, options),
