@@ -9,10 +9,15 @@ if they have one more.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .kernel import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel(
+    "f8[:,::1], i8[::1], i8[::1], i8[::1], f8[:,::1], i8[::1], i8, i8[::1], i8[::1], "
+    "f8[:,::1], f8, b1",
+    1,
+)
 def free_run(X, begin, end, past, theta, at, na, nb, nk, y0, bound, held):
     """Simulate Eq. 6 without noise from the inputs alone.
 
@@ -44,7 +49,7 @@ def free_run(X, begin, end, past, theta, at, na, nb, nk, y0, bound, held):
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel("f8[:,::1], i8, f8[:,::1], f8[:,:,::1], i8[:,::1], f8[::1], f8, f8[:,::1]", 1)
 def free_runs(X, first, a, b, lags, constant, bound, out):
     """Simulate one stretch from rest by many models side by side, as ``free_run`` does.
 
@@ -69,7 +74,11 @@ def free_runs(X, first, a, b, lags, constant, bound, out):
             row[m] = min(max(row[m], -bound), bound)
 
 
-@njit(cache=True, nogil=True)
+@kernel(
+    "f8[::1], f8[:,::1], i8, i8[::1], i8[::1], i8[::1], f8[:,::1], i8[::1], i8, i8[::1], "
+    "i8[::1], i8, f8, f8[::1]",
+    1,
+)
 def predict_ahead(known, X, low, begin, end, past, theta, at, na, nb, nk, horizon, bound, out):
     """Predict each row from outputs measured ``horizon`` samples before it, and from all inputs.
 

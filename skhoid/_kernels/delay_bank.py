@@ -7,7 +7,8 @@ axis more before, over blocks. The signals of each lane are those that its own d
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .kernel import kernel
 
 SETTLED = 30  # errors, before the variance of the errors counts as known
 EXACT = 1e-12  # of the power of the output: errors below it are rounding
@@ -15,7 +16,11 @@ LARGEST = 1e100  # of predictions, whose square still sums without overflow
 COUNT, VARIANCE, POWER = 0, 1, 2  # moments
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(
+    "f8[:,::1], f8[::1], i8[:,::1], f8[:,:,:,:,::1], f8[:,:,:,::1], i8[:,::1], i8, i8, "
+    "i8[::1], i8[::1], i8",
+    1,
+)
 def fill(X, y, shifts, Z, target, since, first, begin, columns, lags, na):
     """Write rows of a stream into the signals of a bank, from row ``begin`` on.
 
@@ -44,7 +49,11 @@ def fill(X, y, shifts, Z, target, since, first, begin, columns, lags, na):
                 target[b, t, 0, j] = y[i] if usable else np.nan
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(
+    "f8[:,:,:,:,::1], f8[:,:,:,::1], f8[:,:,:,::1], i8[:,::1], i8[::1], i8[::1], i8, i8, i8, "
+    "i8, i8, i8, f8, f8, f8, f8[::1], f8[::1], f8[:,::1], f8[:,::1]",
+    1,
+)
 def follow(
     Z, target, theta, since, columns, lags, na, first, begin, end, horizon, n_delays, leave,
     power, memory, weights, moments, probabilities, fits,
@@ -128,7 +137,7 @@ def follow(
         probabilities[t] = weights
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,::1], f8", 1)
 def most_probable(fits, leave):
     """Path of the highest posterior probability (Viterbi 1967), of shape (n_instants,).
 

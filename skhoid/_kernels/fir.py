@@ -9,7 +9,8 @@ are cut into calls.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .kernel import inner, kernel
 
 UNEXCITED = (
     1e-12  # of the mean power of the inputs, below which a row says nothing and costs nothing
@@ -35,7 +36,7 @@ def layout(n_params):
     return dict(zip([*MATRICES, *VECTORS, *NUMBERS, "size"], offsets, strict=True))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def penalties(R, weight, owner, ridge, out):
     """ridge trace(R) / weight of each input, for its parameters; 0 for those of none."""
     n = owner.size
@@ -52,7 +53,7 @@ def penalties(R, weight, owner, ridge, out):
             out[i] = 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def factorise(U):
     """Cholesky factor U of U'U, in place above the diagonal; False if it is not determined."""
     for k in range(U.shape[0]):
@@ -77,7 +78,7 @@ def factorise(U):
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def solve(U, b, x):
     """Solve U'U x = b."""
     n = U.shape[0]
@@ -94,7 +95,7 @@ def solve(U, b, x):
         x[i] = value / U[i, i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def square(S, x):
     """x'S x."""
     total = 0.0
@@ -106,7 +107,7 @@ def square(S, x):
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def sandwich(A, S, out):
     """(R + penalty)^-1 S (R + penalty)^-1, the covariance of theta over sigma²; S is ``meat``."""
     n = A.shape[0]
@@ -127,7 +128,11 @@ def sandwich(A, S, out):
             out[k, i] = mean
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(
+    "f8[:,:,::1], f8[:,::1], i8[::1], i8[::1], i8[::1], i8, i8, f8, f8, i8, f8[::1], "
+    "f8[:,::1], f8[:,:,::1], f8[:,::1]",
+    1,
+)
 def advance(
     Z, target, columns, lags, owner, begin, end, factor, ridge, every, state, path, spread, errors,
 ):  # fmt: skip

@@ -9,11 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from .kernel import OPTIONS, kernel
+
 N_NEWTON = 20  # at most
 MOST_JUMPS = 100  # of friction in one sample
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,::1], f8[:,::1]", 1)
 def delayed(x, delay):
     """Signals ``delay`` samples ago; ``delay`` (1 or n_samples, 1 or n_runs) may be negative.
 
@@ -57,7 +59,7 @@ def delayed(x, delay):
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[::1], f8[::1], f8", 1)
 def held_linearly(omega, zeta, dt):
     """Exact discretisation of the neuromuscular system for inputs linear between samples.
 
@@ -99,7 +101,7 @@ def held_linearly(omega, zeta, dt):
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@njit(**OPTIONS, fastmath={"contract"})
 def _recurred(x, t, det):
     """Solve y(k) = x(k) + t y(k-1) - det y(k-2) from rest, in place; some runs at a time.
 
@@ -137,7 +139,7 @@ def _recurred(x, t, det):
             first += 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@njit(**OPTIONS, fastmath={"contract"})
 def _linear(position, rate, q):
     """``second_order`` for constant matrices and no stiffness, as a difference equation.
 
@@ -168,12 +170,12 @@ def _linear(position, rate, q):
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(inline="always")
 def _force(y, cubic, square):
     return (cubic * y * y + square * abs(y)) * y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8", 1)
 def second_order(position, rate, matrices, cubic, square, bound):
     """Response from rest of a second-order system to a position and a rate command.
 
@@ -226,7 +228,7 @@ def second_order(position, rate, matrices, cubic, square, bound):
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,::1], f8[::1], f8[::1], f8, f8, f8, f8", 1)
 def arx_response(x, a, b, cubic, square, constant, bound):
     """Output from rest of A(q) y = B(q) (x - cubic y^3 - square y abs(y)) + constant.
 
@@ -256,7 +258,7 @@ def arx_response(x, a, b, cubic, square, constant, bound):
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@kernel("f8[:,:,::1], f8[::1], f8[:,::1]", 1, fastmath={"contract"})
 def whitened(signals, ar, weight):
     """Prediction errors of signals (n_signals, n_samples, n_runs) under an AR(6) model, weighted.
 
@@ -282,7 +284,7 @@ def whitened(signals, ar, weight):
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,::1], f8[:,::1], f8, f8, f8", 1)
 def held(x, watched, period, threshold, phase):
     """Sample and hold, of shape like x; times in samples.
 
@@ -331,7 +333,7 @@ def held(x, watched, period, threshold, phase):
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,::1], f8[:,::1], f8[:,::1], b1[:,::1], f8[:,::1], f8[:,::1], f8, b1, i8, i8, i8", 1)
 def events_scanned(
     position, slope, y, known, points, matrices, damping, of_error, thin, window, phases
 ):
@@ -425,7 +427,7 @@ def events_scanned(
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,::1], f8", 1)
 def rate_limited(x, step):
     """Follow x with at most ``step`` a sample."""
     n, runs = x.shape
@@ -439,7 +441,7 @@ def rate_limited(x, step):
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[::1], f8[::1], f8[:,::1]", 1)
 def along(at, knots, pieces):
     """Values at points of a polynomial by pieces, of shape (4, n_knots + 1): before the first knot,
     between knots, after the last; highest powers first, of the distance from the knot to the left.
@@ -458,7 +460,7 @@ def along(at, knots, pieces):
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,::1], f8, f8, b1", 1)
 def stuck(x, breakaway, kinetic, slides):
     """Stick until x is ``breakaway`` away, then jump to ``kinetic`` behind it.
 
@@ -505,7 +507,7 @@ def stuck(x, breakaway, kinetic, slides):
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,::1], f8[::1], f8[::1]", 1)
 def stops_summed(x, gaps, weights):
     """Sum of how far x is ahead of each of several plays, whose half-widths are ``gaps``, weighted.
 

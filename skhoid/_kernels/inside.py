@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from .kernel import inner, kernel
+
 # Kinds of terms, their first number. SHARP is friction with a line in place of the tanh.
 # TABLE is a force given by its values at equal distances, SPRING one that stiffens.
 FRICTION, ROOT, STOPS, SHARP, TABLE, SPRING = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0
@@ -13,7 +15,7 @@ N_DOUBLED = 8  # of the bracket
 N_LINES = 8  # steps of Newton's rule along a table, before a bracket
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@njit(inline="always")
 def _resistance(terms, tables, value, rate):
     """Sum of the forces at an output and its rate, and its slopes by both.
 
@@ -66,7 +68,7 @@ def _resistance(terms, tables, value, rate):
     return force, by_value, by_rate
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,::1], f8[:,::1], f8[::1], f8[::1]", 1)
 def resistances(terms, tables, value, rate):
     """Sum of the forces at each of several outputs and their rates."""
     out = np.empty(value.size)
@@ -75,7 +77,7 @@ def resistances(terms, tables, value, rate):
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _balanced(whole, gain, terms, tables, last, before, dt):
     """The output y with y + gain force(y, (y - last) / dt) = whole, after last and before."""
     if tables.shape[0] > 0:  # made of lines: Newton's rule ends at once where they are
@@ -120,7 +122,11 @@ def _balanced(whole, gain, terms, tables, last, before, dt):
     return y
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(
+    "f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, "
+    "f8[:,::1], f8, f8",
+    1,
+)
 def arx_inside(x, a, b, against, spring, bends, terms, tables, constant, begun, dt, bound):
     """Output of A(q) y = B(q) (x - spring(y)) - G(q) force(y, rate of y) + constant.
 
@@ -190,7 +196,7 @@ def arx_inside(x, a, b, against, spring, bends, terms, tables, constant, begun, 
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], f8, f8", 1)
 def limb_inside(position, rate, matrices, terms, tables, dt, bound):
     """``second_order`` with forces of the output and its rate against the position command.
 

@@ -13,8 +13,9 @@ with a ring of the last errors; a filter goes on from it bit for bit.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numba.extending import register_jitable
+
+from .kernel import kernel
 
 UKF, EKF, DUAL = 0, 1, 2
 OMEGA, ZETA, TAU, GAIN, RATE, Z, DZ, REMNANT = range(8)
@@ -444,7 +445,11 @@ def bounded(numbers, settings, x, P):
                 P[j, i] *= shrink
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(
+    "i8, f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], i1[:,::1], i8, i8, f8[:,:,::1], "
+    "f8[:,:,::1], f8[:,:,::1], f8[:,:,::1], f8[:,:,:,::1]",
+    1,
+)
 def advance(
     method, states, settings, e, y, fresh, begin, end, path, errors, filtered, priors, crosses
 ):
@@ -553,7 +558,7 @@ def advance(
                 path[lane, t, 10] = P[GAIN, RATE]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,:,::1], f8[:,:,::1], f8[:,:,:,::1], i1[:,::1]", 1)
 def smooth_kalman(filtered, priors, crosses, fresh):
     """Smooth x and P of all lanes in place, backwards (Rauch, Tung and Striebel 1965).
 

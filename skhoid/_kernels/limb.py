@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .kernel import kernel
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,::1], f8[:,::1], f8[:,::1], f8[::1], f8[::1], f8, f8[::1], f8", 1)
 def rubbing(position, rate, matrices, omega, zeta, friction, spring, bound):
     """Response from rest of a second-order system whose motion friction opposes.
 

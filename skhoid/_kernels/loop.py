@@ -16,11 +16,13 @@ from functools import cache
 import numpy as np
 from numba import njit
 
+from .kernel import kernel
+
 N_PHYSICS = 9
 MANY = 8  # lanes
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("npy_rng, f8, f8[:,::1], i8", 1)
 def draw(generator, scale, white, run):
     """Fill a column of ``white`` with normal numbers times ``scale``.
 
@@ -194,4 +196,12 @@ def tracker(third):
 
     # Cached functions of one name from different processes would be mistaken for each other.
     track.__name__ = track.__qualname__ = f"track_{4 if third else 2}"
-    return njit(cache=True, nogil=True, error_model="numpy")(track)
+    return kernel(
+        "f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], i8, f8[::1], i8, f8[:,::1], f8[::1], i8, i8, "
+        "f8, f8, i8, f8",
+        2,
+    )(track)
+
+
+for _third in (False, True):
+    tracker(_third)

@@ -16,9 +16,9 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numba import njit
 from numba.extending import register_jitable
 
+from .kernel import kernel
 from .lanes import (
     VERSION,
     every,
@@ -35,6 +35,8 @@ from .lanes import (
 )
 
 MANY = 16  # lanes: two of the widest vectors, so that one works while the other waits
+# Lanes, whether they share their signals, and the number of parameters or 0 for any.
+VARIANTS = ((1, False, 0), (1, False, 4), (MANY, False, 0), (MANY, True, 0))
 CHUNK = 256  # rows taken at a time in streaming
 
 HELD = 1e11  # D_k max(phi_k^2) up to which factor k is forgotten,
@@ -68,12 +70,16 @@ def layout(n_params):
     return dict(zip(NAMES, offsets(n_params), strict=True))
 
 
-@cache
 def recursion(lanes, shared=False, n_params=0):
-    """Compile ``advance`` for a number of lanes, which may share their signals.
+    """``advance`` for a number of lanes, which may share their signals.
 
     One for a number of parameters has its state in registers, and is up to twice as fast.
     """
+    return _recursion(lanes, shared, n_params)
+
+
+@cache
+def _recursion(lanes, shared, n_params):
     L, W, FIXED = lanes, 1 if shared else lanes, n_params
     at = layout(n_params)
     HOT, COLD = at["theta"] + 7 * n_params, at["size"] + at["theta"] + n_params + 1
@@ -360,10 +366,16 @@ def recursion(lanes, shared=False, n_params=0):
     kind = f"{lanes}{'s' * shared}_{n_params or 'any'}_{VERSION}"
     advance.__name__ = advance.__qualname__ = f"advance_{kind}"
     forget_with_care.__name__ = forget_with_care.__qualname__ = f"forget_with_care_{kind}"
-    return njit(cache=True, nogil=True, error_model="numpy")(advance)
+    return kernel(
+        "f8[:,:,:,::1], f8[:,:,::1], i8[::1], i8[::1], i8, i8, f8[:,:,::1], f8[:,:,::1], i8, b1, "
+        "f8, f8[::1], f8[:,:,::1], f8[:,:,::1], f8[:,:,::1], f8[:,:,::1], f8[:,:,::1], f8[:,::1]",
+        3,
+    )(advance)
 
 
-_advance_one = recursion(1)
+for _variant in VARIANTS:
+    recursion(*_variant)
+_advance_one = recursion(1).dispatcher
 
 
 def take(X, y, inputs, Z, target, columns, lags, depth, inflate, tilt, diagonal, nominal, s, since):
@@ -405,10 +417,14 @@ def take(X, y, inputs, Z, target, columns, lags, depth, inflate, tilt, diagonal,
 
 
 take.__name__ = take.__qualname__ = f"take_{VERSION}"
-take = njit(cache=True, nogil=True, error_model="numpy")(take)
+take = kernel(
+    "f8[:,::1], f8[::1], i8[::1], f8[:,:,:,::1], f8[:,:,::1], i8[::1], i8[::1], i8, f8[:,:,::1], "
+    "f8[:,:,::1], b1, f8, f8[::1], i8[::1]",
+    3,
+)(take)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,::1], f8[:,:,::1], f8[:,::1], f8[:,::1], b1[::1]", 1)
 def smooth(theta, P, factors, priors, cut):
     """Smooth a path in place, from its end, with the random walk that forgetting implies.
 
@@ -472,7 +488,11 @@ def smooth(theta, P, factors, priors, cut):
                 P[t, m, i] = new[i, m]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(
+    "f8[:,::1], i8[::1], i8[::1], i8, i8[::1], i8[::1], i8[::1], f8[:,:,::1], i8[::1], f8, "
+    "f8[:,::1]",
+    1,
+)
 def free_runs(signals, columns, lags, na, begin, end, past, path, at, bound, out):
     """Simulate rows of one recording freely along several parameter paths.
 

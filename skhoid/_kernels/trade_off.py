@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from .kernel import kernel
+
 WIDTH = 16  # lanes of a path
 NEW = 1e-10  # of a regressor's sum of squares, what those before it must leave unexplained
 
@@ -26,7 +28,7 @@ def _solve(U, D, g, lane):
             g[k] -= U[i * (i - 1) // 2 + k, lane] * g[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[::1], f8[::1], i8, i8, i8, f8[:,::1], f8[::1]", 1)
 def fit_delays(e, u, shortest, longest, first, theta, loss):
     """Fit ARX[2, 2, nk] to the rows of one run from ``first`` on, for a range of nk.
 
@@ -104,7 +106,7 @@ def fit_delays(e, u, shortest, longest, first, theta, loss):
 LAST, LAST_BUT_ONE, LOST = range(0, 3 * WIDTH, WIDTH)  # offsets in what is kept of a recording
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel("f8[:,::1], f8[:,::1], f8[:,:,::1], i8, i8, f8", 1)
 def free_runs_of_many(e, u, path, begin, end, bound):
     """Simulate recordings freely along the same parameter paths.
 

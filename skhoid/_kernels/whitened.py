@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from .kernel import inner, kernel
 
 STILL = 3e-6  # of the largest regressors: below, nothing is forgotten
 ORDINARY, LARGE = 4.0, 9.0  # squared errors over their variance
 LARGEST = 1e100  # of simulated outputs
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def push(m, at, length):
     """Make room for the latest of ``length`` values from ``at`` on, of which the oldest goes."""
     for k in range(length - 1, 0, -1):
         m[at + k] = m[at + k - 1]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def factorised(R, L, least):
     """R = L L', of the lower triangle; pivots below ``least`` of the diagonal are a failure."""
     n = L.shape[0]
@@ -39,7 +40,7 @@ def factorised(R, L, least):
     return good
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def solve(L, right, out):
     """Solve L L' out = right."""
     n = right.size
@@ -55,7 +56,7 @@ def solve(L, right, out):
         out[i] = value / L[i, i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def inside_unit_circle(f, na, work):
     """Whether 1 + f_1 q^-1 + ... has all roots inside the unit circle (Schur and Cohn)."""
     for k in range(na):
@@ -71,7 +72,7 @@ def inside_unit_circle(f, na, work):
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def follow_noise(v, d, U, D, forgetting, share, variance, work):
     """Least squares of v on what came before it, P = U D U' (Bierman); the new error variance.
 
@@ -104,7 +105,7 @@ def follow_noise(v, d, U, D, forgetting, share, variance, work):
     return variance + share * (min(square, LARGE * variance) - variance)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def residual(theta, orders, n_inputs, m, out_filtered, first_input, v):
     """v = u - w by these parameters, now and nd rows back: (F u - B e) filtered by 1 / slow F."""
     na, nd = orders[0], orders[1]
@@ -123,7 +124,11 @@ def residual(theta, orders, n_inputs, m, out_filtered, first_input, v):
         p += nb
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(
+    "f8[:,:,::1], f8[:,::1], i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], "
+    "f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1]",
+    1,
+)
 def prediction_errors(
     signals, target, orders, forgetting, waits, theta, slow, noise, shared, memory, counts, path,
     noise_path, information, errors,
@@ -284,7 +289,11 @@ def prediction_errors(
             information[t] = R
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(
+    "f8[:,:,::1], f8[:,::1], i8[::1], i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], "
+    "f8[::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1]",
+    1,
+)
 def instruments(
     signals, target, orders, lags, forgetting, waits, theta, slow, noise, shared, memory, counts,
     path, noise_path, information, errors,

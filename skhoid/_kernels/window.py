@@ -15,6 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from .kernel import inner, kernel
+
 N_DYNAMIC = 5
 FLOOR = 3e-5  # of the output's power: a smaller residual is hardly taken for coloured noise
 STEP = 1e-5  # of dynamics, for central differences
@@ -49,7 +51,7 @@ def _held(omega, zeta, dt):
     return p0, p1, p2, p3, 1.0 - p3, of_position, square * sine, of_rate
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _delayed(e, first, last, past, delay, out):
     """The error ``delay`` samples ago at rows ``first`` to ``last``, by Keys's cubic convolution.
 
@@ -75,7 +77,7 @@ def _delayed(e, first, last, past, delay, out):
             )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _coefficients(q, share_of, shares, n, dt, table):
     """Fill the matrices of each row, or of the first where the dynamics are constant."""
     omega, zeta = np.exp(q[0]), np.exp(q[1])
@@ -94,7 +96,7 @@ def _coefficients(q, share_of, shares, n, dt, table):
     return 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _prepare(e, time, piece, dt, q, share_of, delayed, shares, table):
     """Delayed error, sigmoids and matrices on the rows of a piece."""
     first, n = piece[0], piece[1] - piece[0]
@@ -106,7 +108,7 @@ def _prepare(e, time, piece, dt, q, share_of, delayed, shares, table):
     return _coefficients(q, share_of, shares, n, dt, table)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _respond(position, rate, by_row, n, table, varies, start, thin, out):
     """Output every ``thin`` rows; position and rate commands are an input times their factors.
 
@@ -129,7 +131,7 @@ def _respond(position, rate, by_row, n, table, varies, start, thin, out):
         y, v = a * y + b * v + (py * p + ry * r), c * y + d * v + (pv * p + rv * r)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _whiten(column, ar, valid, out):
     for i in range(valid.size):
         at = valid[i]
@@ -139,7 +141,7 @@ def _whiten(column, ar, valid, out):
         out[i] = total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _basis(own, pieces, corner):
     """Make the two columns of states orthonormal in each piece; ``corner`` holds their triangle."""
     for s in range(len(pieces)):
@@ -155,7 +157,7 @@ def _basis(own, pieces, corner):
         corner[s, 0], corner[s, 1], corner[s, 2] = length, along, rest
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _project(own, pieces, column):
     for s in range(len(pieces)):
         part = column[pieces[s, 4] : pieces[s, 5]]
@@ -164,7 +166,7 @@ def _project(own, pieces, column):
             part -= np.dot(base, part) * base
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _solve(normal, right, damping):
     """Solve a symmetric system, scaled to a unit diagonal, with ``damping`` added to that."""
     n = right.size
@@ -197,7 +199,7 @@ def _solve(normal, right, damping):
     return x * scale
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _columns(e, time, pieces, thin, dt, q, share_of, n_shares, out):
     """Responses to unit gains and, in the last two rows, to unit states at the beginning."""
     longest = 0
@@ -227,7 +229,7 @@ def _columns(e, time, pieces, thin, dt, q, share_of, n_shares, out):
         _respond(none, none, still, n, table, varies, (0.0, 1.0), thin, out[at + 1, to:])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def simulated(e, time, pieces, thin, dt, q, gains, states, share_of, n_shares, n_rows):
     """Output on the rows of the criterion for given gains and states of each piece."""
     out = np.zeros(n_rows)
@@ -254,7 +256,7 @@ def simulated(e, time, pieces, thin, dt, q, gains, states, share_of, n_shares, n
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def evaluated(e, time, y, pieces, valid, thin, dt, q, ar, share_of, n_shares):
     """Best gains and states for given dynamics and noise model, and what they leave.
 
@@ -308,7 +310,10 @@ def evaluated(e, time, y, pieces, valid, thin, dt, q, ar, share_of, n_shares):
     return np.dot(target, target), gains, states, residual, target, white, own
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(
+    "f8[::1], f8[::1], f8[::1], i8[:,::1], i8[::1], i8, f8, f8[:,::1], f8[::1], i8[::1], i8",
+    1,
+)
 def scanned(e, time, y, pieces, valid, thin, dt, points, ar, share_of, n_shares):
     """Squares of prediction errors at many dynamics, for one noise model."""
     out = np.empty(len(points))
@@ -319,7 +324,7 @@ def scanned(e, time, y, pieces, valid, thin, dt, points, ar, share_of, n_shares)
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def autoregression(residual, valid, order, floor):
     """Coefficients that minimise the squares of prediction errors plus ``floor`` times theirs."""
     normal, right = np.zeros((order, order)), np.zeros(order)
@@ -336,7 +341,7 @@ def autoregression(residual, valid, order, floor):
     return _solve(normal, right, 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _slopes(e, time, pieces, valid, thin, dt, q, ar, share_of, n_shares, found, free, out):
     """Derivatives of prediction errors to gains, free dynamics and noise model, one a row."""
     _, gains, states, residual, _, white, own = found
@@ -362,7 +367,11 @@ def _slopes(e, time, pieces, valid, thin, dt, q, ar, share_of, n_shares, found, 
         _project(own, pieces, row)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(
+    "f8[::1], f8[::1], f8[::1], i8[:,::1], i8[::1], i8, f8, f8[::1], f8[::1], i8[::1], i8, "
+    "i8[::1], f8[::1], f8[::1], f8",
+    1,
+)
 def fitted(
     e, time, y, pieces, valid, thin, dt, q, ar, share_of, n_shares, free, low, high, settled
 ):

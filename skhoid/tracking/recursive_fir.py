@@ -8,6 +8,7 @@ from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
+from scipy.linalg import cho_solve
 
 from .. import _kernels
 from .._sklearn import Interval, fit_context
@@ -72,11 +73,12 @@ class FIRFilter(Recursion):
     def covariance(self) -> np.ndarray:
         """Covariance of theta; NaN before the first solution."""
         n = self.owner.size
-        out = np.full((n, n), np.nan)
-        if self.part("solved")[0]:
-            A, S = (self.part(name).reshape(n, n) for name in ("A", "meat"))
-            _kernels.fir.sandwich(A, S, out)
-        return self.noise_variance * out
+        if not self.part("solved")[0]:
+            return np.full((n, n), np.nan)
+        A, S = (self.part(name).reshape(n, n) for name in ("A", "meat"))
+        S = np.triu(S) + np.triu(S, 1).T
+        half = cho_solve((A, False), S)
+        return self.noise_variance * cho_solve((A, False), half.T)
 
     @property
     def noise_variance(self) -> float:
@@ -88,9 +90,8 @@ class FIRFilter(Recursion):
         n, weight = self.owner.size, self.part("weight")[0]
         if weight == 0.0:
             return np.zeros(len(self.orders.nb))
-        R, of_tap = self.part("R").reshape(n, n), np.zeros(n)
-        _kernels.fir.penalties(R, weight, self.owner, self.ridge, of_tap)
-        return np.array([of_tap[self.owner == j][0] for j in range(len(self.orders.nb))])
+        power = self.part("R").reshape(n, n).diagonal() * self.ridge / weight
+        return np.array([power[self.owner == j].sum() for j in range(len(self.orders.nb))])
 
     def remember(self, signals: np.ndarray) -> None:
         """Take over the lags at the end of a run, of shape (n_signals, n_rows)."""

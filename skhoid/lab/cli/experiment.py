@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import io
 import shlex
+import shutil
 import warnings
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,8 @@ from typing import Any
 import skhoid
 
 from .diagnose import search_for
-from .files import check_folders, check_tables, new_file, save_tables, show_names, without_screen
-from .output import print_document, print_json, print_wrapped, say_files, shows_progress
+from .files import check_tables, new_file, save_tables, show_names, without_screen
+from .output import note, print_document, print_json, print_wrapped, say_files
 from .parser import (
     add_command,
     add_model_options,
@@ -40,9 +41,10 @@ examples:
   skhoid experiment "data/{subject}_{condition}_run{run}.csv" --out friday.html
   skhoid experiment all.csv --subject who --condition task --run trial
   skhoid experiment recordings/ --effects none     parameters only, no search
-  skhoid experiment recordings/ --resume kept --jobs 4
+  skhoid experiment recordings/ --jobs 4       stopped? the same line goes on where it was
 """
 SIMULATED = ["dead_zone", "saturation"]  # searched for where nothing else is asked
+KEPT = ".kept"  # in place of .html: the folder of what is finished
 LONG, SCRIPT, WIDE = "parameters_long.csv", "mixed_models.R", "parameters_wide.csv"
 
 
@@ -67,7 +69,8 @@ def add_experiment(commands: Any) -> None:
     add = command.section("People")
     add("--reference", metavar="CONDITION", help="compare others with it (default: all pairs)")
     add("--jobs", type=workers, metavar="N", help="workers (default: 1; -1: all processors)")
-    add("--resume", metavar="FOLDER", help="keep what is finished in FOLDER, and go on from there")
+    text = "begin anew; else what a stopped call finished (kept beside the page) is taken over"
+    add("--fresh", action="store_true", help=text)
     add = command.section("Output")
     add_page_options(add, "experiment.html")
     add_output_options(add)
@@ -91,14 +94,15 @@ def experiment(options: argparse.Namespace) -> int:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of people whose delay is found as if they were one
         estimator = make_estimator(options, X, y)
-    shared = {"n_jobs": options.jobs, "progress": shows_progress(options)}
-    kept = {name: options.resume and Path(options.resume) / name for name in ("group", "people")}
-    group = None
+    group = search = None
     if options.effects != ["none"]:
         search = search_for(options, estimator)
-        group = skhoid.GroupEffectSearch(search, folder=kept["group"], **shared).fit(X, y)
+    kept = _open_kept(path.with_suffix(KEPT), options.fresh, X, y, search or estimator)
+    shared = {"n_jobs": options.jobs, "progress": True}
+    if search is not None:
+        group = skhoid.GroupEffectSearch(search, folder=kept / "group", **shared).fit(X, y)
         estimator = _with_effects(estimator, group)
-    people = skhoid.identify_people(estimator, X, y, folder=kept["people"], **shared)
+    people = skhoid.identify_people(estimator, X, y, folder=kept / "people", **shared)
     without_screen()
     page = report_experiment(
         people if group is None else group,
@@ -159,7 +163,6 @@ def experiment(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> None:
     """Refuse what cannot be done, before the work begins."""
     check_tables(options)
-    check_folders(options.resume)
     if options.time is not None and options.dt is not None:
         raise ValueError("--time and --dt both say where time comes from: give one of them.")
     if options.tables is not None and not options.overwrite:
@@ -168,6 +171,24 @@ def _check(options: argparse.Namespace) -> None:
                 raise ValueError(
                     f"{Path(options.tables) / name} exists; choose another folder, or --overwrite."
                 )
+
+
+def _open_kept(kept: Path, fresh: bool, X: Any, y: Any, asked: Any) -> Path:
+    """The folder of finished people; emptied where these inputs are not those it was made of."""
+    from ...runs import fingerprint_of
+    from ..studies.identity import described, differing_parts
+    from ..studies.store import Store, read_manifest
+
+    now = {"task": "skhoid experiment", "skhoid": skhoid.__version__}
+    now |= {"recordings": fingerprint_of(X, y), "model": described(asked)}
+    there = read_manifest(kept)
+    apart = [] if there is None else differing_parts(there, now)
+    if apart:
+        note(f"{kept} was kept of other recordings or options ({apart[0]}): all begins anew.")
+    if there is not None and (apart or fresh):
+        shutil.rmtree(kept)
+    Store(kept, now)
+    return kept
 
 
 def _read(options: argparse.Namespace) -> tuple[Any, Any, str]:

@@ -146,7 +146,7 @@ def say_next(steps: Sequence[tuple[str, str]]) -> None:
 
 # Options on what is written, which change no number.
 OF_PAPER = {"out", "report", "sketch", "overwrite", "title", "tables", "table_format", "format"}
-OF_PAPER |= {"no_pictures", "json", "debug", "time_limit", "jobs", "resume"}
+OF_PAPER |= {"no_pictures", "json", "debug", "time_limit", "jobs", "fresh"}
 
 
 def typed(options: argparse.Namespace, command: str, **others: Any) -> str:

@@ -217,12 +217,13 @@ class GroupEffectSearch(BaseEstimator):
     least_prevalence : float, default=0.25
         Share of people, more than which must have an effect of the group.
     folder : path or None, default=None
-        Folder for what is finished. A call that was stopped goes on where it was. Needs ``pip
-        install "skhoid[io]"``.
+        Folder for what is finished. A call that was stopped goes on where it was. It holds pickles:
+        open no folder that you do not trust.
     n_jobs : int or None, default=None
         Number of people to search at a time, as in joblib.
     progress : bool or None, default=None
-        Show progress bars; None means only in a terminal.
+        Show progress bars; without a terminal a line for each person and condition. None means
+        only in a terminal.
 
     Attributes
     ----------

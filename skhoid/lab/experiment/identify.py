@@ -341,12 +341,13 @@ def identify_people(
         Whether to estimate the noise ceiling of each group, as :func:`skhoid.compare` does.
     folder : path or None, default=None
         Folder for finished groups. A call that was stopped for any reason goes on where it was, and
-        ends with the same result. Needs ``pip install "skhoid[io]"``.
+        ends with the same result. It holds pickles: open no folder that you do not trust.
     n_jobs : int or None, default=None
         Number of workers, as in joblib; inside ``joblib.parallel_config(backend="dask")`` those of
         the connected cluster.
     progress : bool or None, default=None
-        Show a progress bar; None means only in a terminal.
+        Show a progress bar; without a terminal a line for each group. None means only in a
+        terminal.
 
     Returns
     -------
@@ -403,7 +404,8 @@ def identify_people(
             "skhoid": __version__,
         }
         store = Store(folder, description)
-    found = completed(jobs, fit_group, store, n_jobs=n_jobs, progress=progress, what="people")
+    what = "search" if _is_search(estimator) else "parameters"
+    found = completed(jobs, fit_group, store, n_jobs=n_jobs, progress=progress, what=what)
     return _assembled(estimator, groups, found, each_run)
 
 

@@ -161,15 +161,16 @@ class MonteCarloStudy:
         Parameters
         ----------
         out : path or None, default=None
-            Folder for finished blocks (Parquet, written as they finish). A study that was stopped
-            for any reason resumes from it and ends with the same table. None keeps nothing. Needs
-            ``pip install "skhoid[io]"``.
+            Folder for finished blocks (pickled tables, written as they finish, so open no folder
+            that you do not trust). A study that was stopped for any reason resumes from it and ends
+            with the same table. None keeps nothing.
         n_jobs : int or None, default=None
             Number of workers, as in joblib; inside ``joblib.parallel_config(backend="dask")`` those
             of the connected dask cluster (``pip install "skhoid[dask]"``). Ray and Spark have their
             own joblib backends; their results come in rounds.
         progress : bool or None, default=None
-            Show a progress bar; None means only in a terminal.
+            Show a progress bar; without a terminal a line for each block. None means only in a
+            terminal.
 
         Returns
         -------

@@ -1,13 +1,13 @@
-"""A study's folder: finished blocks as Parquet files, and the study they belong to."""
+"""A study's folder: finished blocks as pickled tables, and the study they belong to."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
+import pickle
 import re
 import warnings
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,11 @@ import numpy as np
 import pandas as pd
 
 from ... import StudyFolderError, StudyWarning
-from ...io import is_left_over, require, written_whole
+from ...io import is_left_over, written_whole
 from .identity import differing_parts, digest
 
 MANIFEST, BLOCKS = "study.json", "blocks"
-NAME = re.compile(r"block-(\d{6,})-([0-9a-f]{16})\.parquet")
+NAME = re.compile(r"block-(\d{6,})-([0-9a-f]{16})\.pkl")
 NUMBERS = (bool, int, float, np.bool_, np.number)
 
 
@@ -32,7 +32,6 @@ class Store:
     """
 
     def __init__(self, folder: str | os.PathLike[str], description: dict[str, Any]) -> None:
-        require("pyarrow", "A study with a folder")
         self.folder, self.digest = Path(folder), digest(description)
         there = read_manifest(folder)
         if there is None:
@@ -68,7 +67,7 @@ class Store:
                 continue
             number, contents = int(match[1]), path.read_bytes()
             if self._checksum(number, contents) == match[2]:
-                found[number] = uniform(pd.read_parquet(BytesIO(contents)))
+                found[number] = pickle.loads(contents)
                 continue
             warnings.warn(
                 f"{path} is damaged, or not the block of this study that its name promises; the "
@@ -84,8 +83,8 @@ class Store:
 
     def write(self, number: int, table: pd.DataFrame) -> None:
         """Write one block, completely or not at all."""
-        contents = table.to_parquet(index=False)
-        name = f"block-{number:06d}-{self._checksum(number, contents)}.parquet"
+        contents = pickle.dumps(table)
+        name = f"block-{number:06d}-{self._checksum(number, contents)}.pkl"
         with written_whole(self.folder / BLOCKS / name) as path:
             path.write_bytes(contents)
 

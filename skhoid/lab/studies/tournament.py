@@ -191,7 +191,7 @@ def run_tournament(
         def run(study: MonteCarloStudy, folder: Path) -> pd.DataFrame:
             where = None if out is None else Path(out) / folder
             found = study.run(where, n_jobs=n_jobs, progress=False)
-            advance()
+            advance(str(folder))
             return found
 
         tune_on = partial(

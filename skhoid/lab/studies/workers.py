@@ -1,9 +1,11 @@
-"""Jobs in joblib: results as they finish, dying workers, and a progress bar."""
+"""Jobs in joblib: results as they finish, dying workers, and their progress."""
 
 from __future__ import annotations
 
 import contextlib
+import itertools
 import sys
+import time
 import warnings
 from collections.abc import Callable, Generator, Iterator, Mapping
 from typing import Any
@@ -171,15 +173,33 @@ def completed(
                 found[number] = result
                 if store is not None:
                     store.write(number, result)
-                advance()
+                advance(str(jobs[number]))
     return [found[number] for number in sorted(found)]
 
 
 @contextlib.contextmanager
 def progress_bar(shown: bool | None, total: int, done: int, what: str) -> Iterator[Any]:
-    """A function to call at each result; None for ``shown`` means: only in a terminal."""
-    if not (sys.stderr.isatty() if shown is None else shown) or total == done:
-        yield lambda: None
+    """A function to call with the name of each result; None for ``shown``: only in a terminal.
+
+    Without a terminal, as in the log of a cluster, each result is a line.
+    """
+    in_terminal = sys.stderr.isatty()
+    if not (in_terminal if shown is None else shown) or total == done:
+        yield lambda name: None
+        return
+    if not in_terminal:
+        start, finished = time.monotonic(), itertools.count(1)
+
+        def say(name: str) -> None:
+            n = next(finished)
+            left = (total - done - n) * (time.monotonic() - start) / n / 60
+            print(
+                f"{what}: {name}, {done + n} of {total} done, {left:.0f} min left",
+                file=sys.stderr,
+                flush=True,
+            )
+
+        yield say
         return
     from rich.console import Console
     from rich.progress import MofNCompleteColumn, Progress, TimeElapsedColumn
@@ -187,4 +207,4 @@ def progress_bar(shown: bool | None, total: int, done: int, what: str) -> Iterat
     columns = [*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn()]
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=total, completed=done)
-        yield lambda: bar.advance(task)
+        yield lambda name: bar.advance(task)

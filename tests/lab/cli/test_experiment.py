@@ -50,13 +50,12 @@ def test_from_files_to_page_and_tables(capsys, recordings):
 @pytest.mark.slow
 def test_a_search_in_the_group_as_json(capsys, recordings):
     pattern = str(recordings / "{subject}_{condition}_run{run}.csv")
-    words = ["experiment", pattern, "--effects", "bias", "--run-in", "2", "--resume", "kept"]
+    words = ["experiment", pattern, "--effects", "bias", "--run-in", "2"]
     assert main([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["report"] == "experiment.html"
     assert {"group_effects", "prevalence", "members", "statistics"} <= found.keys()
     assert len(found["people"]) == 6
-    assert Path("kept/group").is_dir()
 
 
 @pytest.mark.parametrize(
@@ -80,3 +79,28 @@ def test_one_person_is_no_group(capsys, recordings):
     words = ["experiment", str(recordings), "--reference", "C9", "--effects", "none"]
     assert main(words) == 2
     assert "--reference is one of C1, C2; got 'C9'" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_stopped_experiment_goes_on_where_it_was(capsys, recordings):
+    words = ["experiment", str(recordings), "--effects", "none", "--core", "arx", "--nk", "14"]
+
+    def fitted(*more):
+        assert main([*words, "--tables", ".", "--overwrite", *more]) == 0
+        said = capsys.readouterr().err
+        return said.count(" min left"), said
+
+    n, said = fitted()
+    assert n == 6
+    assert "parameters: S1 C1, 1 of 6 done, 0 min left\n" in said
+    whole = Path("parameters.tsv").read_text()
+    for block in list(Path("experiment.kept").rglob("block-*"))[:2]:  # as if stopped before them
+        block.unlink()
+    assert fitted("--jobs", "2")[0] == 2
+    assert Path("parameters.tsv").read_text() == whole
+    n, said = fitted("--na", "3")
+    assert n == 6
+    assert "experiment.kept was kept of other recordings or options (model[1].na: 2" in said
+    assert "all begins anew" in said
+    assert fitted("--na", "3")[0] == 0
+    assert fitted("--na", "3", "--fresh")[0] == 6

@@ -31,7 +31,7 @@ def fitted(monkeypatch):
 
 
 def block(folder, number):
-    (found,) = (folder / "blocks").glob(f"block-{number:06d}-*.parquet")
+    (found,) = (folder / "blocks").glob(f"block-{number:06d}-*.pkl")
     return found
 
 

@@ -1,7 +1,6 @@
 """The folder of a study: what is kept, what is refused, what is computed again."""
 
 import shutil
-import sys
 
 import pandas as pd
 import pytest
@@ -53,7 +52,7 @@ def computed(monkeypatch):
 
 
 def block(folder, number):
-    (found,) = (folder / "blocks").glob(f"block-{number:06d}-*.parquet")
+    (found,) = (folder / "blocks").glob(f"block-{number:06d}-*.pkl")
     return found
 
 
@@ -65,7 +64,7 @@ def test_the_folder_changes_nothing(finished, computed):
     pd.testing.assert_frame_equal(study().run(folder), table, check_exact=True)
     assert computed == []
     assert sorted(path.name for path in folder.iterdir()) == ["blocks", "study.json"]
-    one = pd.read_parquet(block(folder, 1))
+    one = pd.read_pickle(block(folder, 1))
     assert list(one["replication"]) == [2, 3]
 
 
@@ -86,7 +85,7 @@ def empty(path):
 @pytest.mark.parametrize("damage", [truncate, wipe, empty])
 def test_damaged_blocks_are_computed_again(finished, folder, computed, damage):
     damage(block(folder, 1))
-    with pytest.warns(StudyWarning, match=r"block-000001-\w+\.parquet is damaged"):
+    with pytest.warns(StudyWarning, match=r"block-000001-\w+\.pkl is damaged"):
         table = study().run(folder)
     pd.testing.assert_frame_equal(table, finished[1], check_exact=True)
     assert computed == [("C1", 2)]
@@ -185,12 +184,3 @@ def test_a_drawn_seed_is_that_of_the_folder(tmp_path):
     with pytest.raises(StudyFolderError, match="function"):
         third.run(tmp_path)
     assert third.entropy == drawn
-
-
-def test_without_pyarrow(tmp_path, monkeypatch, computed):
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(ImportError, match=r'pip install "skhoid\[io\]"'):
-        study().run(tmp_path / "study")
-    assert computed == []
-    assert not (tmp_path / "study").exists()
-    assert len(study().run()) == 12

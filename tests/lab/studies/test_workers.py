@@ -151,7 +151,7 @@ def test_rounds_for_backends_without_generators(monkeypatch):
     assert found == {i: i**2 for i in range(70)}
 
 
-def test_the_bar_is_quiet_where_there_is_no_terminal(monkeypatch):
+def test_progress_is_a_bar_in_a_terminal_and_lines_in_a_log(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self):
             return True
@@ -159,12 +159,13 @@ def test_the_bar_is_quiet_where_there_is_no_terminal(monkeypatch):
     def shown(stream, progress):
         monkeypatch.setattr(sys, "stderr", stream)
         with progress_bar(progress, 4, 1, "study") as advance:
-            advance()
+            advance("block")
             time.sleep(0.15)
         return stream.getvalue()
 
     assert shown(io.StringIO(), None) == ""
     assert shown(Terminal(), False) == ""
+    assert shown(io.StringIO(), True) == "study: block, 2 of 4 done, 0 min left\n"
     text = shown(Terminal(), None)
     assert "study" in text
     assert "2/4" in text

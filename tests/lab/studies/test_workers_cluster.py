@@ -1,4 +1,4 @@
-"""The same study on a cluster: dask.distributed through joblib."""
+"""The same study and experiment on a cluster: dask.distributed through joblib."""
 
 import os
 import signal
@@ -9,7 +9,14 @@ import pandas as pd
 import pytest
 from joblib import parallel_config
 
-from skhoid import MonteCarloStudy
+from skhoid import (
+    EffectSearchCV,
+    GroupEffectSearch,
+    MonteCarloStudy,
+    OperatorRegressor,
+    identify_people,
+    simulate_experiment,
+)
 
 distributed = pytest.importorskip("distributed")
 
@@ -60,6 +67,8 @@ def same(one, two):
 def test_a_cluster_gives_the_same_table(cluster, table, tmp_path):
     """Also when a worker is killed in the middle, and when the study goes on elsewhere."""
     same(study().run(tmp_path / "whole"), table)
+    with parallel_config(backend="loky", n_jobs=2):
+        same(study().run(), table)
     seen = tmp_path / "seen"
     seen.mkdir()
     victim = processes(cluster)[0]
@@ -79,3 +88,23 @@ def test_a_cluster_gives_the_same_table(cluster, table, tmp_path):
         block.unlink()
     with parallel_config(backend="sequential"):
         same(study().run(tmp_path / "whole"), table)
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same_experiment_as_processes_here(cluster):
+    setup = {"runs": 2, "duration": 15.0, "run_in": 2.0, "sampling_rate": 50.0}
+    X, y = simulate_experiment(3, "C1", random_state=1, **setup)
+    y += 0.1 * (y.index.get_level_values("subject") != "S1")
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias"])
+
+    def experiment():
+        group = GroupEffectSearch(search).fit(X, y)
+        return group, identify_people(OperatorRegressor(effects="bias"), X, y)
+
+    on_cluster = experiment()
+    with parallel_config(backend="loky", n_jobs=2):
+        here = experiment()
+    for name in ("evidence_", "prevalence_", "members_", "parameters_", "people_"):
+        same(getattr(on_cluster[0], name), getattr(here[0], name))
+    for name in ("table", "groups", "runs", "outlying"):
+        same(getattr(on_cluster[1], name), getattr(here[1], name))
