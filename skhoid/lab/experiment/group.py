@@ -217,8 +217,7 @@ class GroupEffectSearch(BaseEstimator):
     least_prevalence : float, default=0.25
         Share of people, more than which must have an effect of the group.
     folder : path or None, default=None
-        Folder for what is finished. A call that was stopped goes on where it was. It holds pickles:
-        open no folder that you do not trust.
+        Folder for what is finished. A call that was stopped goes on where it was.
     n_jobs : int or None, default=None
         Number of people to search at a time, as in joblib.
     progress : bool or None, default=None

@@ -341,7 +341,7 @@ def identify_people(
         Whether to estimate the noise ceiling of each group, as :func:`skhoid.compare` does.
     folder : path or None, default=None
         Folder for finished groups. A call that was stopped for any reason goes on where it was, and
-        ends with the same result. It holds pickles: open no folder that you do not trust.
+        ends with the same result.
     n_jobs : int or None, default=None
         Number of workers, as in joblib; inside ``joblib.parallel_config(backend="dask")`` those of
         the connected cluster.

@@ -161,9 +161,8 @@ class MonteCarloStudy:
         Parameters
         ----------
         out : path or None, default=None
-            Folder for finished blocks (pickled tables, written as they finish, so open no folder
-            that you do not trust). A study that was stopped for any reason resumes from it and ends
-            with the same table. None keeps nothing.
+            Folder for finished blocks (tables in JSON, written as they finish). A study that was
+            stopped for any reason resumes from it and ends with the same table. None keeps nothing.
         n_jobs : int or None, default=None
             Number of workers, as in joblib; inside ``joblib.parallel_config(backend="dask")`` those
             of the connected dask cluster (``pip install "skhoid[dask]"``). Ray and Spark have their

@@ -1,11 +1,10 @@
-"""A study's folder: finished blocks as pickled tables, and the study they belong to."""
+"""A study's folder: finished blocks as tables in JSON, and the study they belong to."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
-import pickle
 import re
 import warnings
 from pathlib import Path
@@ -19,7 +18,7 @@ from ...io import is_left_over, written_whole
 from .identity import differing_parts, digest
 
 MANIFEST, BLOCKS = "study.json", "blocks"
-NAME = re.compile(r"block-(\d{6,})-([0-9a-f]{16})\.pkl")
+NAME = re.compile(r"block-(\d{6,})-([0-9a-f]{16})\.json")
 NUMBERS = (bool, int, float, np.bool_, np.number)
 
 
@@ -67,7 +66,7 @@ class Store:
                 continue
             number, contents = int(match[1]), path.read_bytes()
             if self._checksum(number, contents) == match[2]:
-                found[number] = pickle.loads(contents)
+                found[number] = uniform(pd.DataFrame(json.loads(contents)))
                 continue
             warnings.warn(
                 f"{path} is damaged, or not the block of this study that its name promises; the "
@@ -83,8 +82,8 @@ class Store:
 
     def write(self, number: int, table: pd.DataFrame) -> None:
         """Write one block, completely or not at all."""
-        contents = pickle.dumps(table)
-        name = f"block-{number:06d}-{self._checksum(number, contents)}.pkl"
+        contents = json.dumps(table.to_dict("list")).encode()  # floats to the last digit
+        name = f"block-{number:06d}-{self._checksum(number, contents)}.json"
         with written_whole(self.folder / BLOCKS / name) as path:
             path.write_bytes(contents)
 

@@ -31,7 +31,7 @@ def fitted(monkeypatch):
 
 
 def block(folder, number):
-    (found,) = (folder / "blocks").glob(f"block-{number:06d}-*.pkl")
+    (found,) = (folder / "blocks").glob(f"block-{number:06d}-*.json")
     return found
 
 

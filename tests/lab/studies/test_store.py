@@ -1,5 +1,6 @@
 """The folder of a study: what is kept, what is refused, what is computed again."""
 
+import json
 import shutil
 
 import pandas as pd
@@ -52,7 +53,7 @@ def computed(monkeypatch):
 
 
 def block(folder, number):
-    (found,) = (folder / "blocks").glob(f"block-{number:06d}-*.pkl")
+    (found,) = (folder / "blocks").glob(f"block-{number:06d}-*.json")
     return found
 
 
@@ -64,8 +65,8 @@ def test_the_folder_changes_nothing(finished, computed):
     pd.testing.assert_frame_equal(study().run(folder), table, check_exact=True)
     assert computed == []
     assert sorted(path.name for path in folder.iterdir()) == ["blocks", "study.json"]
-    one = pd.read_pickle(block(folder, 1))
-    assert list(one["replication"]) == [2, 3]
+    one = json.loads(block(folder, 1).read_text())
+    assert one["replication"] == [2, 3]
 
 
 def truncate(path):
@@ -85,7 +86,7 @@ def empty(path):
 @pytest.mark.parametrize("damage", [truncate, wipe, empty])
 def test_damaged_blocks_are_computed_again(finished, folder, computed, damage):
     damage(block(folder, 1))
-    with pytest.warns(StudyWarning, match=r"block-000001-\w+\.pkl is damaged"):
+    with pytest.warns(StudyWarning, match=r"block-000001-\w+\.json is damaged"):
         table = study().run(folder)
     pd.testing.assert_frame_equal(table, finished[1], check_exact=True)
     assert computed == [("C1", 2)]

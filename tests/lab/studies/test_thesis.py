@@ -94,7 +94,7 @@ def test_results_are_saved_and_a_study_in_a_folder_goes_on(tmp_path):
     assert [path.name for path in files] == names
     assert len(pd.read_csv(files[0])) == len(found.table)
     assert set(pd.read_csv(files[2])) == {"source", "statement", "found", "holds"}
-    sorted((tmp_path / "kept" / "blocks").glob("*.pkl"))[1].unlink()
+    sorted((tmp_path / "kept" / "blocks").glob("*.json"))[1].unlink()
     again = paper_study("fig12", 52, **options)
     pd.testing.assert_frame_equal(found.table, again.table, check_exact=True)
 
