@@ -31,21 +31,46 @@ COLUMNS = [
 
 
 def evidence_of(
-    search: EffectSearchCV, found: Effects, effects: list[Any], X: Any, y: Any
+    search: EffectSearchCV,
+    found: Effects,
+    effects: list[Any],
+    X: Any,
+    y: Any,
+    ranking: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
-    """Evidence of effects beside those that a search found, and in place of each of them."""
-    rows = []
+    """Evidence of effects beside those that a search found, and in place of each of them.
+
+    What the ``ranking`` of that search has is not asked again.
+    """
+    rows: list[tuple[Any, ...]] = []
     names = found.names
+    given = Effects.of(getattr(search.estimator, "effects", None))
     for out in ["", *names]:
         kept = Effects([(name, effect) for name, effect in found if name != out])
         tried = [e for e in effects if e.name not in {kind.name for _, kind in kept}]
         if out:  # its own form stays as it was chosen
             own = dict(found.steps)[out]
             tried = [own, *(e for e in tried if e.name != own.name)]
+        out = out and dict(found.steps)[out].name
+        if ranking is not None:
+            beside = {effect.name for _, effect in [*given, *kept]}
+            told = _told(ranking, beside, {e.name for e in tried})
+            rows += [(out, *row) for row in told.itertuples(index=False, name=None)]
+            tried = [e for e in tried if e.name not in set(told["effect"])]
         if tried:
             step = _weighed(search, kept, tried, X, y)
-            rows += [_row(out and dict(found.steps)[out].name, c) for c in step.candidates]
+            rows += [_row(out, c) for c in step.candidates]
     return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _told(ranking: pd.DataFrame, beside: set[str], names: set[str]) -> pd.DataFrame:
+    """The rows of a search that no judge can change: one is against it, or the last was asked.
+
+    How much one is against it does not matter: see ``log_factor``. The likelihood is asked last.
+    """
+    here = ranking[ranking["effect"].isin(names) & (ranking["beside"].map(set) == beside)]
+    here = here.drop_duplicates("effect")
+    return here.loc[(here["evidence"] <= 0.0) | here["likelihood"].notna(), COLUMNS[1:]]
 
 
 def _weighed(search: EffectSearchCV, kept: Effects, tried: list[Any], X: Any, y: Any) -> SearchStep:

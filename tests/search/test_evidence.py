@@ -26,3 +26,20 @@ def test_what_is_there_has_evidence_and_what_is_not_has_none(stopped):
     # It needs a target, which is not recorded.
     assert np.isnan(rows.loc[("", "feedforward"), "evidence"])
     assert rows.loc[("", "feedforward"), "reason"]
+
+
+@pytest.mark.slow
+def test_what_a_search_has_told_is_not_asked_again(stopped):
+    search = EffectSearchCV(OperatorRegressor(), effects=["saturation", "dead_zone", "bias"])
+    ranking = search.fit(*stopped).ranking_
+    found, tried = search.best_estimator_.effects_, search.list_effects()
+    again, told = (
+        evidence_of(search, found, tried, *stopped, known).set_index(["instead_of", "effect"])
+        for known in (None, ranking)
+    )
+    assert set(told.index) == set(again.index)
+    own = ("saturation", "saturation")
+    assert told.loc[own, "evidence"] == pytest.approx(again.loc[own, "evidence"], rel=0.01)
+    others = told.index.drop([own])
+    assert (told.loc[others, "evidence"] < 0).all()
+    assert (again.loc[others, "evidence"] < 0).all()

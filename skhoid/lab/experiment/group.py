@@ -17,7 +17,7 @@ from scipy.stats import binomtest
 from sklearn.base import BaseEstimator, clone
 from sklearn.utils.validation import check_is_fitted
 
-from ... import EffectSearchCV
+from ... import EffectSearchCV, OperatorRegressor
 from ..._sklearn import Interval, fit_context
 from ...effects import Effect, Effects, title_of, titles_of
 from ...model import simulated_model
@@ -44,6 +44,7 @@ class EvidenceJob:
     found: Effects
     effects: list[Effect]
     group: Group
+    ranking: pd.DataFrame
 
     def __str__(self) -> str:
         return str(self.group)
@@ -53,7 +54,8 @@ def weigh_person(job: EvidenceJob) -> pd.DataFrame:
     """The table of evidence of one person in one condition."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the search of the same runs has said it
-        table = evidence_of(job.search, job.found, job.effects, job.group.X, job.group.y)
+        group = job.group
+        table = evidence_of(job.search, job.found, job.effects, group.X, group.y, job.ranking)
     return uniform(table)
 
 
@@ -65,6 +67,14 @@ def named_by(search: EffectSearchCV) -> Effects:
     templates = search.best_estimator_.effects
     chosen = dict(Effects.of(templates).steps) if templates is not None else {}
     return Effects([(name, chosen.get(name, effect)) for name, effect in kept])
+
+
+def as_answered(search: EffectSearchCV, fitted: EffectSearchCV) -> EffectSearchCV:
+    """The search, unfitted, which need not find again whether a person or a machine answers."""
+    model = taken_apart(fitted.best_estimator_)[1]
+    if not isinstance(model, OperatorRegressor):
+        return clone(search)
+    return clone(search).set_params(domain="machine" if model.controller else "human")
 
 
 def list_candidates(searches: list[EffectSearchCV]) -> list[Effect]:
@@ -378,7 +388,9 @@ class GroupEffectSearch(BaseEstimator):
         self._effects = [effect.name for effect in effects]
         by_id = {effect.name: effect for effect in searches[0].list_effects()}
         jobs = [
-            EvidenceJob(clone(self.search), named_by(search), effects, group)
+            EvidenceJob(
+                as_answered(self.search, search), named_by(search), effects, group, search.ranking_
+            )
             for search, group in zip(searches, groups, strict=True)
         ]
         tables = weigh(jobs, self._folder("evidence"), self.n_jobs, self.progress)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.base import clone
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs, report
 from skhoid.effects import Effects
@@ -21,16 +22,41 @@ def runs(number, duration=20.48):
 
 
 @pytest.fixture(scope="module")
-def found():
+def data():
     """Of three people two are pushed to one side, in condition A only."""
     people = {}
     for number in range(3):
         X, y = runs(number)
         people[f"S{number + 1}", "A"] = X, y + 0.05 * (number > 0)
         people[f"S{number + 1}", "B"] = X, y
+    return joined(people, ["subject", "condition"])
+
+
+@pytest.fixture(scope="module")
+def search():
     search = EffectSearchCV(OperatorRegressor(), effects=["bias"])
-    group = GroupEffectSearch(search, least_prevalence=0.1)
-    return group.fit(*joined(people, ["subject", "condition"]))
+    return GroupEffectSearch(search, least_prevalence=0.1)
+
+
+@pytest.fixture(scope="module")
+def found(search, data):
+    return clone(search).fit(*data)
+
+
+@pytest.mark.slow
+def test_the_order_of_people_and_conditions_changes_nothing(search, data, found):
+    key = ["subject", "condition", "effect"]
+    backwards = ([cell for _, cell in part.groupby(level=key[:2])][::-1] for part in data)
+    other = clone(search).fit(*map(pd.concat, backwards))
+    for name in ("evidence_", "members_", "parameters_"):
+        by = [column for column in (*key, "parameter") if column in getattr(found, name)]
+        one, two = (
+            getattr(group, name).sort_values(by, ignore_index=True) for group in (found, other)
+        )
+        pd.testing.assert_frame_equal(one, two)
+    assert other.group_effects_ == found.group_effects_
+    shares = [group.prevalence_.set_index("condition")["share"] for group in (found, other)]
+    pd.testing.assert_series_equal(shares[0], shares[1].loc[shares[0].index])
 
 
 @pytest.mark.slow
