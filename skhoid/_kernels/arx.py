@@ -60,7 +60,8 @@ def free_runs(X, first, a, b, lags, constant, bound, out):
     n_models = out.shape[1]
     for t in range(out.shape[0]):
         row = out[t]
-        row[:] = constant
+        for m in range(n_models):
+            row[m] = constant[m]
         for j in range(b.shape[0]):
             for k in range(b.shape[1]):
                 at = first + t - k

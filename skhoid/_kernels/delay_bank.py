@@ -81,8 +81,8 @@ def follow(
             left = weights[j - 1] if j > 0 else weights[j]
             right = weights[j + 1] if j < n_delays - 1 else weights[j]
             ahead[j] = (1.0 - leave) * weights[j] + 0.5 * leave * (left + right)
-        weights[:] = ahead
-        lost[:] = 0.0
+        for j in range(n_delays):
+            weights[j], lost[j] = ahead[j], 0.0
         n_known, size = 0, 0.0
         for r in range(n_runs):
             y = target[0, t, r, 0]
@@ -94,7 +94,8 @@ def follow(
             for b in range(n_blocks):
                 for i in range(steps):
                     now = origin + 1 + i
-                    value[:] = 0.0
+                    for j in range(lanes):
+                        value[j] = 0.0
                     for k in range(N):
                         row = now - lags[k]
                         if k < na and row > origin:
@@ -134,7 +135,8 @@ def follow(
                     total += weights[j]
                 for j in range(n_delays):
                     weights[j] = weights[j] / total if total > 0.0 else ahead[j]
-        probabilities[t] = weights
+        for j in range(n_delays):
+            probabilities[t, j] = weights[j]
 
 
 @kernel("f8[:,::1], f8", 1)
@@ -158,7 +160,9 @@ def most_probable(fits, leave):
                 best, step = before[j + 1] + move, 1
             now[j] = best + fits[t, j]
             came[t, j] = step
-        before[:] = now - now.max()
+        best = now.max()
+        for j in range(n_delays):
+            before[j] = now[j] - best
     path = np.zeros(n_instants, dtype=np.int64)
     j = int(np.argmax(before))
     for t in range(n_instants - 1, -1, -1):

@@ -82,7 +82,8 @@ def factorise(U):
 def solve(U, b, x):
     """Solve U'U x = b."""
     n = U.shape[0]
-    x[:] = b
+    for i in range(n):
+        x[i] = b[i]
     for i in range(n):
         x[i] /= U[i, i]
         share = x[i]
@@ -117,10 +118,10 @@ def sandwich(A, S, out):
         for i in range(n):
             column[i] = S[min(i, k), max(i, k)]
         solve(A, column, found)
-        half[:, k] = found
+        for i in range(n):
+            half[i, k] = found[i]
     for k in range(n):
-        solve(A, half[k], found)
-        out[k] = found
+        solve(A, half[k], out[k])
     for i in range(n):
         for k in range(i):
             mean = 0.5 * (out[i, k] + out[k, i])
@@ -212,18 +213,20 @@ def advance(
                     U[i, k] = R[i, k]
                 U[i, i] += scale[i]
             if factorise(U):
-                A[:] = U
                 for i in range(n):
                     for k in range(i, n):
-                        meat[i, k] = S[i, k]
+                        A[i, k], meat[i, k] = U[i, k], S[i, k]
                     meat[i, i] += scale[i]
                 solve(A, s, theta)
                 numbers[2], numbers[3] = 0.0, 1.0
         if path.size > 0:
-            path[n_solved] = theta
+            for k in range(n):
+                path[n_solved, k] = theta[k]
         if spread.size > 0:
             if numbers[3] > 0.0:
                 sandwich(A, meat, spread[n_solved])
             else:
-                spread[n_solved] = np.nan
+                for i in range(n):
+                    for k in range(n):
+                        spread[n_solved, i, k] = np.nan
         n_solved += 1

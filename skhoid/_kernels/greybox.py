@@ -354,13 +354,15 @@ def events_scanned(
     own = np.zeros(6)
     best = np.zeros(6)
     for p in range(len(points)):
-        period, threshold, ratio, factor = points[p]
-        sums[:] = 0.0
+        period, threshold, ratio, factor = points[p, 0], points[p, 1], points[p, 2], points[p, 3]
+        for i in range(6):
+            sums[i] = 0.0
         for j in range(runs):
             for begin in range(0, n, window):
                 end = min(begin + window, n)
                 most = -1.0
-                best[:] = 0.0
+                for i in range(6):
+                    best[i] = 0.0
                 for phase in range(max(phases, 1)):
                     due, value, seen = begin + 0.0, 0.0, 0.0
                     counts = begin
@@ -370,7 +372,8 @@ def events_scanned(
                         value = y[begin // thin, j]
                         seen = position[begin, j] if of_error else value
                     z, v, before, last = value, damping * value, value, value
-                    own[:] = 0.0
+                    for i in range(6):
+                        own[i] = 0.0
                     i = max(begin - 1, 0)
                     x0 = factor * (position[i, j] + ratio * slope[i, j])
                     for k in range(begin, end):
@@ -414,9 +417,11 @@ def events_scanned(
                     explained = max(own[3], 0.0) ** 2 / own[0] if own[0] > 0.0 else 0.0
                     if explained > most:
                         most = explained
-                        best[:] = own
-                sums += best
-        yy, yr, rr, ty, tr, tt = sums
+                        for i in range(6):
+                            best[i] = own[i]
+                for i in range(6):
+                    sums[i] += best[i]
+        yy, yr, rr, ty, tr, tt = sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]
         det = yy * rr - yr * yr
         gain, along = 0.0, 0.0
         if det > 1e-9 * yy * rr:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from .kernel import inner, kernel
 
@@ -15,7 +14,7 @@ N_DOUBLED = 8  # of the bracket
 N_LINES = 8  # steps of Newton's rule along a table, before a bracket
 
 
-@njit(inline="always")
+@inner
 def _resistance(terms, tables, value, rate):
     """Sum of the forces at an output and its rate, and its slopes by both.
 

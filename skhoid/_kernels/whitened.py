@@ -163,7 +163,8 @@ def prediction_errors(
     v, work = np.empty(nd + 1), np.empty((2, max(na, nd, 1)))
     usable = np.empty(n_runs, dtype=np.bool_)
     for t in range(n_instants):
-        g[:] = 0.0
+        for k in range(n):
+            g[k] = 0.0
         n_used = 0
         for r in range(n_runs):
             m = memory[r]
@@ -283,10 +284,14 @@ def prediction_errors(
                         v, d, U, D, forgetting[n], forgetting[n + 2], counts[3], work
                     )
         if path.size > 0:
-            path[t] = theta
-            noise_path[t] = d
+            for k in range(n):
+                path[t, k] = theta[k]
+            for k in range(nd):
+                noise_path[t, k] = d[k]
         if information.size > 0:
-            information[t] = R
+            for i in range(n):
+                for k in range(n):
+                    information[t, i, k] = R[i, k]
 
 
 @kernel(
@@ -403,9 +408,8 @@ def instruments(
                 usable[r] = excited
             if usable[r]:
                 if n_used == 0 and not frozen:
-                    ZZ *= forgetting[0]
-                    ZP *= forgetting[0]
-                    ZY *= forgetting[0]
+                    for i in range(b + nz):  # ZZ, ZP and ZY
+                        shared[i] *= forgetting[0]
                 for i in range(nz):
                     for k in range(nz):
                         ZZ[i, k] += z[i] * z[k]
@@ -455,7 +459,11 @@ def instruments(
                         v, d, U, D, forgetting[1], forgetting[3], counts[3], work
                     )
         if path.size > 0:
-            path[t] = theta
-            noise_path[t] = d
+            for k in range(n):
+                path[t, k] = theta[k]
+            for k in range(nd):
+                noise_path[t, k] = d[k]
         if information.size > 0:
-            information[t] = R
+            for i in range(n):
+                for k in range(n):
+                    information[t, i, k] = R[i, k]
