@@ -6,10 +6,12 @@ Coefficients with one row hold throughout, with n_samples rows they vary in time
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
-from .kernel import OPTIONS, kernel
+from .kernel import OPTIONS, inner, kernel
 
 N_NEWTON = 20  # at most
 MOST_JUMPS = 100  # of friction in one sample
@@ -429,6 +431,48 @@ def events_scanned(
         out[p, 0] = tt - gain * ty - along * tr if gain > 0.0 else tt
         out[p, 1] = along / gain if gain > 0.0 else 0.0
         out[p, 2] = gain
+    return out
+
+
+FAR, A_UNIT = 9, 64  # standard deviations, beyond which a tail is nothing; pieces of each
+
+
+def _tail_pieces():
+    """Mean of max(z - x, 0) over standard normal z, x from 0 on, by pieces to 1e-15.
+
+    Coefficients, lowest powers first, of the polynomials that have the value and two derivatives at
+    both ends of each piece.
+    """
+    x = np.arange(FAR * A_UNIT + 1) / A_UNIT
+    density = np.exp(-0.5 * x * x) / math.sqrt(2 * math.pi)
+    above = np.array([0.5 * math.erfc(one / math.sqrt(2)) for one in x])
+    f, d, s = density - x * above, -above / A_UNIT, density / A_UNIT**2
+    c = f[1:] - f[:-1] - d[:-1] - s[:-1] / 2, d[1:] - d[:-1] - s[:-1], s[1:] - s[:-1]
+    high = [(10, -4, 0.5), (-15, 7, -1), (6, -3, 0.5)]
+    powers = [f[:-1], d[:-1], s[:-1] / 2, *(a * c[0] + b * c[1] + e * c[2] for a, b, e in high)]
+    return np.ascontiguousarray(np.array(powers).T)
+
+
+TAIL = _tail_pieces()
+
+
+@inner
+def _tail(x):
+    if not x < FAR:
+        return 0.0
+    i = int(x * A_UNIT)
+    t = x * A_UNIT - i
+    c = TAIL[i]
+    return ((((c[5] * t + c[4]) * t + c[3]) * t + c[2]) * t + c[1]) * t + c[0]
+
+
+@kernel("f8[::1], f8, f8", 1)
+def cut_within(x, limit, remnant):
+    """Mean of a signal that limits cut, over normal remnant that is cut with it."""
+    out = np.empty(x.size)
+    for k in range(x.size):
+        below, above = abs(x[k] + limit) / remnant, abs(x[k] - limit) / remnant
+        out[k] = min(max(x[k], -limit), limit) + remnant * (_tail(below) - _tail(above))
     return out
 
 

@@ -97,13 +97,8 @@ class StaticMap(Effect):
 
 def mean_within(signal: np.ndarray, limit: float, remnant: float) -> np.ndarray:
     """Mean of a signal that limits cut, over remnant that is cut with it."""
-    above, below = (signal - limit) / remnant, (signal + limit) / remnant
-    return remnant * (_mean_above_zero(below) - _mean_above_zero(above)) - limit
-
-
-def _mean_above_zero(x: np.ndarray) -> np.ndarray:
-    """Mean of max(x + z, 0) over standard normal z."""
-    return x * ndtr(x) + np.exp(-0.5 * x * x) / np.sqrt(2 * np.pi)
+    flat = _kernels.gate(signal).ravel()
+    return _kernels.greybox.cut_within(flat, limit, remnant).reshape(np.shape(signal))
 
 
 class DeadZone(StaticMap):

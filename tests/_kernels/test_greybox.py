@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy import special, stats
 from scipy.signal import lsim
 from support import naive_greybox as naive
 
@@ -240,6 +241,17 @@ def test_rate_limited_is_its_twin_and_limits_the_rate(x, step):
     np.testing.assert_allclose(out, by_run(naive.rate_limited, x, step), **EXACT)
     assert np.all(np.abs(np.diff(out, axis=0)) <= step * (1 + 1e-12))
     assert np.all(np.abs(out) <= np.abs(x).max() * (1 + 1e-12))
+
+
+@given(x=signals(), limit=st.floats(0.0, 3.0), remnant=st.floats(0.01, 3.0))
+@settings(max_examples=100)
+def test_cut_within_is_the_mean_over_normal_remnant(x, limit, remnant):
+    above, below = (x.ravel() - limit) / remnant, (x.ravel() + limit) / remnant
+    mean = [at * special.ndtr(at) + stats.norm.pdf(at) for at in (below, above)]
+    wanted = remnant * (mean[0] - mean[1]) - limit
+    scale = 1e-14 * max(1.0, limit, remnant, np.abs(x).max())
+    out = greybox.cut_within(x.ravel(), limit, remnant)
+    np.testing.assert_allclose(out, wanted, rtol=0.0, atol=10 * scale)
 
 
 @given(x=signals(), breakaway=st.floats(0.0, 1.5), share=st.floats(0.0, 1.0))
