@@ -12,7 +12,7 @@ from skhoid.effects import Quantised
 
 @pytest.mark.parametrize("at", ["output", "command", "error"])
 def test_step_is_within_the_range(at):
-    X, y = make_tracking_runs("C1", 2, duration=10.24, random_state=1)
+    X, y = make_tracking_runs("C1", 2, duration=10.24, sampling_rate=25, random_state=1)
     model = OperatorRegressor(
         effects=[Quantised(at=at, form="behind", offset=0.0)], settling=0.0
     ).fit(X, y)
@@ -22,10 +22,9 @@ def test_step_is_within_the_range(at):
 
 
 @pytest.mark.filterwarnings("ignore::skhoid.NothingExplainedWarning")
-@pytest.mark.parametrize("seed", [1, 2])
-def test_two_levels_are_no_quantisation(seed):
+def test_two_levels_are_no_quantisation():
     """An output far from zero, which a step that large would imitate."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     index = pd.Index(0.04 * np.arange(500), name="time")
     f_t = 30 + 3 * np.sin(np.outer(index, [0.4, 0.9, 1.6]) + rng.uniform(0, 6, 3)).sum(axis=1)
     x = f_t - 0.5 * rng.standard_normal(500)

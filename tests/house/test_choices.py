@@ -8,7 +8,7 @@ from sklearn.utils._param_validation import StrOptions
 
 import skhoid
 from skhoid import ARXRegressor, EffectSearchCV, OperatorRegressor, VAFScorer, make_tracking_runs
-from skhoid.effects import Effects, FreeHysteresis, FreeMap, FreePath
+from skhoid.effects import DeadZone, Effects, FreeHysteresis, FreeMap, FreePath
 from skhoid.effects.catalogue import CLASSES
 
 X, Y = make_tracking_runs(
@@ -31,8 +31,10 @@ USES = {
 }
 
 
-@pytest.mark.parametrize("use", USES)
-@pytest.mark.parametrize(("effect", "argument"), CHOICES)
+@pytest.mark.parametrize(
+    ("effect", "argument", "use"),
+    [(*choice, "an operator") for choice in CHOICES] + [(DeadZone, "at", use) for use in USES],
+)
 def test_choices_of_effects(effect, argument, use):
     options = {**effect.choices, **effect.options}[argument]
     misspelt = f"{options[0]}x" if isinstance(options[0], str) else 7
@@ -50,8 +52,10 @@ def test_the_place_of_a_misspelt_at_lists_the_places(effect):
         effect(at="comand").place  # noqa: B018
 
 
-@pytest.mark.parametrize(("effect", "argument"), NUMBERS)
-@pytest.mark.parametrize("given", ["wide", np.nan, [0.3]])
+@pytest.mark.parametrize(
+    ("effect", "argument", "given"),
+    [(*number, "wide") for number in NUMBERS] + [(*NUMBERS[0], given) for given in (np.nan, [0.3])],
+)
 def test_numbers_of_effects(effect, argument, given):
     with pytest.raises(ValueError, match=f"{effect.__name__}: {argument} must be a number"):
         OperatorRegressor(effects=effect(**{argument: given})).fit(X, Y)

@@ -77,7 +77,7 @@ def test_tables_arrays_and_lists_are_the_same(name):
     np.testing.assert_allclose(model(name, dt=DT).fit(bare, pd.Series(y)).predict(bare), twin)
 
 
-@EACH
+@PLAIN
 @pytest.mark.parametrize(
     "y", [Y.to_frame(), YA[:, None], YA.astype(object), Y.astype(str), YA.astype("f4")]
 )
@@ -94,7 +94,7 @@ def test_the_output_in_other_containers(name, y):
     np.testing.assert_allclose(fitted.predict(given), twin.predict(given), atol=1e-3)
 
 
-@EACH
+@PLAIN
 def test_whole_numbers_and_single_precision(name):
     whole = np.rint(1000 * XA).astype(int), np.rint(1000 * YA).astype(int)
     scaled = on_arrays(name).fit(*whole).predict(whole[0]) / 1000
@@ -104,7 +104,7 @@ def test_whole_numbers_and_single_precision(name):
     np.testing.assert_allclose(single.predict(XA), twin, atol=1e-3)
 
 
-@EACH
+@PLAIN
 def test_a_scaler_needs_pandas_output(name):
     with pytest.raises(RunIndexError, match=r'set_output\(transform="pandas"\)'):
         make_pipeline(StandardScaler(), model(name)).fit(X, Y)
@@ -127,7 +127,7 @@ def test_a_column_transformer_may_put_its_steps_before_names(name):
         make_pipeline(named, model(name, inputs=["e"])).fit(X, Y)
 
 
-@EACH
+@PLAIN
 def test_the_target_may_be_transformed(name):
     doubled = TransformedTargetRegressor(model(name), func=double, inverse_func=halve).fit(X, Y)
     np.testing.assert_allclose(
@@ -235,7 +235,7 @@ def test_what_cannot_be_fitted(name, X_given, y_given, error, says):
         on_arrays(name).fit(X_given, y_given)
 
 
-@EACH
+@PLAIN
 def test_one_row_can_be_predicted(name):
     assert model(name).fit(X, Y).predict(X[:1]).shape == (1,)
     assert on_arrays(name).fit(XA, YA).predict(XA[:1]).shape == (1,)

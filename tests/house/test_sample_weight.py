@@ -145,14 +145,14 @@ def test_standard_errors_hold_where_weights_are_inverse_variances():
         {"forgetting": lambda t: np.where(t < 12.0, 0.99, 0.95), "fit_intercept": True},
     ],
 )
-@pytest.mark.parametrize("pieces", [1, 13, 64])
+@pytest.mark.parametrize("pieces", [1, 64])
 def test_a_stream_with_weights_is_the_fit_bit_for_bit(options, pieces):
     first = RUN == 0
     x, y = X[first].to_numpy(), Y[first].to_numpy()
     w = np.random.default_rng(3).uniform(0.2, 3.0, len(y))
     w[[3, *range(250, 260), 400]] = 0.0
     if pieces == 1:  # it takes a millisecond each
-        x, y, w = x[:300], y[:300], w[:300]
+        x, y, w = x[:260], y[:260], w[:260]
     model = RecursiveARX(nk=14, init_window=4.0, dt=0.02, **options)
     whole = sklearn.clone(model).fit(x, y, w)
     stream = sklearn.clone(model)

@@ -4,11 +4,11 @@ import pytest
 from support.open_loop import dead, recorded, searched
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def hidden_data():
     return recorded(inner=dead)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def found(hidden_data):
     return searched(hidden_data)

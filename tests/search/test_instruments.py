@@ -23,8 +23,9 @@ def judged(X, y, text):
     return free, judge.evidence(parent, model)
 
 
-@pytest.mark.parametrize("columns", [["e", "x", "f_t"], ["e", "x"]])
-@pytest.mark.parametrize("text", ["1/s", "1/(s(s+1))"])
+@pytest.mark.parametrize(
+    ("text", "columns"), [("1/s", ["e", "x", "f_t"]), ("1/(s(s+1))", ["e", "x"])]
+)
 def test_an_answer_to_the_target_is_told_from_remnant_in_the_error(text, columns):
     """Where the target is not recorded it is the error and what the output moved."""
     nothing, answered = (
@@ -65,7 +66,8 @@ def weigh_another_form(X, y, effects):
 @pytest.mark.parametrize("channels", [["e"], ["e", "f_t"]])
 def test_a_form_that_is_wrong_leaves_what_the_right_one_does_not(channels):
     """Also where nothing is known of what comes from outside."""
-    options = {"n_runs": 3, "remnant_intensity": 0.1, "channels": channels, "random_state": 1}
+    options = {"n_runs": 3, "remnant_intensity": 0.1, "random_state": 1}
+    options["channels"] = channels
     X, y = make_tracking_runs("C1", effects=DeadZone(width=0.5), **options)
     nothing, right, wrong = (
         weigh_another_form(X, y, effects) for effects in (None, DeadZone(), AsymmetricGain())

@@ -22,7 +22,7 @@ def cut_runs(condition, seed, gain=GAIN, n_runs=3, duration=60.0):
             1,
             remnant_intensity=0.1,
             channels=("e", "x", "f_t"),
-            sampling_rate=50.0,
+            sampling_rate=40.0,
             duration=duration,
             run_in=40.0,
             disturbance=lambda t, load=load: np.full(np.shape(t), load),
@@ -36,8 +36,9 @@ def cut_runs(condition, seed, gain=GAIN, n_runs=3, duration=60.0):
     return table[["e", "x", "f_t"]], table["u"]
 
 
-@pytest.mark.parametrize("condition", ["C1", "C2"])
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("condition", "seed"), [("C2", 1), pytest.param("C1", 2, marks=pytest.mark.slow)]
+)
 def test_it_is_named_with_its_gain(condition, seed):
     X, y = cut_runs(condition, seed)
     found = EffectSearchCV(OperatorRegressor(), effects=RIVALS, domain="human").fit(X, y)
@@ -46,7 +47,7 @@ def test_it_is_named_with_its_gain(condition, seed):
     assert gain["value"] == pytest.approx(GAIN, abs=max(0.1 * GAIN, 2 * gain["sd"]))
 
 
-@pytest.mark.parametrize("seed", [3, *(pytest.param(s, marks=pytest.mark.slow) for s in (4, 5, 6))])
+@pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.slow)])
 def test_levels_of_runs_are_no_integral(seed):
     X, y = cut_runs(("C1", "C2")[seed % 2], seed, gain=0.0)
     found = EffectSearchCV(OperatorRegressor(), effects=RIVALS, domain="human").fit(X, y)
@@ -56,13 +57,12 @@ def test_levels_of_runs_are_no_integral(seed):
     assert limit["shown_from"] < 2 * GAIN
 
 
-@pytest.mark.parametrize("condition", ["C1", "C2"])
-def test_other_runs_begin_where_they_began(condition):
+def test_other_runs_begin_where_they_began():
     """Their output tells where; without it they begin at the level of the runs that were fitted."""
-    X, y = cut_runs(condition, 7)
+    X, y = cut_runs("C1", 7)
     model = OperatorRegressor(effects=Integral(form="pure")).fit(X, y)
     assert model.initial_ == "estimate"
-    others = cut_runs(condition, 8)
+    others = cut_runs("C1", 8)
     assert model.score(*others) > model.vaf_ - 5
     fitted = pd.Series(model.predict(X), X.index)
     assert fitted[40:].mean() == pytest.approx(y[40:].mean(), abs=0.1 * STICK)

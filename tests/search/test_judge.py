@@ -15,6 +15,7 @@ def searched(effects=None, confidence=0.75, seed=3):
     X, y = make_tracking_runs(
         "C1",
         n_runs=3,
+        duration=40.96,
         remnant_intensity=0.15,
         sampling_rate=50,
         effects=effects,

@@ -26,16 +26,9 @@ class Failing(Effect):
         raise type(self).error
 
 
-ERRORS = [
-    ValueError("Array must not contain infs or NaNs"),
-    np.linalg.LinAlgError("SVD did not converge"),
-    FloatingPointError("overflow encountered in multiply"),
-    OverflowError("math range error"),
-    ZeroDivisionError("float division by zero"),
-]
-
-
-@pytest.mark.parametrize("error", ERRORS, ids=lambda one: type(one).__name__)
+@pytest.mark.parametrize(
+    "error", [ValueError("Array must not contain infs or NaNs"), OverflowError("math range error")]
+)
 def test_what_cannot_be_fitted_is_a_row_with_its_reason(hidden_data, monkeypatch, error):
     monkeypatch.setattr(Failing, "error", error)
     search = EffectSearchCV(OperatorRegressor(), effects=[Failing(), "dead_zone"]).fit(*hidden_data)

@@ -15,7 +15,7 @@ from skhoid import make_tracking_runs
 from skhoid.effects import Bias
 
 
-def record(n_runs: int = 3, duration: float = 40.96) -> pd.DataFrame:
+def record(n_runs: int = 3, duration: float = 20.48) -> pd.DataFrame:
     """Runs of a person with an offset: run, t (s), e, x, f_t, u (deg)."""
     X, y = make_tracking_runs(
         "C1",

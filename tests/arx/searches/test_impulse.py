@@ -36,16 +36,16 @@ def off(criterion, *asked, **options):
 
 
 @pytest.mark.parametrize("kind", ["noise", "steps"])
-@pytest.mark.parametrize("noise", [0.02, 0.1])
 @pytest.mark.parametrize("name", SYSTEMS)
-def test_noise_does_not_move_the_delay(name, noise, kind):
-    found = [off("impulse", name, noise, seed, kind) for seed in (100, 101)]
-    assert np.max(np.abs(found)) <= (1 if kind == "steps" or name == "fast sampling" else 0)
+def test_noise_does_not_move_the_delay(name, kind):
+    assert abs(off("impulse", name, 0.1, 100, kind)) <= (
+        1 if kind == "steps" or name == "fast sampling" else 0
+    )
 
 
 def test_the_one_step_error_is_moved():
-    one_step = [abs(off("one_step", "fast sampling", 0.1, s, "noise")) for s in range(110, 114)]
-    impulse = [abs(off("impulse", "fast sampling", 0.1, s, "noise")) for s in range(110, 114)]
+    one_step = [abs(off("one_step", "fast sampling", 0.1, s, "noise")) for s in (110, 111)]
+    impulse = [abs(off("impulse", "fast sampling", 0.1, s, "noise")) for s in (110, 111)]
     assert np.mean(one_step) > 1
     assert np.mean(impulse) < 0.5
 

@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 from skhoid.lab.cli import main
 
 N = 900
+FEW = 300
 RNG = np.random.default_rng(0)
 MOVING = np.convolve(RNG.standard_normal(N), np.ones(15) / 4, "same")
 WITH_FINDINGS = {  # what the check of a recording speaks of
@@ -31,14 +32,11 @@ def written(e, name="r.csv"):
 
 
 @pytest.mark.parametrize("kind", WITH_FINDINGS)
-@pytest.mark.parametrize("words", [["report"], ["diagnose", "--no-pictures", "--report", "p.html"]])
-def test_a_page_is_written_where_the_check_finds_something(tmp_path, kind, words):
-    given = written(WITH_FINDINGS[kind])
-    core = ["--core", "arx", "--nk", "1", "--effects", "bias"]
-    assert main([words[0], *given, *core, *words[1:]]) == 0
-    page = (tmp_path / ("report.html" if words[0] == "report" else "p.html")).read_text()
+def test_a_page_is_written_where_the_check_finds_something(tmp_path, kind):
+    words = ["diagnose", *written(WITH_FINDINGS[kind]), "--core", "arx", "--nk", "1"]
+    assert main([*words, "--effects", "bias", "--no-pictures", "--report", "p.html"]) == 0
     if kind == "held input":
-        assert "What to check in the recording" in page
+        assert "What to check in the recording" in (tmp_path / "p.html").read_text()
 
 
 def test_a_time_limit_is_kept_and_what_was_not_tried_is_listed(capsys):
@@ -59,19 +57,18 @@ def next_commands(text):
 
 
 ANALYSES = [
-    ["diagnose", "--core", "arx", "--na", "1", "--nb", "1", "--nk", "1", "--effects", "bias"],
-    ["diagnose", "--core", "arx", "--nk", "1", "--remove-means", "--effects", "bias", "drift"],
-    ["diagnose", "--domain", "machine", "--effects", "saturation", "bias", "--run-in", "5"],
-    ["diagnose", "--core", "arx", "--nk", "2", "--display", "pursuit", "--effects", "bias"],
-    ["diagnose", "--lost-control", "keep", "--core", "arx", "--nk", "1", "--effects", "bias"],
-    ["diagnose", "--core", "arx", "--nk", "1", "--max-effects", "0", "--effects", "bias"],
+    "diagnose --core arx --na 1 --nb 1 --nk 1 --remove-means --effects bias drift",
+    "diagnose --domain machine --core arx --nk 1 --effects bias --run-in 5",
+    "diagnose --core arx --nk 2 --display pursuit --lost-control keep --max-effects 0 "
+    "--effects bias",
 ]
 SAME = ["parameters", "error_path", "ranking", "verdict", "n_rows", "inputs", "output", "dt_s"]
 
 
-@pytest.mark.parametrize("words", ANALYSES, ids=" ".join)
-def test_the_page_that_is_offered_has_the_same_figures(capsys, words):
-    given = [words[0], *written(MOVING), *words[1:]]
+@pytest.mark.parametrize("line", ANALYSES)
+def test_the_page_that_is_offered_has_the_same_figures(capsys, line):
+    command, *options = line.split()
+    given = [command, *written(MOVING[:FEW]), *options]
     assert main([*given, "--no-pictures"]) == 0
     page = next_commands(capsys.readouterr().out)[0]
     assert page[0] == "report"
@@ -84,21 +81,21 @@ def test_the_page_that_is_offered_has_the_same_figures(capsys, words):
 
 
 IDENTIFIED = [
-    (["--nk", "1", "--na", "1", "--nb", "1"], ["--core", "arx", "--na", "1", "--nb", "1"]),
-    (["--domain", "machine", "--nk", "1"], ["--core", "arx", "--nk", "1", "--domain", "machine"]),
-    (["--run-in", "3", "--nk", "2"], ["--run-in", "3", "--nk", "2"]),
-    (["--time", "time", "--dt", "0.1", "--resample", "--nk", "1"], ["--dt", "0.1", "--resample"]),
-    (["--unit", "y=deg", "--nk", "1"], ["--unit", "y=deg"]),
+    ("--nk 1 --na 1 --nb 1 --unit y=deg", "--core arx --na 1 --nb 1 --unit y=deg"),
+    ("--domain machine --nk 1", "--core arx --nk 1 --domain machine"),
+    (
+        "--run-in 3 --nk 2 --time time --dt 0.1 --resample",
+        "--run-in 3 --nk 2 --dt 0.1 --resample",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("words", "kept"), IDENTIFIED)
 def test_the_search_that_is_offered_keeps_what_was_said(capsys, words, kept):
-    assert main(["identify", *written(MOVING), *words, "--no-pictures"]) == 0
+    assert main(["identify", *written(MOVING[:FEW]), *words.split(), "--no-pictures"]) == 0
     (command,) = next_commands(capsys.readouterr().out)
     assert command[0] == "diagnose"
-    assert " ".join(kept[-2:]) in " ".join(command)
-    assert {*kept, "--input", "--output"} <= {*command}
+    assert {*kept.split(), "--input", "--output"} <= {*command}
     assert main([*command, "--effects", "bias", "--no-pictures"]) == 0
 
 
@@ -116,7 +113,7 @@ def test_of_several_inputs_the_first_is_searched_and_the_others_stay_channels(ca
     assert main([*command, "--effects", "bias", "--no-pictures"]) == 0
 
 
-@pytest.mark.parametrize("rate", [100, 400, 1000, 1e5])
+@pytest.mark.parametrize("rate", [100, 1e5])
 def test_short_records_at_high_rates_are_searched(capsys, rate):
     given = written(MOVING[:150])
     table = pd.read_csv("r.csv")
@@ -153,7 +150,7 @@ def test_numbers_are_whole_in_narrow_terminals(capsys, monkeypatch, words):
     assert float(b0.split()[2]) < 0.01
 
 
-SQUARE_ROOT = [(4.0, 1.2, 3), (4.0, 0.8, 5), (3.0, 1.0, 8), (5.0, 1.5, 11), (2.0, 0.5, 13)]
+SQUARE_ROOT = [(4.0, 1.2, 3), (3.0, 1.0, 8), (2.0, 0.5, 13)]
 
 
 @pytest.mark.parametrize(("first", "second", "seed"), SQUARE_ROOT)
@@ -174,7 +171,7 @@ def test_three_parameters_on_thousands_of_rows_are_no_overfit(capsys, first, sec
         assert any("too simple" in note for note in found["notes"])
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_many_parameters_on_few_rows_can_have_learnt_the_noise(capsys, seed):
     rng, n = np.random.default_rng(seed), 240
     e = rng.standard_normal(n)
@@ -186,7 +183,7 @@ def test_many_parameters_on_few_rows_can_have_learnt_the_noise(capsys, seed):
     assert model["verdict"] != "worse held out"
 
 
-@pytest.mark.parametrize("seconds", [0.8, 1.5, 3.0])
+@pytest.mark.parametrize("seconds", [0.8, 3.0])
 def test_pages_of_runs_shorter_than_a_person_settles(seconds):
     """Spikes, of a person by default: limits that have no power to compare with, a short run."""
     n = round(seconds * 50)

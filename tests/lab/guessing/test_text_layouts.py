@@ -90,17 +90,22 @@ HEADERS = {
 
 
 @pytest.mark.parametrize(("head", "separator", "end"), HEADERS.values(), ids=HEADERS)
-@pytest.mark.parametrize("ending", [".dat", ".csv.gz"])
-def test_headers(tmp_path, head, separator, end, ending):
-    path = tmp_path / f"run{ending}"
-    content = (head + rows(of("t e u"), separator, end)).encode()
-    path.write_bytes(gzip.compress(content) if ending.endswith("gz") else content)
+def test_headers(tmp_path, head, separator, end):
+    path = tmp_path / "run.csv.gz"
+    path.write_bytes(gzip.compress((head + rows(of("t e u"), separator, end)).encode()))
     check(path)
 
 
-@pytest.mark.parametrize("ending", [".res", ".log", ".asc", ".txt", ".tsv"])
-@pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig", "latin-1"])
-@pytest.mark.parametrize("separator", [" ", ";", "\t"])
+@pytest.mark.parametrize(
+    ("ending", "encoding", "separator"),
+    [
+        (".res", "utf-16", " "),
+        (".log", "utf-8-sig", ";"),
+        (".asc", "latin-1", "\t"),
+        (".txt", "utf-16", ";"),
+        (".tsv", "latin-1", " "),
+    ],
+)
 def test_decimal_commas(tmp_path, ending, encoding, separator):
     text = "Zeit Fehler Stellgröße\n".replace(" ", separator) + rows(of("t e u"), separator)
     path = tmp_path / f"run{ending}"
@@ -118,9 +123,11 @@ def test_comments_among_rows_and_names_of_rows(tmp_path):
     check(tmp_path / "r.txt")
 
 
-@pytest.mark.parametrize("separator", [",", "  ", "\t", ";"])
-@pytest.mark.parametrize("head", ["", "# Octave 6\n# type: matrix\n", "Data of trial 4\n\n"])
-def test_no_header(tmp_path, separator, head, capsys):
+@pytest.mark.parametrize(
+    ("head", "separator"),
+    [("", ","), ("", "  "), ("# Octave 6\n# type: matrix\n", "\t"), ("Data of trial 4\n\n", ";")],
+)
+def test_no_header(tmp_path, head, separator, capsys):
     """No sample is lost; columns are named by numbers, and values say which is which."""
     path = tmp_path / "run1.txt"
     path.write_text(head + rows(of("t f_t x u"), separator))
@@ -201,8 +208,7 @@ def test_a_clock_of_whole_ticks(tmp_path, name, per_second, jitter, capsys):
     assert even == (jitter > 0 and per_second == 1000)
 
 
-@pytest.mark.parametrize("step", [2, 4, 10])
-@pytest.mark.parametrize("lost", [700, 1500])
+@pytest.mark.parametrize(("step", "lost"), [(2, 700), (10, 1500)])
 def test_a_lost_row_is_no_rounding(tmp_path, step, lost, capsys):
     ticks = np.delete(np.arange(N + 1) * step, lost)
     text = "error,time_ms,stick\n" + rows([LOOP["e"], ticks, LOOP["u"]])
@@ -249,7 +255,6 @@ def test_what_moves_late(tmp_path):
     check(tmp_path / "a.csv", record)
 
 
-@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(
     ("head", "names"),
     [
@@ -264,18 +269,17 @@ def test_what_moves_late(tmp_path):
         ("t Sollwinkel Istwert Ausgang", "t f_t x u"),
     ],
 )
-def test_roles_by_values_and_what_is_left_over(tmp_path, head, names, seed):
-    record = loop(10 + seed, remnant=0.05 + 0.1 * seed)
+def test_roles_by_values_and_what_is_left_over(tmp_path, head, names):
+    record = loop(12, remnant=0.25)
     text = head.replace(" ", "\t") + "\n" + rows(of(names, record), "\t")
     (tmp_path / "a.tsv").write_text(text, encoding="utf-8")
     check(tmp_path / "a.tsv", record)
 
 
 @pytest.mark.parametrize("head", ["t,u,y", "tijd,spanning,toerental", "time,voltage,position", ""])
-@pytest.mark.parametrize("seed", range(2))
-def test_a_driven_element(tmp_path, head, seed):
+def test_a_driven_element(tmp_path, head):
     """What drives it is the input, and not what a person did."""
-    record = element(seed)
+    record = element()
     path = tmp_path / "a.csv"
     path.write_text((head and f"{head}\n") + rows([TIME, record["u"], record["y"]]))
     check(path, record)
@@ -353,7 +357,7 @@ def test_what_a_short_record_cannot_hold_is_said(tmp_path, options, said, capsys
     assert re.search(said, " ".join(capsys.readouterr().err.split()))
 
 
-@pytest.mark.parametrize("run_in", ["20", "30", "40"])
+@pytest.mark.parametrize("run_in", ["20", "40"])
 def test_half_a_record_may_be_run_in(tmp_path, run_in, capsys):
     (tmp_path / "a.csv").write_text("time,e,u\n" + rows(of("t e u", loop(remnant=0.02))))
     options = ["--no-pictures", "--na", "2", "--run-in", run_in]
