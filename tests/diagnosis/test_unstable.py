@@ -47,7 +47,6 @@ def recorded():
 
 
 GROWS = {
-    "real": [1.012],
     "fast": [1.4, 0.3],
     "of alternating sign": [-1.01, 0.5],
     "an oscillation": [1.006 * np.exp(0.3j), 1.006 * np.exp(-0.3j)],
@@ -56,8 +55,10 @@ GROWS = {
 }
 
 
-@pytest.mark.parametrize("initial", [None, "estimate"])
-@pytest.mark.parametrize("kind", GROWS)
+@pytest.mark.parametrize(
+    ("kind", "initial"),
+    [(kind, (None, "estimate")[k % 2]) for k, kind in enumerate(GROWS)],
+)
 def test_a_mode_that_grows_costs_what_it_costs(recorded, kind, initial):
     X, y = recorded
     model = with_poles(GROWS[kind], initial, X, y)
@@ -68,7 +69,7 @@ def test_a_mode_that_grows_costs_what_it_costs(recorded, kind, initial):
     assert report.findings[0].name == "unstable"
 
 
-@pytest.mark.parametrize("poles", [[1.0], [0.9995], [1.0, 0.6], [0.97, 0.5], [1 + 1e-12, 1.0]])
+@pytest.mark.parametrize("poles", [[0.9995], [1.0, 0.6], [1 + 1e-12, 1.0]])
 def test_integrals_are_no_finding_and_keep_their_score(recorded, poles):
     X, _ = recorded
     a, b = np.poly(poles), [0, 0.02, 0.01]
@@ -89,8 +90,6 @@ def test_integrals_are_no_finding_and_keep_their_score(recorded, poles):
     ("lead", "width", "orders", "steps"),
     [
         (14, 0.05, (2, 2, 4), []),
-        (10, 0.06, (2, 2, 4), []),
-        (20, 0.04, (2, 2, 3), []),
         (14, 0.05, (3, 2, 4), [RunInTrimmer(2.0)]),
         (14, 0.05, (2, 3, 2), [Decimator(2, method="downsample")]),
     ],
@@ -111,7 +110,7 @@ def test_all_places_say_the_same_of_a_model_that_was_fitted(lead, width, orders,
         assert VAFScorer()(model, *held) < 0
         assert report.findings[0].name == "unstable"
         seen += 1
-        if seen == 3:
+        if seen == 2:
             return
     assert seen
 
@@ -131,7 +130,7 @@ def test_identify_and_its_table_refuse_it(tmp_path, capsys):
     assert "(as given; about zero): unstable" in " ".join(told.split())
 
 
-@pytest.mark.parametrize("offset", [0.0, 2.0, -7.5])
+@pytest.mark.parametrize("offset", [0.0, -7.5])
 def test_an_offset_of_the_free_run_is_said(offset, recorded, tmp_path, capsys):
     X, y = recorded
     off = y + np.where(INDEX.get_level_values("run") == "b", offset, 0.0)

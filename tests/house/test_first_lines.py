@@ -51,6 +51,7 @@ MODELS = {
 }
 EACH = pytest.mark.parametrize("name", MODELS)
 PLAIN = pytest.mark.parametrize("name", ["ARX", "recursive", "operator"])
+LINEAR = pytest.mark.parametrize("name", ["ARX", "recursive"])
 
 
 def model(name, **params):
@@ -77,7 +78,7 @@ def test_tables_arrays_and_lists_are_the_same(name):
     np.testing.assert_allclose(model(name, dt=DT).fit(bare, pd.Series(y)).predict(bare), twin)
 
 
-@PLAIN
+@LINEAR
 @pytest.mark.parametrize(
     "y", [Y.to_frame(), YA[:, None], YA.astype(object), Y.astype(str), YA.astype("f4")]
 )
@@ -104,7 +105,7 @@ def test_whole_numbers_and_single_precision(name):
     np.testing.assert_allclose(single.predict(XA), twin, atol=1e-3)
 
 
-@PLAIN
+@LINEAR
 def test_a_scaler_needs_pandas_output(name):
     with pytest.raises(RunIndexError, match=r'set_output\(transform="pandas"\)'):
         make_pipeline(StandardScaler(), model(name)).fit(X, Y)
@@ -127,7 +128,7 @@ def test_a_column_transformer_may_put_its_steps_before_names(name):
         make_pipeline(named, model(name, inputs=["e"])).fit(X, Y)
 
 
-@PLAIN
+@LINEAR
 def test_the_target_may_be_transformed(name):
     doubled = TransformedTargetRegressor(model(name), func=double, inverse_func=halve).fit(X, Y)
     np.testing.assert_allclose(
@@ -143,7 +144,7 @@ def halve(y):
     return y / 2
 
 
-@pytest.mark.parametrize("name", ["ARX", "recursive"])
+@LINEAR
 def test_a_grid_over_orders(name):
     search = GridSearchCV(
         model(name), {"na": [0, 1, 2]}, cv=LeaveOneGroupOut(), error_score="raise"
@@ -189,7 +190,7 @@ def test_copies_and_files(name):
         clone(fitted).predict(X)
 
 
-@EACH
+@PLAIN
 def test_features(name):
     fitted = model(name).fit(X, Y)
     assert (fitted.n_features_in_, fitted.feature_names_in_.tolist()) == (2, ["e", "x"])

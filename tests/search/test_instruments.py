@@ -63,11 +63,9 @@ def weigh_another_form(X, y, effects):
     return curves.weigh(model.first_fit(data.searched))[0]
 
 
-@pytest.mark.parametrize("channels", [["e"], ["e", "f_t"]])
-def test_a_form_that_is_wrong_leaves_what_the_right_one_does_not(channels):
+def test_a_form_that_is_wrong_leaves_what_the_right_one_does_not():
     """Also where nothing is known of what comes from outside."""
     options = {"n_runs": 3, "remnant_intensity": 0.1, "random_state": 1}
-    options["channels"] = channels
     X, y = make_tracking_runs("C1", effects=DeadZone(width=0.5), **options)
     nothing, right, wrong = (
         weigh_another_form(X, y, effects) for effects in (None, DeadZone(), AsymmetricGain())

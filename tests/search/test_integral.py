@@ -12,7 +12,7 @@ RIVALS = ["bias", "drift", "integral", "feedforward", "output_feedback"]
 STICK = 0.3  # deg
 
 
-def cut_runs(condition, seed, gain=GAIN, n_runs=3, duration=60.0):
+def cut_runs(condition, seed, gain=GAIN, n_runs=2, duration=60.0):
     """Runs after 40 s in which the integral has come to hold a load of the stick, other in each."""
     loads = STICK * np.random.default_rng(seed).uniform(-0.3, 0.8, n_runs)
     tables = []

@@ -54,10 +54,9 @@ def test_the_summary_and_json_tell_limits(plain):
     assert {row["effect"] for row in rows} == set(TRIED)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_more_remnant_allows_more(seed):
+def test_more_remnant_allows_more():
     quiet, loud = (
-        limits_of(searched(recorded(2, 30.0, seed=seed, remnant=remnant), ["bias", "dead_zone"]))
+        limits_of(searched(recorded(2, 30.0, seed=1, remnant=remnant), ["bias", "dead_zone"]))
         for remnant in (0.02, 0.4)
     )
     assert (quiet["limit"] < loud["limit"]).all()
@@ -71,9 +70,8 @@ def test_what_is_named_has_no_limit():
 
 
 @pytest.mark.filterwarnings("ignore::skhoid.NothingExplainedWarning")
-@pytest.mark.parametrize("seed", [3, 4])
-def test_an_output_that_has_nothing_to_do_with_the_input_is_too_little(seed):
-    rng = np.random.default_rng(seed)
+def test_an_output_that_has_nothing_to_do_with_the_input_is_too_little():
+    rng = np.random.default_rng(3)
     n = 1500
     e, u = (np.convolve(rng.standard_normal(n), np.ones(12) / 12, "same") for _ in range(2))
     index = pd.MultiIndex.from_product([["a"], np.arange(n) * 0.05], names=["run", "time"])

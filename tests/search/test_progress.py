@@ -31,7 +31,7 @@ class Counts:
 def runs():
     return make_tracking_runs(
         n_runs=2,
-        duration=40.96,
+        duration=20.48,
         remnant_intensity=0.05,
         sampling_rate=50,
         effects=Bias(level=0.1),

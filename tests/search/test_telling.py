@@ -17,11 +17,11 @@ from skhoid.search import Reason, Status, Verdict, tell_candidates, tell_search
 from skhoid.search.results import describe_effect
 
 
-def recorded(effects, n_runs=2):
+def recorded(effects, n_runs=2, duration=40.96):
     return make_tracking_runs(
         "C1",
         n_runs=n_runs,
-        duration=40.96,
+        duration=duration,
         sampling_rate=50,
         channels=["e", "x", "f_t"],
         remnant_intensity=0.05,
@@ -94,7 +94,7 @@ def test_text_json_and_the_notebook_tell_the_same(biased):
 
 def test_what_is_as_likely_and_easily_taken_for_it_is_told_in_the_same_breath():
     search = EffectSearchCV(OperatorRegressor(), effects=["backlash", "stiction", "bias"])
-    search.fit(*recorded([Backlash(gap=0.05), Bias(level=0.1)]))
+    search.fit(*recorded([Backlash(gap=0.05), Bias(level=0.1)], duration=20.48))
     rows = search.ranking_.query("status == 'added'").set_index("effect")
     chance = 100 * rows.loc["backlash", "probability"]
     assert f"backlash or stiction ({chance:.0f} %)" in search.summary().splitlines()[0]

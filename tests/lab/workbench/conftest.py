@@ -7,6 +7,7 @@ from support.workbench import OWN, PORT, Page
 
 from skhoid import make_tracking_runs, write_runs
 from skhoid.effects import Bias, DeadZone
+from skhoid.lab.explore import Exploration
 from skhoid.lab.workbench.bench import Workbench
 from skhoid.lab.workbench.columns import Choices
 from skhoid.lab.workbench.server import Keys, make_app
@@ -40,8 +41,16 @@ def runs_file(runs, tmp_path_factory):
 
 
 @pytest.fixture
-def begun(tmp_path):
+def judged():
+    """Whether noise ceiling and findings are found after each step, which takes long."""
+    return False
+
+
+@pytest.fixture
+def begun(tmp_path, monkeypatch, judged):
     """A function that begins a workbench, or opens the session of one again."""
+    if not judged:
+        monkeypatch.setattr(Exploration, "judge", lambda exploration: None)
     with warnings.catch_warnings():
         # Starlette prefers httpx2 from 1.10 on, and takes httpx, which older ones need.
         warnings.filterwarnings("ignore", "Using `httpx`")

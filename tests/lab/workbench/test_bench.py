@@ -17,6 +17,7 @@ def reopened(page, begun):
     return begun(choices=Choices())
 
 
+@pytest.mark.parametrize("judged", [True])
 def test_from_a_file_to_a_model(begun, runs_file):
     page = begun(runs_file)
     found = page.wait("columns")
