@@ -263,5 +263,14 @@ def differentiate_response(
     return response, np.concatenate(slopes, axis=-1)
 
 
+def respond(theta: np.ndarray, omega: np.ndarray, dt: float, na: int, delay: float) -> np.ndarray:
+    """The response of :func:`differentiate_response` at ``omega`` of one axis."""
+    n_b = theta.shape[-1] - na
+    lags = np.exp(-1j * omega * dt * np.arange(max(na + 1, n_b))[:, None])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        denominator = 1 + theta[..., :na] @ lags[1 : na + 1]
+        return np.exp(-1j * omega * delay) * (theta[..., na:] @ lags[:n_b]) / denominator
+
+
 def _times(lags: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
     return (lags @ coefficients[..., None])[..., 0]

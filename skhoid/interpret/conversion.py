@@ -15,7 +15,7 @@ from .._sklearn import Interval, StrOptions, checked
 from ..human.operator import held_filter
 from ..human.variation import as_floats
 from ..pipelines import taken_apart
-from .arx_channel import ARXChannel, differentiate_response, find_delay_before
+from .arx_channel import ARXChannel, differentiate_response, find_delay_before, respond
 from .response_fit import ResponseFit, stack_parts
 
 NAMES = ("K_e", "T_L", "K_edot", "tau_e", "omega_nm", "zeta_nm")
@@ -24,6 +24,8 @@ FILTER = slice(2, 4)  # log omega_nm and log zeta_nm among the fitted parameters
 ZETA = (0.02, 5.0)  # bounds; an estimate at a bound counts as no fit
 N_REFINED = 3  # best starts of the grid that are refined
 BLOCK = 2048  # instants at a time, for memory
+STRIDE = 16  # instants, of which one is fitted from all starts
+ALIKE = 0.1  # of the logarithms of the filter, and s of the delay: what lies between is alike
 DIFFERENCE = 1e-6  # of logarithms, for derivatives of the neuromuscular filter
 
 
@@ -51,11 +53,17 @@ def fit_operator(
     omega = _choose_frequencies(band, dt)
     hold = OperatorUnderHold(omega, delay, dt if dt_recording is None else dt_recording)
     rows = np.atleast_2d(theta)
-    response, slopes = differentiate_response(rows, omega, dt, na, delay)
-    P = None
+    table, misfit, fitted = _fit_path(hold, respond(rows, omega, dt, na, delay), band)
+    deviations = np.full_like(table, np.nan)
     if covariance is not None:
         P = np.broadcast_to(covariance, (*rows.shape, rows.shape[-1]))
-    table, deviations, misfit = _fit_path(hold, response, slopes, P, band)
+        for row in np.flatnonzero(np.isfinite(table[:, 0])):
+            target, slopes = differentiate_response(rows[row], omega, dt, na, delay)
+            J, G = (
+                stack_parts(of / target[:, None], axis=0)
+                for of in (hold.slopes(fitted[row : row + 1])[0], slopes)
+            )
+            deviations[row] = _propagate(fitted[row], J, G, P[row])
     n_failed = int((np.isnan(table[:, 0]) & np.isfinite(rows).all(axis=1)).sum())
     shape = np.shape(theta)[:-1]
     return (
@@ -67,15 +75,15 @@ def fit_operator(
 
 
 def _fit_path(
-    hold: OperatorUnderHold,
-    response: np.ndarray,
-    slopes: np.ndarray,
-    P: np.ndarray | None,
-    band: tuple[float, float],
+    hold: OperatorUnderHold, response: np.ndarray, band: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Values, standard deviations (columns as ``NAMES``) and misfit of each instant."""
-    table, deviations = np.full((2, len(response), 6), np.nan)
-    misfit = np.full(len(response), np.nan)
+    """Values (columns as ``NAMES``), misfit and fitted parameters of each instant.
+
+    Every ``STRIDE``-th instant is fitted from the best of all starts. What lies between two whose
+    minima are alike begins there; elsewhere all starts are tried.
+    """
+    table = np.full((len(response), 6), np.nan)
+    misfit, fitted = np.full(len(response), np.nan), np.full((len(response), 5), np.nan)
     bounds = np.full((2, 5), [[-np.inf], [np.inf]])
     bounds[:, FILTER] = np.log([[band[0] / 2, ZETA[0]], [2 * band[1], ZETA[1]]])
     # A coarse grid of neuromuscular filters and delays to start from.
@@ -83,22 +91,36 @@ def _fit_path(
     grid = product(np.geomspace(3 * low, high / 2, 4), (0.15, 0.4, 1.0), (0.0, 0.1, 0.25))
     filters = [np.array([np.log(w), np.log(z), hold.known_delay - hold.dt + t]) for w, z, t in grid]
     known = np.flatnonzero(np.isfinite(response).all(axis=1) & (response != 0).all(axis=1))
-    for rows in np.array_split(known, -(-known.size // BLOCK)) if known.size else []:
-        target = response[rows]
-        fit = ResponseFit(hold, target, 1 / np.abs(target), *bounds)
-        p, squares = fit.find_best_minima(fit.starts(filters, N_REFINED))
-        misfit[rows] = np.sqrt(squares / target.shape[1])
-        inside = ~np.any((p < bounds[0] + 1e-6) | (p > bounds[1] - 1e-6), axis=1)
-        rows, p, target = rows[inside], p[inside], target[inside]
-        omega_nm, zeta_nm = np.exp(p[:, FILTER]).T
-        columns = [p[:, 0], p[:, 1] / p[:, 0], p[:, 1], p[:, 4], omega_nm, zeta_nm]
-        table[rows] = np.stack(columns, axis=1)
-        if P is not None:
-            jacobian = stack_parts(hold.slopes(p) / target[..., None], axis=1)
-            gradient = stack_parts(slopes[rows] / target[..., None], axis=1)
-            for row, one, J, G in zip(rows, p, jacobian, gradient, strict=True):
-                deviations[row] = _propagate(one, J, G, P[row])
-    return table, deviations, misfit
+    squares = np.full(len(response), np.nan)
+
+    def fit(rows: np.ndarray) -> ResponseFit:
+        return ResponseFit(hold, response[rows], 1 / np.abs(response[rows]), *bounds)
+
+    def fit_from_all(rows: np.ndarray) -> None:
+        for some in np.array_split(rows, -(-rows.size // BLOCK)) if rows.size else []:
+            found = fit(some)
+            fitted[some], squares[some] = found.find_best_minima(found.starts(filters, N_REFINED))
+
+    first = np.append(known[:-1:STRIDE], known[-1:])
+    fit_from_all(first)
+    between = np.setdiff1d(known, first)
+    after = np.searchsorted(first, between)
+    left, right = first[after - 1], first[after]
+    alike = (np.abs(fitted[right] - fitted[left])[:, 2:] <= ALIKE).all(axis=1)
+    fit_from_all(between[~alike])
+    share = ((between - left) / (right - left))[:, None]
+    starts = ((1 - share) * fitted[left] + share * fitted[right])[alike]
+    rows = between[alike]
+    for some in np.array_split(np.arange(rows.size), -(-rows.size // BLOCK)) if rows.size else []:
+        fitted[rows[some]], squares[rows[some]] = fit(rows[some]).refined(starts[some])
+    misfit[known] = np.sqrt(squares[known] / response.shape[1])
+    inside = ~np.any((fitted < bounds[0] + 1e-6) | (fitted > bounds[1] - 1e-6), axis=1)
+    rows = known[inside[known]]
+    p = fitted[rows]
+    omega_nm, zeta_nm = np.exp(p[:, FILTER]).T
+    columns = [p[:, 0], p[:, 1] / p[:, 0], p[:, 1], p[:, 4], omega_nm, zeta_nm]
+    table[rows] = np.stack(columns, axis=1)
+    return table, misfit, fitted
 
 
 @dataclass(frozen=True)
@@ -120,16 +142,30 @@ class OperatorUnderHold:
 
     def slopes(self, p: np.ndarray) -> np.ndarray:
         """Derivatives to p, of shape (n, n_frequencies, 5)."""
-
-        def response(q: np.ndarray) -> np.ndarray:
-            return np.einsum("nfi,ni->nf", self.gains(q), q[:, :2])
-
-        gains = self.gains(p)
-        columns = [gains[..., 0], gains[..., 1]]
-        for step in DIFFERENCE * np.eye(5)[FILTER]:
-            columns.append((response(p + step) - response(p - step)) / (2 * DIFFERENCE))
-        columns.append(-1j * self.omega * response(p))
-        return np.stack(columns, axis=-1)
+        z = np.exp(-1j * self.omega * self.dt)
+        a1, a2, step, rate = held_filter(np.exp(p[:, 2:3]), np.exp(p[:, 3:4]), self.dt)
+        shape = 1 / (1 + a1 * z + a2 * z**2)
+        lag = np.exp(-1j * self.omega * (p[:, 4:5] + self.dt)) * shape
+        of_error, of_rate = (step + (1 + a1 + a2 - step) * z) * lag, rate * (1 - z) * lag
+        response = of_error * p[:, :1] + of_rate * p[:, 1:2]
+        slopes = np.empty((*response.shape, 5), dtype=complex)
+        slopes[..., 0], slopes[..., 1], slopes[..., 4] = (
+            of_error,
+            of_rate,
+            -1j * self.omega * response,
+        )
+        for k, move in enumerate(DIFFERENCE * np.eye(2), 2):
+            up, down = (
+                held_filter(np.exp(p[:, 2:3] + w), np.exp(p[:, 3:4] + more), self.dt)
+                for w, more in (move, -move)
+            )
+            d1, d2, d_step, d_rate = (
+                (a - b) / (2 * DIFFERENCE) for a, b in zip(up, down, strict=True)
+            )
+            still = p[:, :1] * d_step + p[:, 1:2] * d_rate
+            numerator = still + (p[:, :1] * (d1 + d2) - still) * z
+            slopes[..., k] = lag * numerator - response * shape * (d1 * z + d2 * z**2)
+        return slopes
 
 
 def _propagate(

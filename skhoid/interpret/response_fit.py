@@ -26,7 +26,7 @@ class ResponseModel(Protocol):
         """Responses to which K_e and K_edot are the gains, of shape (n, n_frequencies, 2)."""
 
     def slopes(self, p: np.ndarray) -> np.ndarray:
-        """Derivatives of the response to p, of shape (n, n_frequencies, 5)."""
+        """Derivatives of the response to p, of shape (n, n_frequencies, 5); gains come first."""
 
 
 class ResponseFit:
@@ -43,10 +43,12 @@ class ResponseFit:
         self.model, self.H, self.weight = model, H, weight
         self.low, self.high = low, high
 
-    def residuals(self, p: np.ndarray) -> np.ndarray:
-        """Real parts, then imaginary ones, of shape (n, 2 n_frequencies)."""
-        response = np.einsum("nfi,ni->nf", self.model.gains(p), p[:, :2])
-        return stack_parts(self.weight * (self.H - response))
+    def look(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Weighed residuals (n, 2 n_frequencies) and slopes: real parts, then imaginary ones."""
+        slopes = self.model.slopes(p)
+        response = slopes[..., 0] * p[:, :1] + slopes[..., 1] * p[:, 1:2]
+        slopes *= self.weight[..., None]
+        return stack_parts(self.weight * (self.H - response)), stack_parts(slopes, axis=1)
 
     def starts(
         self, dynamics: Iterable[np.ndarray], n_best: int = 1, *, positive: bool = False
@@ -76,22 +78,23 @@ class ResponseFit:
     def refined(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Parameters at a minimum, by Levenberg-Marquardt with bounds, and the weighed squares."""
         p = np.clip(p, self.low, self.high)
-        residuals = self.residuals(p)
+        residuals, slopes = self.look(p)
         squares = (residuals**2).sum(axis=1)
         least = EXACT * (self.weight**2 * np.abs(self.H) ** 2).sum(axis=1)
         damping = np.full(len(p), 1e-3)
         going = np.ones(len(p), dtype=bool)
         for _ in range(MOST_STEPS):
             some = self.of(going)
-            normal, gradient = some.normal_equations(p[going], residuals[going])
+            normal, gradient = some.normal_equations(p[going], residuals[going], slopes[going])
             step = np.linalg.solve(_damp(normal, damping[going]), gradient[..., None])[..., 0]
             trial = np.clip(p[going] + step, self.low, self.high)
-            new = some.residuals(trial)
+            new, new_slopes = some.look(trial)
             left = (new**2).sum(axis=1)
             before = squares[going]
             better = left < before
             at = np.flatnonzero(going)
             p[at[better]], residuals[at[better]] = trial[better], new[better]
+            slopes[at[better]] = new_slopes[better]
             squares[at[better]] = left[better]
             damping[at] = np.where(better, damping[at] / 10, np.minimum(5 * damping[at], GREATEST))
             saved = np.where(better, before - left, 0.0)
@@ -113,15 +116,14 @@ class ResponseFit:
         return ResponseFit(self.model, self.H[rows], self.weight[rows], self.low, self.high)
 
     def normal_equations(
-        self, p: np.ndarray, residuals: np.ndarray
+        self, p: np.ndarray, residuals: np.ndarray, slopes: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Normal matrix and gradient, in which what is stuck at a bound does not move."""
-        slopes = stack_parts(self.weight[..., None] * self.model.slopes(p), axis=1)
-        gradient = np.einsum("nfi,nf->ni", slopes, residuals)
+        gradient = (residuals[:, None] @ slopes)[:, 0]
         stuck = ((p <= self.low) & (gradient <= 0)) | ((p >= self.high) & (gradient >= 0))
-        slopes = np.where(stuck[:, None, :], 0.0, slopes)
         normal = np.swapaxes(slopes, 1, 2) @ slopes
         rows, places = np.nonzero(stuck)
+        normal[rows, places] = normal[rows, :, places] = 0.0
         normal[rows, places, places] = 1.0
         return normal, np.where(stuck, 0.0, gradient)
 

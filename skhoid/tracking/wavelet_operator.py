@@ -96,8 +96,8 @@ class SampledOperator:
 def _finished(fit: ResponseFit, p: np.ndarray) -> ResponseFits:
     """Values and standard errors; these grow with a misfit beyond what weights allow."""
     stuck = ((p <= fit.low) | (p >= fit.high))[:, 2:]
-    residuals = fit.residuals(p)
-    normal, _ = fit.normal_equations(p, residuals)
+    residuals, slopes = fit.look(p)
+    normal, _ = fit.normal_equations(p, residuals, slopes)
     scale = np.sqrt(np.maximum(np.einsum("nii->ni", normal), 1e-300))
     inverse = np.linalg.pinv(normal / (scale[:, :, None] * scale[:, None, :]), 1e-12, True)
     covariance = inverse / (scale[:, :, None] * scale[:, None, :])

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from skhoid.interpret.conversion import OperatorUnderHold
-from skhoid.interpret.response_fit import ResponseFit, stack_parts
+from skhoid.interpret.response_fit import ResponseFit
 from skhoid.tracking.wavelet_operator import SampledOperator
 
 OMEGA = np.geomspace(0.3, 18, 12)
@@ -30,9 +30,9 @@ def fit_of(model):
 @pytest.mark.parametrize("model", MODELS)
 def test_slopes_are_derivatives(model):
     fit = fit_of(model)
-    slopes = stack_parts(fit.weight[..., None] * model.slopes(TRUE), axis=1)
+    slopes = fit.look(TRUE)[1]
     for i, step in enumerate(1e-6 * np.eye(5)):
-        difference = (fit.residuals(TRUE - step) - fit.residuals(TRUE + step)) / 2e-6
+        difference = (fit.look(TRUE - step)[0] - fit.look(TRUE + step)[0]) / 2e-6
         np.testing.assert_allclose(slopes[:, :, i], difference, atol=1e-5)
 
 
@@ -45,7 +45,7 @@ def test_minima_are_those_of_scipy(model):
     for row in range(2):
         one = fit.of(np.array([row]))
         found = least_squares(
-            lambda q, one=one: one.residuals(q[None])[0],
+            lambda q, one=one: one.look(q[None])[0][0],
             np.clip(TRUE[row], LOW + 1e-6, fit.high - 1e-6),
             bounds=(LOW, fit.high),
             x_scale=[0.1, 0.1, 1, 1, 0.1],
