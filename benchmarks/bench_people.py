@@ -1,11 +1,17 @@
-"""Speed of identify_people: 15 people, 4 conditions, 5 runs of 5,000 rows each.
+"""Speed of identify_people and of ``skhoid experiment``.
 
     pip install -e ".[io]"
     python benchmarks/bench_people.py
+    python benchmarks/bench_people.py experiment          # half an hour; with fewer: experiment 2 1
 
-Wall clock of the whole call with two processes, whose start counts in the first figure; then the
-same with a folder, killed in the middle and resumed. The data are simulated once, and kept in the
-temporary folder of the system. Exits with 1 if a target is missed or a resumed result differs.
+``experiment PEOPLE CONDITIONS`` (12 and 4 if nothing is said; 5 runs of 90 s at 60 Hz of each, 3
+of 4 people with a stop) prints the processor seconds of the command with two workers, for three
+effects and for the whole catalogue.
+
+Without it: identify_people of 15 people, 4 conditions, 5 runs of 5,000 rows each. Wall clock of the
+whole call with two processes, whose start counts in the first figure; then the same with a folder,
+killed in the middle and resumed. The data are simulated once, and kept in the temporary folder of
+the system. Exits with 1 if a target is missed or a resumed result differs.
 """
 
 from __future__ import annotations
@@ -13,6 +19,7 @@ from __future__ import annotations
 import os
 import pickle
 import platform
+import resource
 import signal
 import subprocess
 import sys
@@ -69,6 +76,41 @@ def killed(name: str, folder: Path) -> int:
     return len(list(folder.glob("blocks/block-*")))
 
 
+def search(folder: Path, people: int, conditions: int) -> None:
+    """Processor seconds of the command, from files to the page."""
+    X, y = simulate_experiment(
+        people,
+        ["C1", "C2", "C3", "C4"][:conditions],
+        runs=5,
+        duration=82.0,
+        run_in=8.0,
+        sampling_rate=60.0,
+        remnant_intensity=0.1,
+        random_state=3,
+    )
+    for number, (_, own) in enumerate(y.groupby(level="subject")):
+        if number % 4 < 3:
+            limit = 1.1 * float(own.std())
+            y.loc[own.index] = own.clip(-limit, limit)
+    for key, part in X.assign(stick=y).groupby(level=["subject", "condition", "run"]):
+        table = part.reset_index("time").reset_index(drop=True)
+        table["time"] -= table["time"].iloc[0]
+        table[["time", "e", "x", "f_t", "stick"]].to_csv(
+            folder / "{}_{}_run{}.csv".format(*key), index=False
+        )
+    for name, words in {
+        "three effects": ["--effects", "saturation", "dead_zone", "bias"],
+        "whole catalogue": [],
+    }.items():
+        command = [Path(sys.executable).with_name("skhoid"), "experiment", folder, *words]
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        options = ["--jobs", "2", "--out", folder / f"{len(words)}.html"]
+        subprocess.run([*command, *options], check=True, stdout=subprocess.DEVNULL)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        print(f"{name}: {seconds:.0f} s of processor, {seconds / people / conditions:.1f} s each")
+
+
 def main() -> int:
     print(f"{cpu()}, {os.cpu_count()} cores, Python {platform.python_version()}")
     X, y = experiment()
@@ -93,7 +135,10 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) == 3:
+    if sys.argv[1:2] == ["experiment"]:
+        with tempfile.TemporaryDirectory() as folder:
+            search(Path(folder), *map(int, sys.argv[2:] or (12, 4)))
+    elif len(sys.argv) == 3:
         timed(sys.argv[1], *experiment(), folder=sys.argv[2])
     else:
         sys.exit(main())
