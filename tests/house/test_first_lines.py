@@ -67,7 +67,7 @@ def on_arrays(name):
     return model(name, inputs=[0], dt=DT)
 
 
-@EACH
+@PLAIN
 def test_tables_arrays_and_lists_are_the_same(name):
     one = [Y[G == 0], X[G == 0]]
     twin = model(name).fit(one[1], one[0]).predict(one[1])

@@ -4,14 +4,11 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 from sklearn.base import clone
-from sklearn.linear_model import LinearRegression
 
-from skhoid import EffectSearchCV, OperatorRegressor, SimulatedARX
-from skhoid.effects import Bias, Dimension, Parameter
+from skhoid import EffectSearchCV
+from skhoid.effects import Dimension, Parameter
 from skhoid.model import GreyBox, SimulatedCore
 from skhoid.model.cores import OperatorCore
-from skhoid.model.fitting import Criterion
-from skhoid.model.likelihood import likelihood_fit
 from skhoid.model.model import fit_core
 
 DT = 0.02
@@ -92,25 +89,3 @@ def test_a_model_of_ones_own_is_searched(biased):
     assert "bias__level" in search._repr_html_()
     refitted = clone(best).fit(*biased)
     np.testing.assert_allclose(refitted.parameters_["value"], values, rtol=1e-2, atol=1e-3)
-
-
-def test_what_is_no_estimator_lacks_all(biased):
-    with pytest.raises(TypeError, match="got LinearRegression"):
-        EffectSearchCV(LinearRegression()).fit(*biased)
-    with pytest.raises(TypeError, match=r"class OperatorRegressor: pass OperatorRegressor\(\)"):
-        EffectSearchCV(OperatorRegressor).fit(*biased)
-
-
-@pytest.mark.parametrize("model", [OperatorRegressor(dt=DT), SimulatedARX(dt=DT)], ids=str)
-def test_a_fit_that_is_taken_over_is_no_part_of_the_model(biased, model):
-    model = clone(model).set_params(effects=[Bias()])
-    prepared = model.prepare(*biased)
-    fitted = model.first_fit(prepared)
-    before = set(vars(model))
-    taken = model.with_fit(prepared, *likelihood_fit(fitted, Criterion(prepared.record)))
-    assert set(vars(model)) == before
-    assert not hasattr(model, "parameters_")
-    assert taken.effects is not model.effects
-    whole = clone(model).fit(*biased)
-    np.testing.assert_array_equal(taken.parameters_["value"], whole.parameters_["value"])
-    np.testing.assert_array_equal(taken.free_run(prepared), taken.predict(biased[0]))

