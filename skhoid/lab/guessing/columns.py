@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -320,7 +321,8 @@ class _Guess:
             name = column.header.casefold().rpartition(".")[2]
             if column.numbers.size != 1 or not column.numbers[0] > 0:
                 continue
-            if name in ("dt", "ts", "tsample", "sampletime", "t_s", "sample_time"):
+            # T with the letter of its language: échantillonnage, Abtastung, campionamento, muestreo
+            if re.fullmatch(r"dt|t_?[acemps]|tsample|sample_?time", name):
                 self._take(column.position)
                 return float(column.numbers[0])
             if name in ("fs", "f_s", "fsample", "samplerate", "rate", "sampling_rate", "srate"):

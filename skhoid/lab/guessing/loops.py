@@ -107,16 +107,20 @@ def find_loop(columns: Mapping[str, np.ndarray], known: Mapping[str, str]) -> Lo
     if triple is None:
         return unknown
     roles = dict(known)
+    *error, one, other = triple
+    difference = columns[one] - columns[other]
     if "u" not in roles:
         rest = [name for name in outputs if name not in triple]
+        shares = {name: influence([difference, columns[name]])[0, 1] for name in rest}
+        moved = [name for name in rest if shares[name] > IGNORES]
+        if len(moved) == 1 and shares[moved[0]] > ANSWERS:
+            rest = moved  # beside the heart rate, the temperature, another axis
         if len(rest) != 1:
             return LoopRoles({}, rest or outputs)
         roles["u"] = rest[0]
-    *error, one, other = triple
     if error:
         roles["e"] = error[0]
-    output = columns[roles["u"]]
-    if not answers(output, columns[one] - columns[other]):
+    if not answers(columns[roles["u"]], difference):
         return unknown
     held = next((role for role in ("f_t", "x") if roles.get(role) in (one, other)), None)
     if held is None:

@@ -226,8 +226,10 @@ def _of_words(there: set[str]) -> dict[str, int]:
         return {"dist": 8}
     if there & TARGET or {"set", "point"} <= there:
         return {"f_t": 8}
-    if any(word.endswith("ref") for word in there):  # yref
+    if any(word.endswith("ref") or word.startswith("soll") for word in there):  # yref, Sollspur
         return {"f_t": 6}
+    if any(word.startswith("ist") for word in there):  # Istspur
+        return {"x": 6}
     if there & DEVICE:
         return {"u": 8}
     if there & ACTOR:

@@ -241,10 +241,10 @@ def test_version_73(tmp_path, content, expected):
 
 
 @pytest.mark.parametrize("name", ["CMD(:,{})", "CMD:{}"])
-@pytest.mark.parametrize("with_time", [True, False])
-def test_columns_of_a_matrix_are_named(tmp_path, name, with_time):
-    own = M if with_time else M[:, 1:]
-    savemat(tmp_path / "a.mat", {"CMD": own, "Ts": DT})
+@pytest.mark.parametrize("clock", ["", "Ts", "Te", "T_a"])
+def test_columns_of_a_matrix_are_named(tmp_path, name, clock):
+    own = M[:, 1:] if clock else M
+    savemat(tmp_path / "a.mat", {"CMD": own, clock or "Ts": DT})
     *_, a, b, c = (name.format(k + 1) for k in range(own.shape[1]))
     X, y = read_runs(tmp_path / "a.mat", inputs={a: "f_t", b: "x"}, output={c: "u"})
     np.testing.assert_array_equal(X["x"], x)

@@ -344,6 +344,25 @@ def test_values_that_decide_nothing_are_asked_about(tmp_path):
             read_runs(tmp_path / "a.csv")
 
 
+@pytest.mark.parametrize("named", ["Sollspur,Istspur", "reference,p", "p,q"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_answers_the_error_is_the_output_whatever_else_was_recorded(tmp_path, named, seed):
+    other_axis = np.interp(0.85 * TIME, TIME, loop(seed=seed + 10)["u"])  # at other frequencies
+    beside = [other_axis, 70 + np.cumsum(np.random.default_rng(seed).normal(size=N)) / 50]
+    own = [LOOP["f_t"], LOOP["x"], LOOP["u"]]
+    (tmp_path / "a.csv").write_text(f"time,{named},a,b,c\n" + rows([TIME, *own, *beside]))
+    X, y = read_runs(tmp_path / "a.csv")
+    np.testing.assert_allclose(X["f_t"], LOOP["f_t"], atol=1e-5)
+    np.testing.assert_allclose(y, LOOP["u"], atol=1e-5)
+
+
+def test_two_that_answer_the_error_are_asked_about(tmp_path):
+    own = [LOOP["f_t"], LOOP["x"], LOOP["u"], lfilter([0.2], [1, -0.8], LOOP["u"])]
+    (tmp_path / "a.csv").write_text("time,p,q,a,b\n" + rows([TIME, *own]))
+    with pytest.raises(UnclearColumnsError):
+        read_runs(tmp_path / "a.csv")
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
