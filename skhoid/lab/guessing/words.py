@@ -228,8 +228,6 @@ def _of_words(there: set[str]) -> dict[str, int]:
         return {"f_t": 8}
     if any(word.endswith("ref") or word.startswith("soll") for word in there):  # yref, Sollspur
         return {"f_t": 6}
-    if any(word.startswith("ist") for word in there):  # Istspur
-        return {"x": 6}
     if there & DEVICE:
         return {"u": 8}
     if there & ACTOR:
@@ -238,7 +236,7 @@ def _of_words(there: set[str]) -> dict[str, int]:
         return {"u": 8} if there & ({"input"} | CONTROL - {"controlled"}) else {"x": 8}
     if there & MOTION:
         return {"motion": 6}
-    if there & PLACE:
+    if there & PLACE or any(word.startswith("ist") for word in there):  # Istspur
         return {"f_t": 7, "u": 3} if there & {"command", "cmd"} else {"x": 7}
     if there & CONTROL:
         return {"u": 8}
