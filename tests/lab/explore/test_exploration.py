@@ -202,7 +202,8 @@ def test_a_search_from_here_has_the_model_and_the_runs(exploration, runs):
     assert search.estimator.effects.get_params()["bias__level"] == 0.04
     assert search.effects == ["bias", "dead_zone", "saturation"]
     pd.testing.assert_frame_equal(X, select_runs(runs[0], runs=[0, 2]))
-    exploration.take_search(search.fit(*select_runs(*runs, runs=[0, 2])))
+    search.fit(*select_runs(*runs, runs=[0, 2]))
+    exploration.take_search(search)
     state = exploration.state()
     assert state["cards"][0]["id"] == "dead_zone"
     assert state["cards_of"].endswith("added to the model with bias.")
