@@ -11,9 +11,20 @@ from skhoid.effects import Bias, DeadZone
 from skhoid.lab.explore import Exploration
 
 
+@pytest.fixture(scope="module")
+def models(runs, search):
+    """Fits that most tests begin with: baseline, with bias, with bias and dead zone."""
+    first = Exploration(search.estimator, *runs, search=search)
+    found = [first.model]
+    for effect in ("bias", "dead_zone"):
+        first.act("add", {"effect": effect, "run": 0})
+        found.append(first.model)
+    return found
+
+
 @pytest.fixture
-def exploration(runs, search):
-    return Exploration(search.estimator, *runs, search=search)
+def exploration(runs, search, models):
+    return Exploration(search.estimator, *runs, search=search, fitted=models)
 
 
 def vaf(model, X, y):
