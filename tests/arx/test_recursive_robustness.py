@@ -1,6 +1,5 @@
 """RecursiveARX cannot be broken: pauses, dead channels, scales, missing values, long streams."""
 
-import numba
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -25,8 +24,6 @@ each_forgetting = pytest.mark.parametrize("params", FORGETTING.values(), ids=FOR
 any_forgetting = pytest.mark.parametrize(
     "params", [*FORGETTING.values(), *SHORT.values()], ids=[*FORGETTING, *SHORT]
 )
-
-compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="takes hours uncompiled")
 
 pytestmark = [pytest.mark.filterwarnings("ignore::skhoid.MissingDataWarning"), pytest.mark.slow]
 

@@ -26,7 +26,6 @@ CONDITIONS = ("C1", "C2", "C1", "C2", "C3", "C4", "C5", "C6")
 INTENSITIES = (0.05, 0.10, 0.15, 0.20, 0.30)
 FALSE_ALARM = 0.01
 FEW, ALL = 4, 500
-NK = 29  # tau_e f_s and the ZOH sample
 STICK = {"C1": 1.0, "C2": 2.4}  # how much more it moves
 
 

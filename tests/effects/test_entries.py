@@ -8,7 +8,7 @@ import pytest
 from sklearn.base import clone
 from support.own_effect import Compressed
 
-from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+from skhoid import OperatorRegressor, make_tracking_runs
 from skhoid.effects import (
     Argument,
     Backlash,
@@ -20,10 +20,7 @@ from skhoid.effects import (
     Drift,
     Effect,
     Effects,
-    FreeMap,
-    Friction,
     Parameter,
-    RateReflex,
     Stiction,
     TimeVaryingGain,
     effect,
@@ -76,25 +73,6 @@ def test_arguments_and_docstring_follow_from_the_entry():
         TypeError, match="Bent has no argument sise; it takes size, fall, level, form"
     ):
         Bent(sise=0.1)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "told"),
-    [
-        (DeadZone(form="jumps"), "form must be 'gap', .* or None; got 'jumps'.*mean 'jump'"),
-        (Friction(of="limbs"), "mean 'limb'"),
-        (RateReflex(sense=2), "sense must be 1, -1 or None; got 2"),
-        (FreeMap(at="sprng"), "mean 'spring'"),
-    ],
-    ids=str,
-)
-def test_a_misspelt_choice_is_an_error_that_lists_them(runs, wrong, told):
-    with pytest.raises(ValueError, match=told):
-        OperatorRegressor(effects=wrong).fit(*runs)
-    with pytest.raises(ValueError, match=told):
-        make_tracking_runs("C1", 1, effects=wrong)
-    with pytest.raises(ValueError, match=told):
-        EffectSearchCV(OperatorRegressor(), effects=[wrong]).fit(*runs)
 
 
 def test_each_variant_has_its_choices_made():

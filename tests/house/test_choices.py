@@ -26,6 +26,7 @@ NUMBERS = [
 USES = {
     "an operator": lambda effect: OperatorRegressor(effects=effect).fit(X, Y),
     "an ARX model": lambda effect: ARXRegressor(1, 1).with_effect(effect).fit(X, Y),
+    "a simulation": lambda effect: make_tracking_runs("C1", 1, effects=effect),
     "a composition": lambda effect: Effects.of("bias") + effect,
     "a search": lambda effect: EffectSearchCV(OperatorRegressor(), effects=[effect]).fit(X, Y),
 }

@@ -36,7 +36,8 @@ CHANNELS = ["e", "x", "f_t"]
 def runs():
     X, y = make_tracking_runs(
         n_runs=3,
-        duration=30.72,
+        duration=20.48,
+        sampling_rate=50,
         remnant_intensity=0.1,
         channels=CHANNELS,
         random_state=0,
@@ -105,7 +106,7 @@ def test_numpy_is_pandas(runs):
     one = select_runs(X, first=1)
     u = y.loc[one.index]
     of_frame = OperatorRegressor(inputs=["e"]).fit(one[["e"]], u)  # x tells of the closed loop
-    of_array = OperatorRegressor(inputs=[0], dt=0.01).fit(one.to_numpy(), u.to_numpy())
+    of_array = OperatorRegressor(inputs=[0], dt=0.02).fit(one.to_numpy(), u.to_numpy())
     assert_same(of_frame, of_array, rtol=1e-12)
     np.testing.assert_array_equal(of_frame.predict(one[["e"]]), of_array.predict(one.to_numpy()))
 

@@ -3,14 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
-from support.places import RECORDINGS
 from support.synthetic import run_time
 
 from skhoid import load_bicycle_rider, load_human_tracking, make_tracking_runs, resample_runs
 from skhoid.exceptions import RunIndexError
 from skhoid.recordings import check_channels
 
-RAW = RECORDINGS / "human_tracking_2d"
 DT = 0.01
 N = 2000
 
@@ -36,11 +34,6 @@ def table(n_runs=2, **channels):
     """Channels of runs of equal length, one after the other."""
     n = len(next(iter(channels.values()))) // n_runs
     return pd.DataFrame(channels, index=run_time([n] * n_runs))
-
-
-def signals(**options):
-    phi, rate = smooth(**options)
-    return phi, rate
 
 
 # Nothing wrong

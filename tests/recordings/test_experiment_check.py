@@ -8,8 +8,6 @@ from support.experiments import people_in_the_loop
 from skhoid import simulate_experiment
 from skhoid.recordings import check_experiment
 
-CONDITIONS = ["C1", "C2"]
-
 
 @pytest.fixture(scope="module")
 def clean():

@@ -67,6 +67,7 @@ def test_nothing_is_missing(clean):
     assert list(clean.predictions_.columns) == ["measured", "baseline"]
     assert clean.explainable_gap_ < 1.0
     assert clean.best_estimator_.effects is None
+    assert (clean.ranking_["evidence"].dropna() < 12.5).all()
     assert said(clean).startswith("Nothing found; these runs would have shown 5 of 7 effects from")
 
 
@@ -184,7 +185,7 @@ def test_fit_changes_nothing_that_it_is_given(hidden_data):
     X, y = (table.copy() for table in hidden_data)
     estimator = OperatorRegressor()
     effects = [DeadZone(), Bias()]
-    search = EffectSearchCV(estimator, effects=effects, max_effects=0).fit(X, y)
+    search = EffectSearchCV(estimator, effects=effects).fit(X, y)
     pd.testing.assert_frame_equal(X, hidden_data[0])
     pd.testing.assert_series_equal(y, hidden_data[1])
     assert not hasattr(estimator, "parameters_")

@@ -36,9 +36,8 @@ def cut_runs(condition, seed, gain=GAIN, n_runs=2, duration=60.0):
     return table[["e", "x", "f_t"]], table["u"]
 
 
-@pytest.mark.parametrize(
-    ("condition", "seed"), [("C2", 1), pytest.param("C1", 2, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("condition", "seed"), [("C2", 1), ("C1", 2)])
 def test_it_is_named_with_its_gain(condition, seed):
     X, y = cut_runs(condition, seed)
     found = EffectSearchCV(OperatorRegressor(), effects=RIVALS, domain="human").fit(X, y)

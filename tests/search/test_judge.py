@@ -2,31 +2,11 @@
 
 import numpy as np
 import pytest
+from support.open_loop import searched
 
-from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
-from skhoid.effects import DeadZone
 from skhoid.search import Status, Verdict
 
-TRIED = ["dead_zone", "bias", "cubic_gain", "tv_gain"]
 THRESHOLD = 12.5  # nats of an effect that is added
-
-
-def searched(effects=None, confidence=0.75, seed=3):
-    X, y = make_tracking_runs(
-        "C1",
-        n_runs=3,
-        duration=40.96,
-        remnant_intensity=0.15,
-        sampling_rate=50,
-        effects=effects,
-        random_state=seed,
-    )
-    return EffectSearchCV(OperatorRegressor(), effects=TRIED, confidence=confidence).fit(X, y)
-
-
-@pytest.fixture(scope="module")
-def found():
-    return searched(DeadZone(width=0.2))
 
 
 def test_evidence_is_the_least_of_what_judges_grant(found):
@@ -53,16 +33,10 @@ def test_what_has_evidence_is_probable_and_what_has_none_is_not(found):
     assert (found.ranking_.query("evidence < 0")["probability"] == 0).all()
 
 
-def test_a_name_that_is_less_probable_than_asked_is_a_possible_one():
-    sure = searched(DeadZone(width=0.2), confidence=1.0)
+def test_a_name_that_is_less_probable_than_asked_is_a_possible_one(hidden_data):
+    sure = searched(hidden_data, ["dead_zone", "bias"], confidence=1.0)
     assert sure.verdict_ is Verdict.POSSIBLE
     assert sure.best_effects_ == ["unknown"]
     assert sure.stand_ins_ == ["dead_zone"]
     assert "possibly dead zone" in sure.summary().splitlines()[0]
     assert any(note.kind == "possible" for note in sure.notes_)
-
-
-def test_nothing_has_no_evidence():
-    plain = searched(seed=4)
-    assert plain.verdict_ is Verdict.NOTHING
-    assert (plain.ranking_["evidence"].dropna() < THRESHOLD).all()

@@ -13,7 +13,7 @@ from skhoid.search import Verdict
 def test_an_answer_to_the_target_is_left_only_where_there_is_one(feedforward, answers):
     """Of a remnant that comes back, judges see that nobody answers the target."""
     text = "1/(s(s+1))"
-    X, y, _ = pursued(text, 3, feedforward=feedforward, early=0.2)
+    X, y, _ = pursued(text, 3, feedforward=feedforward, early=0.2, n_runs=3, duration=40.0)
     search = EffectSearchCV(OperatorRegressor(), effects=["bias"], controlled_element=text)
     left = search.fit(X, y).unexplained_
     points = left.loc[left["at"] == "f_t", "points"]

@@ -91,15 +91,15 @@ WEAK = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "least_shown"), [("bias", 0), ("dead_zone", 8), ("asym_gain", 8)])
+@pytest.mark.parametrize(("name", "least_shown"), [("bias", 0), ("dead_zone", 4), ("asym_gain", 4)])
 def test_weak_effects_are_within_their_limits_and_what_would_be_shown_is(name, least_shown):
     """Weak are shares of the size shown; of a bias hardly any such runs have one: of the limit.
 
-    Each has a remnant of its own, so of 16 that hold with 95 % fewer than 13 do in 1 of 140 tests.
+    Each has a remnant of its own, so of 8 that hold with 95 % fewer than 6 do in 1 of 170 tests.
     """
     tried = [DeadZone(form="gap", at="error") if name == "dead_zone" else name]
     within, added = [], []
-    for seed in range(8):
+    for seed in range(4):
         row = limits_of(searched(recorded(2, 30.0, seed=seed), tried)).loc[name]
         is_shown = np.isfinite(row["shown_from"])
         size = row["shown_from"] if is_shown else 4 * row["limit"]
@@ -110,6 +110,6 @@ def test_weak_effects_are_within_their_limits_and_what_would_be_shown_is(name, l
         if is_shown:
             runs = recorded(2, 30.0, seed=200 + seed, **WEAK[name](size))
             added.append(name in searched(runs, tried).result_.added)
-    assert sum(within) >= 13
+    assert sum(within) >= 6
     assert len(added) >= least_shown
     assert sum(added) >= 5 / 8 * len(added)

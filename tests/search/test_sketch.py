@@ -101,8 +101,11 @@ PLACES = [
 ]
 
 
-@pytest.mark.parametrize("table", [False, True], ids=["formula", "table"])
-@pytest.mark.parametrize(("form", "curve"), PLACES, ids=find_name)
+@pytest.mark.parametrize(
+    ("form", "curve", "table"),
+    [(*place, k % 2 == 1) for k, place in enumerate(PLACES)],
+    ids=find_name,
+)
 def test_a_file_is_an_effect_that_passes_the_checks(form, curve, table, tmp_path):
     path = written("my_effect", tmp_path, shape(form, curve, table=table))
     assert path == tmp_path / "my_effect.py"

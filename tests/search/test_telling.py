@@ -92,6 +92,7 @@ def test_text_json_and_the_notebook_tell_the_same(biased):
     assert found["parameters"][-1]["parameter"] == "bias__level"
 
 
+@pytest.mark.slow
 def test_what_is_as_likely_and_easily_taken_for_it_is_told_in_the_same_breath():
     search = EffectSearchCV(OperatorRegressor(), effects=["backlash", "stiction", "bias"])
     search.fit(*recorded([Backlash(gap=0.05), Bias(level=0.1)], duration=20.48))

@@ -66,7 +66,13 @@ class Store:
                 continue
             number, contents = int(match[1]), path.read_bytes()
             if self._checksum(number, contents) == match[2]:
-                found[number] = uniform(pd.DataFrame(json.loads(contents)))
+                columns = json.loads(contents)
+                found[number] = pd.DataFrame(
+                    {
+                        name: pd.Series(values, dtype=kind)
+                        for name, (kind, values) in columns.items()
+                    }
+                )
                 continue
             warnings.warn(
                 f"{path} is damaged, or not the block of this study that its name promises; the "
@@ -82,7 +88,8 @@ class Store:
 
     def write(self, number: int, table: pd.DataFrame) -> None:
         """Write one block, completely or not at all."""
-        contents = json.dumps(table.to_dict("list")).encode()  # floats to the last digit
+        columns = {name: (str(each.dtype), each.tolist()) for name, each in table.items()}
+        contents = json.dumps(columns).encode()  # floats to the last digit
         name = f"block-{number:06d}-{self._checksum(number, contents)}.json"
         with written_whole(self.folder / BLOCKS / name) as path:
             path.write_bytes(contents)

@@ -11,9 +11,20 @@ from skhoid.effects import Bias, DeadZone
 from skhoid.lab.explore import Exploration
 
 
+@pytest.fixture(scope="module")
+def models(runs, search):
+    """Fits that most tests begin with: baseline, with bias, with bias and dead zone."""
+    first = Exploration(search.estimator, *runs, search=search)
+    found = [first.model]
+    for effect in ("bias", "dead_zone"):
+        first.act("add", {"effect": effect, "run": 0})
+        found.append(first.model)
+    return found
+
+
 @pytest.fixture
-def exploration(runs, search):
-    return Exploration(search.estimator, *runs, search=search)
+def exploration(runs, search, models):
+    return Exploration(search.estimator, *runs, search=search, fitted=models)
 
 
 def vaf(model, X, y):
@@ -202,7 +213,8 @@ def test_a_search_from_here_has_the_model_and_the_runs(exploration, runs):
     assert search.estimator.effects.get_params()["bias__level"] == 0.04
     assert search.effects == ["bias", "dead_zone", "saturation"]
     pd.testing.assert_frame_equal(X, select_runs(runs[0], runs=[0, 2]))
-    exploration.take_search(search.fit(*select_runs(*runs, runs=[0, 2])))
+    search.fit(*select_runs(*runs, runs=[0, 2]))
+    exploration.take_search(search)
     state = exploration.state()
     assert state["cards"][0]["id"] == "dead_zone"
     assert state["cards_of"].endswith("added to the model with bias.")

@@ -26,7 +26,6 @@ from skhoid.lab.studies.tournament_scores import (
 HERE, _ = available_methods()
 RLS = TOURNAMENT_METHODS["rls"]
 TIME = np.arange(15.0, 81.92, 0.16)
-INSTANTS = TIME[TIME < 80.0]
 
 
 def test_all_cells_are_there_once():
