@@ -66,7 +66,7 @@ def test_the_folder_changes_nothing(finished, computed):
     assert computed == []
     assert sorted(path.name for path in folder.iterdir()) == ["blocks", "study.json"]
     one = json.loads(block(folder, 1).read_text())
-    assert one["replication"] == [2, 3]
+    assert one["replication"] == ["int64", [2, 3]]
 
 
 def truncate(path):
