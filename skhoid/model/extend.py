@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,18 +39,48 @@ def extended(
     coarse: Criterion,
     *,
     start: Mapping[str, float] | None = None,
-    worth: float = 0.0,
-    rough: Model | None = None,
-    again: bool = False,
 ) -> Model:
     """A fitted model with one more effect, from the best of its variants and starts.
 
-    They are explored under the ``coarse`` criterion. Of the best, one is fitted to the end if it
-    gains more than twice the share ``worth`` of the power there, or more than that share after a
-    few iterations under ``criterion``.
-    In a search, ``rough`` is what :func:`explored_from` returned for the parent: without it, what
-    other parameters gain on the rows of ``coarse`` counts as gain of the effect. ``again`` says
-    that the effect was added to a smaller parent before: it is scanned less closely.
+    They are explored under the ``coarse`` criterion, and the best are fitted to the end.
+    """
+    explored = explore(parent, name, effect, coarse, start=start)
+    return finish(parent, name, explored, criterion, coarse)
+
+
+class Explored(NamedTuple):
+    """Variants of an effect at their minima of a coarse criterion, best first.
+
+    Each is its sum of squares, its number, itself and its fit; ``before`` are the squares of the
+    parent.
+    """
+
+    before: float
+    variants: list[tuple[float, int, Effect, Fit]]
+
+    @property
+    def gain(self) -> float:
+        """Squares that the best saves."""
+        return self.before - self.variants[0][0]
+
+
+def explore(
+    parent: Model,
+    name: str,
+    effect: Effect,
+    coarse: Criterion,
+    *,
+    start: Mapping[str, float] | None = None,
+    worth: float = 0.0,
+    rough: Model | None = None,
+    again: bool = False,
+) -> Explored:
+    """Variants of one more effect, each from the best of its starts, under a ``coarse`` criterion.
+
+    Those that cannot save the share ``worth`` of the power end early. In a search, ``rough`` is
+    what :func:`explored_from` returned for the parent: without it, what other parameters gain on
+    the rows of ``coarse`` counts as gain of the effect. ``again`` says that the effect was added to
+    a smaller parent before: it is scanned less closely.
     """
     record = replace(parent.simulator.record, prediction=parent.output)
     core = parent.simulator.core
@@ -115,20 +146,35 @@ def extended(
                 fit = minimise(simulator, coarse, fit.theta, max_iter=8, tol=2e-4)
         last = dict(zip(_keys(simulator), fit.theta.tolist(), strict=True))
         explored.append((fit.sse, number, variant, fit))
-    explored.sort(key=lambda item: item[:2])
+    return Explored(before, sorted(explored, key=lambda item: item[:2]))
+
+
+def finish(
+    parent: Model,
+    name: str,
+    explored: Explored,
+    criterion: Criterion,
+    coarse: Criterion,
+    *,
+    worth: float = 0.0,
+) -> Model:
+    """The best of variants that were explored, fitted to the end.
+
+    It is if it gained more than twice the share ``worth`` of the power of ``coarse``, or gains more
+    than that share after a few iterations under ``criterion``.
+    """
+    before, gain = explored.before, explored.gain
+    enough = LEAST_COARSE_GAIN * coarse.power
     finished: list[tuple[int, Model]] = []
-    gain = before - explored[0][0]
-    for sse, number, variant, fit in explored[:N_VARIANTS_KEPT]:
-        simulator = with_(variant, parent.simulator.record)
+    for sse, number, variant, fit in explored.variants[:N_VARIANTS_KEPT]:
+        simulator = extend_simulator(parent, name, variant)
         promising = before - sse > enough
         if finished and (not promising or before - sse < ALIKE * gain):
             break
         followed = promising and before - sse > 2 * worth * coarse.power
         theta, most = fit.theta, 20 if followed else BEGUN if promising else 1
         if worth and not promising:  # a search refines it once more
-            beside = np.r_[parent.theta, theta[parent.theta.size :]]
-            theta = min(theta, beside, key=lambda t: sse_at(simulator, criterion, t))
-            most = 0
+            theta, most = start_beside(parent, simulator, criterion, theta), 0
         full = minimise(simulator, criterion, theta, max_iter=most)
         if promising and not followed:
             followed = criterion.sse(parent.output) - full.sse > worth * criterion.power
@@ -146,6 +192,28 @@ def extended(
     most = least * np.exp(AS_GOOD / criterion.n)
     near = [item for item in finished if item[1].sse <= most]
     return min(near, key=lambda item: item[0])[1]
+
+
+def begin(parent: Model, name: str, explored: Explored, criterion: Criterion) -> Model:
+    """The best of variants that were explored, an iteration nearer to the end."""
+    *_, variant, fit = explored.variants[0]
+    simulator = extend_simulator(parent, name, variant)
+    theta = start_beside(parent, simulator, criterion, fit.theta)
+    return Model(simulator, minimise(simulator, criterion, theta, max_iter=1), parent.other_cores)
+
+
+def extend_simulator(parent: Model, name: str, variant: Effect) -> Simulator:
+    """The simulator of a parent with one more effect."""
+    effects = Effects([*parent.effects.steps, (name, variant)])
+    return Simulator(parent.simulator.core, effects, parent.simulator.record)
+
+
+def start_beside(
+    parent: Model, simulator: Simulator, criterion: Criterion, theta: np.ndarray
+) -> np.ndarray:
+    """Parameters, with the parent's own if these are better with the effect added."""
+    beside = np.r_[parent.theta, theta[parent.theta.size :]]
+    return min(theta, beside, key=lambda t: sse_at(simulator, criterion, t))
 
 
 def explored_from(parent: Model, coarse: Criterion) -> Model:

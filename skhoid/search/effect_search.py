@@ -133,6 +133,9 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         Seconds that ``fit`` may take, about. In the first half effects are tried; in the other the
         best model so far is judged and told. What was not tried has the status "not tried" in
         ``ranking_``, and a note lists it. None means as long as it takes.
+    exhaustive : bool, default=False
+        Whether every effect is fitted to the end in every step, also one that cannot become the
+        best by what the first iterations gain. It is slow, and a check: the names are the same.
 
     Attributes
     ----------
@@ -252,6 +255,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         "lost_control": [StrOptions({*CHOICES})],
         "max_rows": [Interval(Integral, 1, None, closed="left"), None],
         "time_limit": [Interval(Real, 0, None, closed="neither"), None],
+        "exhaustive": ["boolean"],
     }
 
     # What BaseSearchCV asks itself.
@@ -274,6 +278,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         lost_control: str = LEAVE_OUT,
         max_rows: int | None = MOST_ROWS,
         time_limit: float | None = None,
+        exhaustive: bool = False,
     ):
         self.estimator = estimator
         self.effects = effects
@@ -287,6 +292,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         self.lost_control = lost_control
         self.max_rows = max_rows
         self.time_limit = time_limit
+        self.exhaustive = exhaustive
 
     @with_callbacks
     @fit_context(prefer_skip_nested_validation=False)
@@ -327,7 +333,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
             data = self.read_data(model, X, y, groups, params)
             core, effects = data.prepared.core, self.list_effects()
             progress = Progress(self, context)
-            search = Search(core, data.record, effects, data.folds, self.n_jobs, progress, until)
+            options = self.n_jobs, progress, until, self.exhaustive
+            search = Search(core, data.record, effects, data.folds, *options)
             most, tries_all = int(self.max_effects), self.tries_all
             found = search_effects(search, model, data, as_output(y), most, tries_all)
             self.best_estimator_, self.baseline_ = found.best, found.baseline

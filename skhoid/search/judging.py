@@ -13,6 +13,7 @@ import numpy as np
 
 from ..effects.base import Effect
 from ..effects.registry import title_of
+from ..model.extend import Explored
 from ..model.model import AT_BOUND, Model
 from .statuses import Against, Reason
 
@@ -24,6 +25,8 @@ LEAST_GAIN = 0.2  # points of VAF on held-out rows: what sensors and simulation 
 # Points by which simulations with other steps and filters differ, at most: a given delay that is a
 # little off makes up for as much, and so does a free shape.
 FLOOR = 0.6
+# Times the nats after an iteration, and nats more, that a fit to the end has at most.
+MORE, MORE_IF_IT_JUMPS, SLACK = 1.5, 2.5, 5.0
 SURE = 3.0  # standard errors, by which an effect's size is off that at which it does nothing
 CLAIM = "wrong_delay"  # the effect by which a given delay is freed
 AT_ZERO = 1e-9  # rounding of a bound
@@ -39,6 +42,7 @@ class Candidate:
     ``evidence`` are nats by judge, NaN of one that cannot know the effect. ``gain`` are points of
     VAF on held-out rows, with parameters one step from those of all rows, or refitted once
     ``refit`` is true. It is compared with ``before``, at the likelihood and at the least error.
+    Where it is only ``begun``, from what was ``explored``, its numbers are an iteration off.
     """
 
     name: str
@@ -58,6 +62,16 @@ class Candidate:
     refused: Against | None = None
     refit: bool = False
     probability: float = np.nan
+    explored: Explored | None = None
+    begun: bool = False
+
+    @property
+    def hoped(self) -> float:
+        """Nats that it may have at most, if it is only begun: else there is nothing to hope for."""
+        if not self.begun:
+            return -np.inf
+        most = MORE if self.effect.smooth else MORE_IF_IT_JUMPS
+        return most * self.evidence.get(FREE_RUN, -np.inf) + SLACK
 
     @property
     def known(self) -> dict[str, float]:
@@ -201,6 +215,9 @@ def find_why_not(candidate: Candidate, winner: str, *, taken_out: bool) -> Again
         rows = "the rows of the fit" if c.prediction is None else "held-out rows"
         text = f"{c.gain:+.3g} points on {rows}, needs at least {c.least_gain:.2g}"
         return Against(Reason.TOO_LITTLE, text)
+    if c.begun:
+        text = f"it may have {max(c.hoped, 0.0):.0f} nats at most: too little beside others"
+        return Against(Reason.NOT_FOLLOWED, text)
     if taken_out:
         return Against(Reason.SUPERFLUOUS, "it no longer pays once the later effects are added")
     if winner:

@@ -14,7 +14,7 @@ from ..model.extend import refit_each_beside
 from ..model.fitting import Criterion, minimise
 from ..model.model import Model, in_order
 from ..model.simulator import Simulator
-from .judging import CLAIM, Candidate
+from .judging import CLAIM, THRESHOLD, Candidate
 from .probability import Alternative
 from .statuses import Reason
 from .steps import Search, SearchStep, output_error_fit, unique_name
@@ -38,6 +38,12 @@ class Path:
     @property
     def ids(self) -> list[str]:
         return [effect.name for _, effect in self.model.effects]
+
+    @property
+    def counting(self) -> set[str]:
+        """Ids of effects that counted in a step, or may have: what was only begun has no more."""
+        tried = [c for step in self.steps for c in step.candidates if c.model is not None]
+        return {c.effect.name for c in tried if max(c.delta_bic / 2, c.hoped) > THRESHOLD}
 
     @property
     def ended_early(self) -> bool:
@@ -133,12 +139,16 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
         if found and (search.is_over or explains(search, found[0], start)):
             break
         known = [first.best.name] if found else []
-        one = follow(search, Path([first], start.model), most, known)
+        # What may not count beside the one does not beside the other, which explains the same.
+        among = None if search.exhaustive or not found else found[0].counting
+        one = follow(search, Path([first], start.model), most, known, among)
         last = one.steps[-1].best
         found += [one] if last is None or last.name not in known else []
         if len(found[0].ids) < len(baseline.effects) + 2:
             break
     best = min(found, key=lambda one: find_cost(search, one.model))
+    if best is not found[0] and not search.exhaustive:  # of all effects now
+        best = follow(search, Path([first], first.candidates[1].model), most)
     return drop_superfluous(search, best, most)
 
 
@@ -173,11 +183,20 @@ def find_claim(search: Search, baseline: Model) -> Effect | None:
     return claim
 
 
-def follow(search: Search, path: Path, most: int, known: Sequence[str] = ()) -> Path:
-    """Add the best of each step, until it is one that is ``known`` from another path."""
+def follow(
+    search: Search,
+    path: Path,
+    most: int,
+    known: Sequence[str] = (),
+    among: set[str] | None = None,
+) -> Path:
+    """Add the best of each step, until it is one that is ``known`` from another path.
+
+    Of all effects, or of those ``among`` some ids.
+    """
     steps, model = list(path.steps), path.model
     while len(model.effects) < most:
-        steps.append(search.step(output_error_fit(model)))
+        steps.append(search.step(output_error_fit(model), among))
         best = steps[-1].best
         if best is None or best.model is None or best.name in known:
             break

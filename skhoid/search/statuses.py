@@ -113,6 +113,7 @@ class Reason(StrEnum):
     REFUTED = "refuted"  # by instruments, or by a noise model that is estimated along
     SUPERFLUOUS = "superfluous"  # once later effects are there
     RIVAL = "rival_added"  # it counts, and another was added instead
+    NOT_FOLLOWED = "not_followed"  # its fit was only begun: others have more
     NOT_FITTED = "not_fitted"  # arithmetic failed, such as overflow
     TIME = "time_limit"  # which was reached before
     CUT_SHORT = "max_effects"  # it counts, and no more effects may be added

@@ -22,7 +22,7 @@ from ..effects.record import Record
 from ..model.cores import Core
 from ..model.effort import OutOfTimeError, bounded
 from ..model.estimator import vaf_of_output
-from ..model.extend import explored_from, extended
+from ..model.extend import Explored, begin, explore, explored_from, extended, finish
 from ..model.fitting import Criterion, Fit, RemnantModel
 from ..model.model import Model, begin_alike, in_order, without
 from ..model.simulator import Simulator
@@ -61,6 +61,7 @@ from .statuses import Against, Reason
 PARTS = 3  # of the work for each process
 HOPELESS = 0.002  # of the output's power: less than ``LEAST_GAIN`` on the rows of the fit
 N_JUDGED = 3  # of the best candidates: the first, and those it has to be told from
+AT_ONCE = 0.5  # of what the best start saves, with which a candidate is followed at once
 
 
 class Progress:
@@ -122,6 +123,7 @@ class SearchStep:
     candidates: list[Candidate]
     instruments: InstrumentJudge | None
     refit: Callable[[Model], float]
+    follow: Callable[[SearchStep, list[Candidate]], None]
     other: list[Alternative] = field(default_factory=list)  # something else, if it was looked for
     vaf_loop: float = np.nan
     _joint: dict[int, JointParent] = field(default_factory=dict)
@@ -166,14 +168,22 @@ class SearchStep:
         return [*applying, *self.other]
 
     def rank(self) -> None:
-        """Put the best first, by the evidence of all judges; the next two are judged as well."""
+        """Put the best first, by the evidence of all judges; the next two are judged as well.
+
+        What was only begun is followed where it may come before the second.
+        """
         while True:
             self.candidates.sort(key=rank)
-            leading = find_likeliest_alternatives(self.candidates)[:N_JUDGED]
-            left = [c for c in leading if c.passes and not c.refit]
-            if not left:
+            known = find_likeliest_alternatives([c for c in self.candidates if not c.begun])
+            left = [c for c in known[:N_JUDGED] if c.passes and not c.refit]
+            if left:
+                self.judge(left[0])
+                continue
+            least = max([THRESHOLD, *(c.least for c in known[1:2])])
+            hopeful = [c for c in self.candidates if c.hoped > least]
+            if not hopeful:
                 break
-            self.judge(left[0])
+            self.follow(self, hopeful[:1])
         self.candidates = sorted(find_likeliest_alternatives(self.candidates), key=rank)
         self._put_special_first()
         mark_confused(self.candidates)
@@ -234,6 +244,8 @@ class SearchStep:
         if general is None or general.trace:
             return
         for special in [c for c in self.candidates if general.effect.name in c.effect.within]:
+            if special.begun:
+                self.follow(self, [special])
             if special.passes:
                 self.judge(special)
             more = general.gain - special.gain
@@ -276,7 +288,9 @@ class Search:
         n_jobs: int | None = None,
         progress: Progress | None = None,
         until: float = np.inf,
+        exhaustive: bool = False,
     ):
+        self.exhaustive = exhaustive
         self.progress = Progress() if progress is None else progress
         self.until = until  # of time.monotonic(): when no further effect is tried
         self.core, self.record, self.folds = core, record, folds
@@ -306,7 +320,7 @@ class Search:
         if record is None:
             return None
         effects = [*self.effects, *self.noises]
-        options = self.n_jobs, self.progress, self.until
+        options = self.n_jobs, self.progress, self.until, self.exhaustive
         return Search(self.core, record, effects, self.folds, *options)
 
     @property
@@ -339,13 +353,13 @@ class Search:
         """Keep a parent, with which a path may be walked again."""
         self._parents[frozenset(parent.effects.names)] = parent
 
-    def step(self, parent: Model) -> SearchStep:
-        """All candidates for a parent that was fitted by output error."""
+    def step(self, parent: Model, among: Container[str] | None = None) -> SearchStep:
+        """All candidates for a parent that was fitted by output error, or those ``among`` ids."""
         self.remember(parent)
         candidates = []
         taken = {effect.name for _, effect in parent.effects}
         for effect in self.effects:
-            if effect.name in taken:
+            if effect.name in taken or (among is not None and effect.name not in among):
                 continue
             name = unique_name(effect, parent.effects)
             lacks = effect.refusal_in(self.record, self.core.kind)
@@ -354,27 +368,48 @@ class Search:
             candidates += [Candidate(name, one, untried=against) for one in tried_apart]
         tried = [c for c in candidates if c.untried is None]
         added = [(c.name, c.effect) for c in tried]
-        with self.progress.step(2 * len(tried)):  # fitted, and refined
+        with self.progress.step(3 * len(tried)):  # explored, fitted, and refined
             rough = explored_from(parent, self.coarse)
-            done = self._each(self._extended, added, parent, rough, self._stepped)
+            done = self._each(self._explored, added, parent, rough, self._stepped)
             self._stepped = True
             for c, found in zip(tried, done, strict=True):
-                self._take(found, c, parent)
+                if isinstance(found, Against):
+                    c.untried = found
+                else:
+                    c.explored = found
+            most = max((c.explored.gain for c in tried if c.explored), default=0.0)
+            least = max(AT_ONCE * most, HOPELESS / 2 * self.share * self.coarse.power)
+            for c in tried:
+                shown = c.effect.place == "output" and c.effect.name in self.traces
+                leads = c.explored is not None and c.explored.gain >= least
+                c.begun = not (self.exhaustive or shown or leads)
+            self._finish(parent, [c for c in tried if c.explored])
             return self.judge_candidates(parent, candidates)
 
-    def _extended(
-        self, added: tuple[str, Effect], parent: Model, rough: Model, again: bool
-    ) -> tuple[Effects, Fit] | Against:
-        worth = HOPELESS / 2 * self.share
-        return self.extend(parent, *added, worth=worth, rough=rough, again=again)
+    def _finish(self, parent: Model, candidates: list[Candidate]) -> None:
+        """Fit candidates that were explored, those that are only begun by an iteration."""
+        items = [(c.name, c.explored, c.begun) for c in candidates]
+        for c, found in zip(candidates, self._each(self._finished, items, parent), strict=True):
+            self._take(found, c, parent)
 
-    def extend(
-        self, parent: Model, name: str, effect: Effect, **how: Any
+    def _explored(
+        self, added: tuple[str, Effect], parent: Model, rough: Model, again: bool
+    ) -> Explored | Against:
+        worth = HOPELESS / 2 * self.share
+        how: dict[str, Any] = {"worth": worth, "rough": rough, "again": again}
+        return attempt(lambda: explore(parent, *added, self.coarse, **how), self.record, self.until)
+
+    def _finished(
+        self, item: tuple[str, Explored, bool], parent: Model
     ) -> tuple[Effects, Fit] | Against:
-        """One more effect fitted beside a parent, or why it is not."""
+        name, explored, is_begun = item
 
         def fit() -> tuple[Effects, Fit]:
-            model = extended(parent, name, effect, self.criterion, self.coarse, **how)
+            if is_begun:
+                model = begin(parent, name, explored, self.criterion)
+            else:
+                worth = HOPELESS / 2 * self.share
+                model = finish(parent, name, explored, self.criterion, self.coarse, worth=worth)
             return model.effects, model.fit
 
         return attempt(fit, self.record, self.until)
@@ -382,7 +417,12 @@ class Search:
     def candidate(self, parent: Model, name: str, effect: Effect) -> Candidate:
         """One more effect beside a parent, as it is fitted."""
         one = Candidate(name, effect)
-        self._take(self.extend(parent, name, effect), one, parent)
+
+        def fit() -> tuple[Effects, Fit]:
+            model = extended(parent, name, effect, self.criterion, self.coarse)
+            return model.effects, model.fit
+
+        self._take(attempt(fit, self.record, self.until), one, parent)
         if one.model is not None:
             one.effect = dict(one.model.effects.steps)[name]
         return one
@@ -408,12 +448,44 @@ class Search:
         criterion = Criterion(self.record)
         tried = [c for c in candidates if c.model is not None]
         alike = [self._alike(parent, c) for c in tried]
-        pairs = list(zip(tried, alike, strict=True))
+        pairs = zip(tried, alike, strict=True)
         models = [parent, *(c.model for c, before in pairs if c.model and before is parent)]
         criterion.set_noise(criterion.remnant_model(min(models, key=lambda m: m.sse).output))
-        at_likelihood = parent.refined(criterion)
         vaf_before, prediction_before = self._held_out(parent)
-        n = criterion.n
+
+        def follow(step: SearchStep, begun: list[Candidate]) -> None:
+            for c in begun:
+                c.begun = False
+            self._finish(parent, begun)
+            fitted = [c for c in begun if c.model is not None]
+            again = [self._alike(parent, c) for c in fitted]
+            self._weigh(step, fitted, again, criterion, len(tried))
+
+        step = SearchStep(
+            at_likelihood=parent.refined(criterion),
+            at_least_error=parent,
+            vaf=vaf_before,
+            prediction=prediction_before,
+            candidates=candidates,
+            instruments=self.instruments,
+            refit=self.refit,
+            follow=follow,
+        )
+        self._weigh(step, tried, alike, criterion, len(tried))
+        step.rank()
+        return step
+
+    def _weigh(
+        self,
+        step: SearchStep,
+        tried: list[Candidate],
+        alike: list[Model],
+        criterion: Criterion,
+        n_tried: int,
+    ) -> None:
+        """Refine candidates under the noise model of a step, and say what they have for them."""
+        parent, n = step.at_least_error, criterion.n
+        pairs = list(zip(tried, alike, strict=True))
         for c in tried:
             shown = self.traces.get(c.effect.name) if c.effect.place == "output" else None
             c.trace, nats = shown or ("", np.nan)
@@ -423,16 +495,16 @@ class Search:
             for c, before in pairs
             if c.model
         ]
-        fitted = [(c.model.effects, c.model.fit, bool(c.trace)) for c in tried if c.model]
+        fitted = [(c.model.effects, c.model.fit, bool(c.trace), c.begun) for c in tried if c.model]
         items = list(zip(fitted, noises, strict=True))
         refined = self._each(self._refined, items, parent)
         for (c, plain), noise, found in zip(pairs, noises, refined, strict=True):
             if isinstance(found, Against):
-                c.untried, c.model = found, None
+                c.untried, c.model, c.begun = found, None, False
                 continue
             assert c.model is not None
             fit, vaf, prediction = found
-            sse, before, of_before = c.model.sse, at_likelihood, vaf_before
+            sse, before, of_before = c.model.sse, step.at_likelihood, step.vaf
             c.model = self._model((c.model.effects, fit), parent)
             if plain is not parent:
                 before = plain.refined(Criterion(self.record, noise))
@@ -448,21 +520,10 @@ class Search:
                 c.gain = c.vaf - of_before
             ratio = n * np.log(max(before.sse, 1e-300) / max(c.model.sse, 1e-300))
             single = float(chi2.sf(max(ratio, 0.0), max(c.n_parameters, 1)))
-            c.p_value = min(1.0, single * len(tried))
+            c.p_value = min(1.0, single * n_tried)
             least = FLOOR if c.effect.name == CLAIM else LEAST_GAIN
             c.least_gain = least * self.share
             c.refused = find_why_unnamed(c)
-        step = SearchStep(
-            at_likelihood=at_likelihood,
-            at_least_error=parent,
-            vaf=vaf_before,
-            prediction=prediction_before,
-            candidates=candidates,
-            instruments=self.instruments,
-            refit=self.refit,
-        )
-        step.rank()
-        return step
 
     def partial_models(self, model: Model, start: int, core: dict[str, float]) -> list[Model]:
         """Models with the first ``start`` effects, with one more, and so on."""
@@ -503,19 +564,20 @@ class Search:
         return base, [fitted.theta for _, fitted in fits]
 
     def _refined(
-        self, found: tuple[tuple[Effects, Fit, bool], RemnantModel], parent: Model
+        self, found: tuple[tuple[Effects, Fit, bool, bool], RemnantModel], parent: Model
     ) -> tuple[Fit, float, np.ndarray | None] | Against:
         return attempt(partial(self._refine, found, parent), self.record)
 
     def _refine(
-        self, found: tuple[tuple[Effects, Fit, bool], RemnantModel], parent: Model
+        self, found: tuple[tuple[Effects, Fit, bool, bool], RemnantModel], parent: Model
     ) -> tuple[Fit, float, np.ndarray | None]:
         """A model at the minimum under a noise model, and what it predicts of held-out rows."""
-        (effects, fit, shown), noise = found
+        (effects, fit, shown, begun), noise = found
         criterion = Criterion(self.record, noise)
         fitted = self._model((effects, fit), parent)
         # What gains too little in plain simulation error cannot gain enough held out.
-        if not shown and parent.sse - fitted.sse < HOPELESS * self.share * self.criterion.power:
+        hopeless = parent.sse - fitted.sse < HOPELESS * self.share * self.criterion.power
+        if begun or (hopeless and not shown):
             return fitted.refined(criterion, max_iter=1).fit, -np.inf, None
         model = fitted.refined(criterion)
         return model.fit, *self._held_out(fitted)
