@@ -698,9 +698,9 @@ class Quantised(StaticMap):
         sines = np.exp(-2 * (np.pi * remnant * np.arange(1, 4)) ** 2) / np.pi
         place = signal / step - offset
         turn = 2 * np.pi * (place - np.round(place))
-        steps = (sine * np.sin(n * turn) / n for n, sine in enumerate(sines, start=1))
-        first, second, third = steps
-        return step * (place - first + second - third)
+        once, along = np.sin(turn), np.cos(turn)
+        steps = once * (sines[0] - sines[1] * along + sines[2] / 3 * (4 * along**2 - 1))
+        return step * (place - steps)
 
     def _rounded(self, place: np.ndarray) -> np.ndarray:
         if not self.softness:

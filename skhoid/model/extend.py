@@ -195,11 +195,11 @@ def finish(
 
 
 def begin(parent: Model, name: str, explored: Explored, criterion: Criterion) -> Model:
-    """The best of variants that were explored, an iteration nearer to the end."""
+    """The best of variants that were explored, as it is."""
     *_, variant, fit = explored.variants[0]
     simulator = extend_simulator(parent, name, variant)
     theta = start_beside(parent, simulator, criterion, fit.theta)
-    return Model(simulator, minimise(simulator, criterion, theta, max_iter=1), parent.other_cores)
+    return Model(simulator, minimise(simulator, criterion, theta, max_iter=0), parent.other_cores)
 
 
 def extend_simulator(parent: Model, name: str, variant: Effect) -> Simulator:

@@ -80,6 +80,7 @@ class InstrumentJudge:
 
     def __init__(self, record: Record, instruments: np.ndarray, asked: float):
         self.record, self.instruments, self.asked = record, instruments, asked
+        self._likeliest: dict[tuple, np.ndarray] = {}  # of parents, with their last noise model
 
     @classmethod
     def of(cls, record: Record, asked: float) -> InstrumentJudge | None:
@@ -95,9 +96,13 @@ class InstrumentJudge:
             return np.nan
         criterion = Instruments(self.record, self.instruments)
         variance = criterion.whiten(after.output)
-        before = fit_from(before, criterion, [])
-        after = fit_from(after, criterion, [put_values(after, before.values())])
+        known = self._likeliest.get(parent.key)
+        usual = usual_starts(before.simulator, before.theta) if known is None else [known]
+        before = fit_from(before, criterion, usual)
+        usual = usual_starts(after.simulator, after.theta)
+        after = fit_from(after, criterion, [*usual, put_values(after, before.values())])
         before = fit_from(before, criterion, [put_values(before, after.values())])
+        self._likeliest[parent.key] = before.theta
         added = model.n_parameters - parent.n_parameters
         penalty = added / 2 * float(np.log(criterion.n))
         found = (before.sse - after.sse) / (2 * variance) - penalty
@@ -215,10 +220,9 @@ def find_products(record: Record, instruments: np.ndarray | None = None) -> np.n
 
 
 def fit_from(model: Model, criterion: Criterion, starts: Iterable[np.ndarray]) -> Model:
-    """A model at the best minimum from its parameters, usual ones and further starts."""
-    simulator, (first, then) = model.simulator, ITERATIONS
-    points = [model.theta, *usual_starts(simulator, model.theta), *starts]
-    tried = [model.at(theta).refined(criterion, first) for theta in points]
+    """A model at the best minimum from its parameters and further starts."""
+    first, then = ITERATIONS
+    tried = [model.at(theta).refined(criterion, first) for theta in (model.theta, *starts)]
     return min(tried, key=lambda m: m.sse).refined(criterion, then)
 
 

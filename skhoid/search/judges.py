@@ -141,6 +141,15 @@ def find_thinning(record: Record) -> int:
     return max(1, int(1 / (LEAST_RATE * record.dt) + 1e-6))
 
 
+def thin_rows(record: Record, folds: Sequence[HeldOutRows]) -> tuple[Record, Sequence[HeldOutRows]]:
+    """A record at a rate that is still fast enough to simulate, and what folds hold out of it."""
+    thin = find_thinning(record) if np.isfinite(record.criterion_rate) else 1
+    if thin == 1:
+        return record, folds
+    rows = [HeldOutRows(fold.test[::thin], fold.train[::thin]) for fold in folds]
+    return record.part(np.arange(record.n_runs), thin), rows
+
+
 class JointParent:
     """A model against which others are judged, each with the noise model that is likeliest with it.
 
@@ -152,8 +161,7 @@ class JointParent:
     def __init__(self, parent: Model):
         record = parent.simulator.record
         # Evidence at these rates is the same within .3 nats where half of the rows are simulated.
-        thin = find_thinning(record) if np.isfinite(record.criterion_rate) else 1
-        self.record = record.part(np.arange(record.n_runs), thin) if thin > 1 else record
+        self.record, _ = thin_rows(record, [])
         self.n_parameters = parent.n_parameters
         self.simulator = simulator = parent.simulator.beside(self.record)
         starts = [parent.theta, *usual_starts(simulator, parent.theta)]

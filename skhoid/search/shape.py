@@ -36,7 +36,7 @@ from ..model.uncertainty import estimate_covariance
 from ..text import Document, Paragraph, TextTable, Told, number
 from .data import refit_on_rows
 from .formulas import Fitted, find_formula
-from .judges import HeldOutRows, held_out
+from .judges import HeldOutRows, held_out, thin_rows
 from .judging import FLOOR, LEAST_GAIN, THRESHOLD, Candidate, find_lead
 from .leftover import Leftover, SearchNumbers, find_gap
 from .likeness import acts_where, nearest_effects, nearest_table, recordings_for
@@ -463,7 +463,9 @@ def find_hints(search: Search, parent: Model) -> list[Hint]:
     if search.is_over:
         return []
     record = replace(search.record, prediction=parent.output)
-    criterion = Criterion(search.record)
+    thinned, folds = thin_rows(search.record, search.folds)
+    parent = Model(parent.simulator.beside(thinned), parent.fit)
+    criterion = Criterion(thinned)
     criterion.set_noise(criterion.remnant_model(parent.output))
     own, values = derivatives(parent.simulator, criterion, parent.theta), parent.values()
     found = []
@@ -479,15 +481,16 @@ def find_hints(search: Search, parent: Model) -> list[Hint]:
                         found.append(Hint(variant, np.inf, np.inf))
                     continue
                 effects = Effects([*parent.effects.steps, (NAME, variant)])
-                simulator = Simulator(search.core, effects, search.record)
+                simulator = Simulator(search.core, effects, search.record).beside(thinned)
                 theta = np.array([values.get(name, 0.0) for name in simulator.names])
                 at = [i for i, name in enumerate(simulator.names) if name not in values]
                 columns = derivatives(simulator, criterion, theta, at)[:-1]
                 prior = simulator.prior.normal_equations(theta)[0][np.ix_(at, at)]
-                result = hinted(own, columns, prior, criterion, search.folds)
+                result = hinted(own, columns, prior, criterion, folds)
                 if result is not None:
                     found.append(Hint(variant, *result))
                 search.record.forget()  # one channel after the other
+                thinned.forget()
     found = likeliest_of_each(found)
     most = max([hint.points for hint in found if np.isfinite(hint.points)], default=0.0)
 

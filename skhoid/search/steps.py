@@ -387,7 +387,7 @@ class Search:
             return self.judge_candidates(parent, candidates)
 
     def _finish(self, parent: Model, candidates: list[Candidate]) -> None:
-        """Fit candidates that were explored, those that are only begun by an iteration."""
+        """Fit candidates that were explored, unless they are only begun."""
         items = [(c.name, c.explored, c.begun) for c in candidates]
         for c, found in zip(candidates, self._each(self._finished, items, parent), strict=True):
             self._take(found, c, parent)
@@ -506,6 +506,8 @@ class Search:
             fit, vaf, prediction = found
             sse, before, of_before = c.model.sse, step.at_likelihood, step.vaf
             c.model = self._model((c.model.effects, fit), parent)
+            if c.begun:
+                sse = self.criterion.sse(c.model.output)
             if plain is not parent:
                 before = plain.refined(Criterion(self.record, noise))
                 of_before, c.before = self._held_out(plain)[0], (before, plain)

@@ -67,9 +67,9 @@ def test_what_was_found_in_time_is_kept(hidden_data, monkeypatch):
 
     step = Search.step
 
-    def counted(self, parent):
+    def counted(self, *parent):
         steps.append(len(steps) + 1)
-        return step(self, parent)
+        return step(self, *parent)
 
     monkeypatch.setattr(Search, "step", counted)
     monkeypatch.setattr("skhoid.model.effort.time.monotonic", clock)
