@@ -57,6 +57,10 @@ class ErrorScan(Protocol):
     def again(self) -> bool:
         """Whether it was scanned beside a smaller model before, and need not be as closely."""
 
+    @property
+    def asked(self) -> float:
+        """Share of the squares without the effect that it has to save; other effects save more."""
+
     def __call__(self, values: dict[str, float], seconds: float) -> float:
         """Sum of squares that the best multiple of the output simulated at values leaves."""
 

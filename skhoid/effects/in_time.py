@@ -118,6 +118,7 @@ AHEAD = (0.0, 0.35, 0.7)  # of the refractory time, by which the delay is shorte
 SCANS_EVENT = (
     (4.0, 12.0, 600, 1.0, 0.0),
     (8.0, 24.0, 80, 1.0, 0.012),
+    (16.0, 32.0, 250, 1.06, 0.0),
     (16.0, np.inf, 25, 1.02, 0.006),
     (32.0, np.inf, 10, 1.1, 0.003),
     (np.inf, np.inf, 3, np.inf, 0.0),
@@ -292,7 +293,8 @@ class Intermittent(Effect):
         tried = points[::SAMPLED]
         window, seconds, *_ = SCANS_EVENT[0]
         left = left_by(tried, seconds, window)[:, 0]
-        if left.min() > NEARLY * error_of.left_without(seconds, window):
+        hope = 1.0 - error_of.asked
+        if left.min() > NEARLY * hope * error_of.left_without(seconds, window):
             return []
         if error_of.again:
             points = tried
@@ -301,6 +303,7 @@ class Intermittent(Effect):
             points = points[np.unique(near.clip(0, len(points) - 1))]
         for window, seconds, kept, most, step in SCANS_EVENT:
             left = left_by(points, seconds, window)
+            most = min(most, hope) if error_of.asked else most
             if left[:, 0].min() > most * error_of.left_without(seconds, window):
                 return []
             first = np.argsort(left[:, 0])[: max(kept // AGAIN, 1) if error_of.again else kept]

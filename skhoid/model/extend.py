@@ -74,13 +74,15 @@ def explore(
     worth: float = 0.0,
     rough: Model | None = None,
     again: bool = False,
+    asked: float = 0.0,
 ) -> Explored:
     """Variants of one more effect, each from the best of its starts, under a ``coarse`` criterion.
 
     Those that cannot save the share ``worth`` of the power end early. In a search, ``rough`` is
     what :func:`explored_from` returned for the parent: without it, what other parameters gain on
     the rows of ``coarse`` counts as gain of the effect. ``again`` says that the effect was added to
-    a smaller parent before: it is scanned less closely.
+    a smaller parent before: it is scanned less closely; ``asked`` is the share of the parent's
+    squares that a scan has to save, to go on.
     """
     record = replace(parent.simulator.record, prediction=parent.output)
     core = parent.simulator.core
@@ -91,7 +93,7 @@ def explore(
     last: dict[tuple[str, Dimension], float] = {}
     enough = LEAST_COARSE_GAIN * coarse.power
     below = before - min(enough, worth * coarse.power) if worth else np.inf
-    scan = Scan(rough, name, effect, coarse, again=again)
+    scan = Scan(rough, name, effect, coarse, again=again, asked=asked)
 
     def with_(variant: Effect, record: Record) -> Simulator:
         return Simulator(core, Effects([*parent.effects.steps, (name, variant)]), record)

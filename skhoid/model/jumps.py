@@ -90,7 +90,7 @@ class Scan:
     """The :class:`~skhoid.effects.ErrorScan` of an effect added to a parent model.
 
     ``bent`` says whether missing effects may have distorted the parent, ``again`` whether the
-    effect was scanned beside a smaller one.
+    effect was scanned beside a smaller one, ``asked`` what share of the squares it has to save.
     """
 
     def __init__(
@@ -102,9 +102,10 @@ class Scan:
         *,
         bent: bool = True,
         again: bool = False,
+        asked: float = 0.0,
     ):
         self.parent, self.name, self.variant, self.coarse = parent, name, variant, coarse
-        self.bent, self.again = bent, again
+        self.bent, self.again, self.asked = bent, again, asked
         self.parameters = parent.values()
         self.explores = coarse.rate < coarse.record.criterion_rate
         self.by_seconds: dict[float, tuple[Simulator, Criterion]] = {}

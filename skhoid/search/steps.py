@@ -367,16 +367,21 @@ class Search:
             tried_apart = [effect] if lacks else effect.alternatives(self.record)
             candidates += [Candidate(name, one, untried=against) for one in tried_apart]
         tried = [c for c in candidates if c.untried is None]
-        added = [(c.name, c.effect) for c in tried]
         with self.progress.step(3 * len(tried)):  # explored, fitted, and refined
             rough = explored_from(parent, self.coarse)
-            done = self._each(self._explored, added, parent, rough, self._stepped)
+            asked = 0.0
+            for smooth in (True, False):  # first those that are not scanned: they say what leads
+                some = [c for c in tried if c.effect.smooth is smooth]
+                added = [(c.name, c.effect) for c in some]
+                done = self._each(self._explored, added, parent, rough, self._stepped, asked)
+                for c, found in zip(some, done, strict=True):
+                    if isinstance(found, Against):
+                        c.untried = found
+                    else:
+                        c.explored = found
+                        share = found.gain / max(found.before, 1e-300)
+                        asked = max(asked, 0.0 if self.exhaustive else AT_ONCE * share)
             self._stepped = True
-            for c, found in zip(tried, done, strict=True):
-                if isinstance(found, Against):
-                    c.untried = found
-                else:
-                    c.explored = found
             most = max((c.explored.gain for c in tried if c.explored), default=0.0)
             least = max(AT_ONCE * most, HOPELESS / 2 * self.share * self.coarse.power)
             for c in tried:
@@ -393,10 +398,10 @@ class Search:
             self._take(found, c, parent)
 
     def _explored(
-        self, added: tuple[str, Effect], parent: Model, rough: Model, again: bool
+        self, added: tuple[str, Effect], parent: Model, rough: Model, again: bool, asked: float
     ) -> Explored | Against:
         worth = HOPELESS / 2 * self.share
-        how: dict[str, Any] = {"worth": worth, "rough": rough, "again": again}
+        how: dict[str, Any] = {"worth": worth, "rough": rough, "again": again, "asked": asked}
         return attempt(lambda: explore(parent, *added, self.coarse, **how), self.record, self.until)
 
     def _finished(
