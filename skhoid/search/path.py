@@ -147,8 +147,9 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
         if len(found[0].ids) < len(baseline.effects) + 2:
             break
     best = min(found, key=lambda one: find_cost(search, one.model))
-    if best is not found[0] and not search.exhaustive:  # of all effects now
-        best = follow(search, Path([first], first.candidates[1].model), most)
+    second = first.candidates[1].model if best is not found[0] else None
+    if second is not None and not search.exhaustive:  # of all effects now
+        best = follow(search, Path([first], second), most)
     return drop_superfluous(search, best, most)
 
 

@@ -39,7 +39,7 @@ def runs():
     )
 
 
-def test_each_candidate_is_told_twice(runs, capsys):
+def test_each_candidate_is_told_thrice(runs, capsys):
     counts = Counts()
     search = EffectSearchCV(OperatorRegressor(), effects=["bias", "drift"])
     search.set_callbacks(counts)
@@ -49,7 +49,7 @@ def test_each_candidate_is_told_twice(runs, capsys):
     n_steps = search.ranking_["step"].nunique()
     assert counts.begun["effects tried"] >= n_steps
     tried = (search.ranking_["status"] != "does not apply").sum()
-    assert counts.begun[""] == 2 * tried
+    assert counts.begun[""] == 3 * tried
 
 
 def test_a_bar_is_drawn_where_it_is_asked_for(runs, capsys):

@@ -86,6 +86,15 @@ def test_time_enough_changes_nothing(hidden_data, found):
     pd.testing.assert_frame_equal(limited.fit(*hidden_data).ranking_, found.ranking_)
 
 
+def test_an_exhaustive_search_finds_the_same(hidden_data, found):
+    whole = EffectSearchCV(OperatorRegressor(), effects=RIVALS, exhaustive=True).fit(*hidden_data)
+    assert (whole.best_effects_, whole.verdict_) == (found.best_effects_, found.verdict_)
+    values = [one.best_estimator_.parameters_["value"] for one in (whole, found)]
+    pd.testing.assert_series_equal(*values, rtol=1e-3)
+    evidence = [one.ranking_.set_index(["step", "effect"])["evidence"] for one in (whole, found)]
+    pd.testing.assert_series_equal(*evidence, check_like=True, atol=0.1)
+
+
 @pytest.mark.parametrize("limit", [0, -1.0, "long"])
 def test_a_limit_is_a_time(hidden_data, limit):
     with pytest.raises(ValueError, match="time_limit"):
