@@ -172,7 +172,7 @@ def _linear(position, rate, q):
     return out
 
 
-@njit(inline="always")
+@njit(**OPTIONS, forceinline=True)
 def _force(y, cubic, square):
     return (cubic * y * y + square * abs(y)) * y
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
-from .kernel import inner, kernel
+from .kernel import OPTIONS, inner, kernel
 
 # Kinds of terms, their first number. SHARP is friction with a line in place of the tanh.
 # TABLE is a force given by its values at equal distances, SPRING one that stiffens.
@@ -14,7 +15,7 @@ N_DOUBLED = 8  # of the bracket
 N_LINES = 8  # steps of Newton's rule along a table, before a bracket
 
 
-@inner
+@njit(**OPTIONS, forceinline=True)
 def _resistance(terms, tables, value, rate):
     """Sum of the forces at an output and its rate, and its slopes by both.
 

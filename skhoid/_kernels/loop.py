@@ -16,7 +16,7 @@ from functools import cache
 import numpy as np
 from numba import njit
 
-from .kernel import kernel
+from .kernel import OPTIONS, kernel
 
 N_PHYSICS = 9
 MANY = 8  # lanes
@@ -32,13 +32,13 @@ def draw(generator, scale, white, run):
         white[k, run] = generator.standard_normal() * scale
 
 
-@njit(inline="always")
+@njit(**OPTIONS, forceinline=True)
 def _remnant(r0, r1, r2, r3, q, third):
     n = q[6] * r0 + q[7] * r1
     return n + q[8] * r2 + q[9] * r3 if third else n
 
 
-@njit(inline="always")
+@njit(**OPTIONS, forceinline=True)
 def _rates(z0, z1, x, v, r0, r1, r2, r3, f_t, d, f_d, w, p, q, closed, third):
     """Time derivatives of operator (z), controlled element (x, v) and remnant filter (r)."""
     n = _remnant(r0, r1, r2, r3, q, third)
@@ -55,7 +55,7 @@ def _rates(z0, z1, x, v, r0, r1, r2, r3, f_t, d, f_d, w, p, q, closed, third):
     )
 
 
-@njit(inline="always")
+@njit(**OPTIONS, forceinline=True)
 def _row(p, i):
     return (p[i, 0], p[i, 1], p[i, 2], p[i, 3], p[i, 4], p[i, 5], p[i, 6], p[i, 7], p[i, 8])
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .kernel import kernel
+from .kernel import OPTIONS, kernel
 
 WIDTH = 16  # lanes of a path
 NEW = 1e-10  # of a regressor's sum of squares, what those before it must leave unexplained
 
 
-@njit(inline="always")
+@njit(**OPTIONS, forceinline=True)
 def _solve(U, D, g, lane):
     """Solve U' D U x = g in place, U unit upper triangular by columns."""
     for k in range(4):

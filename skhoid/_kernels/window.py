@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .kernel import inner, kernel
+from .kernel import OPTIONS, inner, kernel
 
 N_DYNAMIC = 5
 FLOOR = 3e-5  # of the output's power: a smaller residual is hardly taken for coloured noise
@@ -26,7 +26,7 @@ SLOW = 3  # steps in a row that save no more than is settled, where more was pre
 DEPENDENT = 1e-13  # squares of a column relative to what they were before projection
 
 
-@njit(inline="always")
+@njit(**OPTIONS, forceinline=True)
 def _held(omega, zeta, dt):
     """Matrices of the neuromuscular system for inputs held over a sample.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from numbers import Integral
 from typing import Any
 
@@ -14,7 +15,7 @@ from joblib import Parallel, delayed
 from .. import _kernels
 from .._sklearn import CallbackSupportMixin, fit_context, with_callbacks
 from ..exceptions import RunCutWarning
-from ..metrics import VAFScorer, scored_rows, vaf_of_rows
+from ..metrics import VAFScorer, scored_rows, scored_signals, vaf_of_sums
 from ..text import ModelSummary, TextTable, number, vaf_name
 from .base import BOUND
 from .folds import SplitsRuns, make_folds
@@ -320,6 +321,11 @@ class _HorizonScores:
         some = np.bincount(of_grid, ~np.isnan(data.output), len(layout.labels)) > 0
         self.known = ~np.isnan(y) & some[self.run]
         self.keep = self.known & scored_rows(layout, self.scorer.run_in, self.scorer.window)
+        signal, _, run = scored_signals(
+            y, np.zeros(y.size), self.keep, layout, self.scorer.centered
+        )
+        self.power = np.bincount(run, signal**2, len(layout.labels))
+        self.scored = np.bincount(run, minlength=len(layout.labels)) > 0
         self.signals = np.ones((data.signals.shape[0], data.inputs.shape[0]))
         self.signals[0] = np.nan  # no output is given to a free run
         self.signals[1 : 1 + inputs.shape[1]] = inputs.T
@@ -362,10 +368,18 @@ class _HorizonScores:
             _kernels.rls.free_runs(
                 self.signals, *regressors, orders.na, begin, end, past, paths, at, BOUND, out
             )
-        keep, scorer = self.keep & np.isin(self.run, runs), self.scorer
-        return np.array(
-            [
-                vaf_of_rows(self.y, full, keep, grid.layout, scorer.average, scorer.centered)
-                for full in (grid.to_full_rate(np.ascontiguousarray(lane)) for lane in free.T)
-            ]
-        )
+        if grid.rows is not None:
+            lines = (grid.to_full_rate(np.ascontiguousarray(lane)) for lane in free.T)
+            free = np.stack(list(lines), axis=1)
+        lost = np.zeros((len(self.power), lanes))
+        for run, (first, last) in enumerate(pairwise(grid.layout.run_starts.tolist())):
+            if run in runs:
+                error = free[first:last]
+                error -= self.y[first:last, None]
+                error[~self.keep[first:last]] = 0.0
+                lost[run] = np.einsum("tj,tj->j", error, error)
+        if np.isnan(lost).any():
+            row = int(np.argmax(np.isnan(free).any(axis=1)))
+            raise ValueError(f"The prediction is NaN in {grid.layout.where(row)}.")
+        scored = self.scored & np.isin(np.arange(self.scored.size), runs)
+        return np.atleast_1d(vaf_of_sums(lost, self.power, scored, self.scorer.average))
