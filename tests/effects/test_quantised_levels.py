@@ -10,7 +10,7 @@ from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
 from skhoid.effects import Quantised
 
 
-@pytest.mark.parametrize("at", ["output", "error"])
+@pytest.mark.parametrize("at", ["error", pytest.param("output", marks=pytest.mark.slow)])
 def test_step_is_within_the_range(at):
     X, y = make_tracking_runs("C1", 1, duration=10.24, sampling_rate=25, random_state=1)
     model = OperatorRegressor(

@@ -61,7 +61,7 @@ SAME = ["parameters", "error_path", "ranking", "verdict", "n_rows", "inputs", "o
 
 
 def test_the_page_that_is_offered_has_the_same_figures(capsys):
-    options = "--core arx --na 1 --nb 1 --nk 2 --remove-means --run-in 5 --effects bias drift"
+    options = "--core arx --na 1 --nb 1 --nk 2 --remove-means --run-in 5 --effects bias"
     given = ["diagnose", *written(MOVING[:FEW]), *options.split(), "--no-pictures"]
     assert main(given) == 0
     page = next_commands(capsys.readouterr().out)[0]
