@@ -52,7 +52,7 @@ def fill(X, y, shifts, Z, target, since, first, begin, columns, lags, na):
 @kernel(
     "f8[:,:,:,:,::1], f8[:,:,:,::1], f8[:,:,:,::1], i8[:,::1], i8[::1], i8[::1], i8, i8, i8, "
     "i8, i8, i8, f8, f8, f8, f8[::1], f8[::1], f8[:,::1], f8[:,::1]",
-    1,
+    2,
 )
 def follow(
     Z, target, theta, since, columns, lags, na, first, begin, end, horizon, n_delays, leave,

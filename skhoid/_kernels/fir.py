@@ -132,7 +132,7 @@ def sandwich(A, S, out):
 @kernel(
     "f8[:,:,::1], f8[:,::1], i8[::1], i8[::1], i8[::1], i8, i8, f8, f8, i8, f8[::1], "
     "f8[:,::1], f8[:,:,::1], f8[:,::1]",
-    1,
+    4,
 )
 def advance(
     Z, target, columns, lags, owner, begin, end, factor, ridge, every, state, path, spread, errors,

@@ -177,7 +177,7 @@ def _force(y, cubic, square):
     return (cubic * y * y + square * abs(y)) * y
 
 
-@kernel("f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8", 1)
+@kernel("f8[:,::1], f8[:,::1], f8[:,::1], f8, f8, f8", 2)
 def second_order(position, rate, matrices, cubic, square, bound):
     """Response from rest of a second-order system to a position and a rate command.
 

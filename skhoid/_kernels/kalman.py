@@ -448,7 +448,7 @@ def bounded(numbers, settings, x, P):
 @kernel(
     "i8, f8[:,::1], f8[:,::1], f8[:,::1], f8[:,::1], i1[:,::1], i8, i8, f8[:,:,::1], "
     "f8[:,:,::1], f8[:,:,::1], f8[:,:,::1], f8[:,:,:,::1]",
-    1,
+    8,
 )
 def advance(
     method, states, settings, e, y, fresh, begin, end, path, errors, filtered, priors, crosses

@@ -28,7 +28,7 @@ def _solve(U, D, g, lane):
             g[k] -= U[i * (i - 1) // 2 + k, lane] * g[i]
 
 
-@kernel("f8[::1], f8[::1], i8, i8, i8, f8[:,::1], f8[::1]", 1)
+@kernel("f8[::1], f8[::1], i8, i8, i8, f8[:,::1], f8[::1]", 2)
 def fit_delays(e, u, shortest, longest, first, theta, loss):
     """Fit ARX[2, 2, nk] to the rows of one run from ``first`` on, for a range of nk.
 

@@ -127,7 +127,7 @@ def residual(theta, orders, n_inputs, m, out_filtered, first_input, v):
 @kernel(
     "f8[:,:,::1], f8[:,::1], i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], "
     "f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1]",
-    1,
+    5,
 )
 def prediction_errors(
     signals, target, orders, forgetting, waits, theta, slow, noise, shared, memory, counts, path,
@@ -297,7 +297,7 @@ def prediction_errors(
 @kernel(
     "f8[:,:,::1], f8[:,::1], i8[::1], i8[::1], f8[::1], f8[::1], f8[::1], f8[::1], f8[::1], "
     "f8[::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,::1], f8[:,:,::1], f8[:,::1]",
-    1,
+    4,
 )
 def instruments(
     signals, target, orders, lags, forgetting, waits, theta, slow, noise, shared, memory, counts,

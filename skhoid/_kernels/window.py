@@ -312,7 +312,7 @@ def evaluated(e, time, y, pieces, valid, thin, dt, q, ar, share_of, n_shares):
 
 @kernel(
     "f8[::1], f8[::1], f8[::1], i8[:,::1], i8[::1], i8, f8, f8[:,::1], f8[::1], i8[::1], i8",
-    1,
+    9,
 )
 def scanned(e, time, y, pieces, valid, thin, dt, points, ar, share_of, n_shares):
     """Squares of prediction errors at many dynamics, for one noise model."""
@@ -370,7 +370,7 @@ def _slopes(e, time, pieces, valid, thin, dt, q, ar, share_of, n_shares, found, 
 @kernel(
     "f8[::1], f8[::1], f8[::1], i8[:,::1], i8[::1], i8, f8, f8[::1], f8[::1], i8[::1], i8, "
     "i8[::1], f8[::1], f8[::1], f8",
-    1,
+    9,
 )
 def fitted(
     e, time, y, pieces, valid, thin, dt, q, ar, share_of, n_shares, free, low, high, settled
