@@ -21,6 +21,7 @@ from .steps import Search, SearchStep, output_error_fit, unique_name
 
 BETTER_AGAIN = 0.999  # times the squares, at most, of an effect fitted anew
 ADDED = ("path", "sum")  # places where the order of effects changes nothing
+SAME = 0.05  # of what the first saves, by which what another explains is apart from it at most
 RIVAL = 0.5  # of the best's evidence, for another that is followed as the first
 
 
@@ -38,12 +39,6 @@ class Path:
     @property
     def ids(self) -> list[str]:
         return [effect.name for _, effect in self.model.effects]
-
-    @property
-    def counting(self) -> set[str]:
-        """Ids of effects that counted in a step, or may have: what was only begun has no more."""
-        tried = [c for step in self.steps for c in step.candidates if c.model is not None]
-        return {c.effect.name for c in tried if max(c.delta_bic / 2, c.hoped) > THRESHOLD}
 
     @property
     def ended_early(self) -> bool:
@@ -139,8 +134,7 @@ def forward(search: Search, baseline: Model, most: int) -> Path:
         if found and (search.is_over or explains(search, found[0], start)):
             break
         known = [first.best.name] if found else []
-        # What may not count beside the one does not beside the other, which explains the same.
-        among = None if search.exhaustive or not found else found[0].counting
+        among = None if search.exhaustive or not found else list_counting(search, found[0], start)
         one = follow(search, Path([first], start.model), most, known, among)
         last = one.steps[-1].best
         found += [one] if last is None or last.name not in known else []
@@ -173,6 +167,23 @@ def explains(search: Search, path: Path, other: Candidate) -> bool:
     if other.name not in beside or beside[other.name].passes:
         return False
     return try_beside(search, output_error_fit(other.model), first.effect).best is not None
+
+
+def list_counting(search: Search, path: Path, other: Candidate) -> set[str]:
+    """Ids of a path, and of what counted in its steps, or may have as it was begun.
+
+    Beside the first only, where another explains the same: it leaves the same.
+    """
+    first, plain = path.steps[0].best, path.steps[0].at_least_error
+    assert first is not None
+    assert first.model is not None
+    assert other.model is not None
+    apart = (first.model.output - other.model.output)[:: search.criterion.thin]
+    squares = float((apart[search.criterion.known] ** 2).sum())
+    same = squares < SAME * (plain.sse - output_error_fit(first.model).sse)
+    tried = [c for step in path.steps[same:] for c in step.candidates if c.model is not None]
+    near = {c.effect.name for c in tried if max(c.delta_bic / 2, c.hoped) > THRESHOLD}
+    return near | {*path.ids}
 
 
 def find_claim(search: Search, baseline: Model) -> Effect | None:
