@@ -82,7 +82,8 @@ class _Status(event.Listener):
         if self.depth == 1 and sys.stderr.isatty():
             from rich.console import Console
 
-            told = f"Compiling {self.of.__name__} once, about {self.of.seconds:g} s"
+            of = self.of.__module__.rpartition(".")[2]
+            told = f"Compiling once ({of}), about {self.of.seconds:g} s"
             self.status = Console(stderr=True).status(told)
             self.status.start()
 
