@@ -26,7 +26,7 @@ LEAST_GAIN = 0.2  # points of VAF on held-out rows: what sensors and simulation 
 # little off makes up for as much, and so does a free shape.
 FLOOR = 0.6
 # Times the nats after an iteration, and nats more, that a fit to the end has at most.
-MORE, MORE_IF_IT_JUMPS, SLACK = 1.5, 2.5, 5.0
+MORE, MORE_IF_IT_JUMPS, SLACK = 1.5, 2.5, 15.0
 SURE = 3.0  # standard errors, by which an effect's size is off that at which it does nothing
 CLAIM = "wrong_delay"  # the effect by which a given delay is freed
 AT_ZERO = 1e-9  # rounding of a bound
@@ -71,7 +71,8 @@ class Candidate:
         if not self.begun:
             return -np.inf
         most = MORE if self.effect.smooth else MORE_IF_IT_JUMPS
-        return most * self.evidence.get(FREE_RUN, -np.inf) + SLACK
+        nats = self.evidence.get(FREE_RUN, -np.inf)
+        return max(nats, most * nats) + SLACK
 
     @property
     def known(self) -> dict[str, float]:
