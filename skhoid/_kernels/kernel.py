@@ -12,6 +12,7 @@ import tempfile
 import threading
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 from numba import njit
 from numba.core import event
@@ -19,9 +20,9 @@ from numba.core import event
 try:
     import fcntl
 except ImportError:  # on Windows, where each process compiles for itself
-    fcntl = None
+    fcntl = None  # type: ignore[assignment]
 
-OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
+OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
 inner = njit(**OPTIONS)
 THREADS = threading.RLock()
 

@@ -111,9 +111,9 @@ def find_loop(columns: Mapping[str, np.ndarray], known: Mapping[str, str]) -> Lo
     difference = columns[one] - columns[other]
     if "u" not in roles:
         rest = [name for name in outputs if name not in triple]
-        shares = {name: influence([difference, columns[name]])[0, 1] for name in rest}
-        moved = [name for name in rest if shares[name] > IGNORES]
-        if len(moved) == 1 and shares[moved[0]] > ANSWERS:
+        told = {name: influence([difference, columns[name]])[0, 1] for name in rest}
+        moved = [name for name in rest if told[name] > IGNORES]
+        if len(moved) == 1 and told[moved[0]] > ANSWERS:
             rest = moved  # beside the heart rate, the temperature, another axis
         if len(rest) != 1:
             return LoopRoles({}, rest or outputs)

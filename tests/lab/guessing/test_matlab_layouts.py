@@ -241,7 +241,7 @@ def test_version_73(tmp_path, content, expected):
 
 
 @pytest.mark.parametrize("name", ["CMD(:,{})", "CMD:{}"])
-@pytest.mark.parametrize("clock", ["", "Ts", "Te", "T_a"])
+@pytest.mark.parametrize("clock", ["", "Ts", "T_e", "Ta"])
 def test_columns_of_a_matrix_are_named(tmp_path, name, clock):
     own = M[:, 1:] if clock else M
     savemat(tmp_path / "a.mat", {"CMD": own, clock or "Ts": DT})
