@@ -80,7 +80,6 @@ class InstrumentJudge:
 
     def __init__(self, record: Record, instruments: np.ndarray, asked: float):
         self.record, self.instruments, self.asked = record, instruments, asked
-        self._likeliest: dict[tuple, np.ndarray] = {}  # of parents, with their last noise model
 
     @classmethod
     def of(cls, record: Record, asked: float) -> InstrumentJudge | None:
@@ -96,13 +95,10 @@ class InstrumentJudge:
             return np.nan
         criterion = Instruments(self.record, self.instruments)
         variance = criterion.whiten(after.output)
-        known = self._likeliest.get(parent.key)
-        usual = usual_starts(before.simulator, before.theta) if known is None else [known]
-        before = fit_from(before, criterion, usual)
+        before = fit_from(before, criterion, usual_starts(before.simulator, before.theta))
         usual = usual_starts(after.simulator, after.theta)
         after = fit_from(after, criterion, [*usual, put_values(after, before.values())])
         before = fit_from(before, criterion, [put_values(before, after.values())])
-        self._likeliest[parent.key] = before.theta
         added = model.n_parameters - parent.n_parameters
         penalty = added / 2 * float(np.log(criterion.n))
         found = (before.sse - after.sse) / (2 * variance) - penalty
