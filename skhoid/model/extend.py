@@ -95,8 +95,8 @@ def explore(
     below = before - min(enough, worth * coarse.power) if worth else np.inf
     scan = Scan(rough, name, effect, coarse, again=again, asked=asked)
 
-    def with_(variant: Effect, record: Record) -> Simulator:
-        return Simulator(core, Effects([*parent.effects.steps, (name, variant)]), record)
+    def with_(variant: Effect) -> Simulator:
+        return extend_simulator(parent, name, variant, coarse.record)
 
     for number, variant in enumerate(effect.variants(record)):
         if explored and is_spent():
@@ -105,7 +105,7 @@ def explore(
         is_shade = effect.shades and explored and variant.form != explored[0][2].form
         if is_shade and before - least < enough:
             break
-        simulator = with_(variant, coarse.record)
+        simulator = with_(variant)
         scan = scan.of(variant)
         scanned = variant.scanned(scan, coarse.record) if below > 0.0 else []
         values = [*scanned, *variant.starts(record)]
@@ -127,7 +127,7 @@ def explore(
             # It hides the output from least squares, so the parent is far off.
             spread = core.spread(coarse.record, coarse.record.input)
             if variant.free_form and spread:  # the curve waits until its core is found
-                held = with_(variant.with_values(variant.starts(record)[0]), coarse.record)
+                held = with_(variant.with_values(variant.starts(record)[0]))
                 own = parent.theta.size
                 kept = [np.r_[one, parent.theta[one.size : own]] for one in spread]
                 found = fit_by_halving(held, coarse, kept).fit.theta
@@ -140,11 +140,11 @@ def explore(
         if before - fit.sse > enough:
 
             def error_of(other: Effect, theta: np.ndarray = fit.theta) -> float:
-                return coarse.sse(with_(other, coarse.record).run(theta))
+                return coarse.sse(with_(other).run(theta))
 
             adjusted = variant.adjusted(error_of, coarse.record)
             if adjusted is not variant:
-                variant, simulator = adjusted, with_(adjusted, coarse.record)
+                variant, simulator = adjusted, with_(adjusted)
                 fit = minimise(simulator, coarse, fit.theta, max_iter=8, tol=2e-4)
         last = dict(zip(_keys(simulator), fit.theta.tolist(), strict=True))
         explored.append((fit.sse, number, variant, fit))
@@ -204,10 +204,13 @@ def begin(parent: Model, name: str, explored: Explored, criterion: Criterion) ->
     return Model(simulator, minimise(simulator, criterion, theta, max_iter=0), parent.other_cores)
 
 
-def extend_simulator(parent: Model, name: str, variant: Effect) -> Simulator:
-    """The simulator of a parent with one more effect."""
+def extend_simulator(
+    parent: Model, name: str, variant: Effect, record: Record | None = None
+) -> Simulator:
+    """The simulator of a parent with one more effect; its record is the parent's unless given."""
     effects = Effects([*parent.effects.steps, (name, variant)])
-    return Simulator(parent.simulator.core, effects, parent.simulator.record)
+    record = parent.simulator.record if record is None else record
+    return Simulator(parent.simulator.core, effects, record)
 
 
 def start_beside(

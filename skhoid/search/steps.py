@@ -303,6 +303,7 @@ class Search:
         self.coarse = self.criterion.coarse()
         # Of the output's power that is not its mean: what points of VAF have to count in.
         self.share = self.criterion.power_about_mean / max(self.criterion.power, 1e-300)
+        self._worth = HOPELESS / 2 * self.share  # that exploring has to save, to go on
         self.n_jobs = n_jobs
         self._stepped = False
         self._refits: dict[tuple, np.ndarray] = {}
@@ -383,7 +384,7 @@ class Search:
                         asked = max(asked, 0.0 if self.exhaustive else AT_ONCE * share)
             self._stepped = True
             most = max((c.explored.gain for c in tried if c.explored), default=0.0)
-            least = max(AT_ONCE * most, HOPELESS / 2 * self.share * self.coarse.power)
+            least = max(AT_ONCE * most, self._worth * self.coarse.power)
             for c in tried:
                 shown = c.effect.place == "output" and c.effect.name in self.traces
                 leads = c.explored is not None and c.explored.gain >= least
@@ -400,21 +401,26 @@ class Search:
     def _explored(
         self, added: tuple[str, Effect], parent: Model, rough: Model, again: bool, asked: float
     ) -> Explored | Against:
-        worth = HOPELESS / 2 * self.share
-        how: dict[str, Any] = {"worth": worth, "rough": rough, "again": again, "asked": asked}
+        how: dict[str, Any] = {"worth": self._worth, "rough": rough, "again": again, "asked": asked}
         return attempt(lambda: explore(parent, *added, self.coarse, **how), self.record, self.until)
 
     def _finished(
         self, item: tuple[str, Explored, bool], parent: Model
     ) -> tuple[Effects, Fit] | Against:
         name, explored, is_begun = item
+        if is_begun:
+            return self._try(begin, parent, name, explored, self.criterion)
+        return self._try(
+            finish, parent, name, explored, self.criterion, self.coarse, worth=self._worth
+        )
+
+    def _try(
+        self, make: Callable[..., Model], *args: Any, **how: Any
+    ) -> tuple[Effects, Fit] | Against:
+        """Effects and fit of a model that is made in the time there is, or why there is none."""
 
         def fit() -> tuple[Effects, Fit]:
-            if is_begun:
-                model = begin(parent, name, explored, self.criterion)
-            else:
-                worth = HOPELESS / 2 * self.share
-                model = finish(parent, name, explored, self.criterion, self.coarse, worth=worth)
+            model = make(*args, **how)
             return model.effects, model.fit
 
         return attempt(fit, self.record, self.until)
@@ -422,12 +428,8 @@ class Search:
     def candidate(self, parent: Model, name: str, effect: Effect) -> Candidate:
         """One more effect beside a parent, as it is fitted."""
         one = Candidate(name, effect)
-
-        def fit() -> tuple[Effects, Fit]:
-            model = extended(parent, name, effect, self.criterion, self.coarse)
-            return model.effects, model.fit
-
-        self._take(attempt(fit, self.record, self.until), one, parent)
+        found = self._try(extended, parent, name, effect, self.criterion, self.coarse)
+        self._take(found, one, parent)
         if one.model is not None:
             one.effect = dict(one.model.effects.steps)[name]
         return one
