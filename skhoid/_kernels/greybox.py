@@ -335,6 +335,47 @@ def held(x, watched, period, threshold, phase):
     return out
 
 
+@inner
+def _answered_by_events(x, w, y, counts, q, damping, period, threshold, due, value, seen):
+    """Sums of squares and products of what a held command makes of a window: of the answer, its
+    rate and y, on the rows that count.
+    """
+    z, v, before, last = value, damping * value, value, value
+    yy = yr = rr = ty = tr = tt = 0.0
+    for k in range(len(x)):
+        i = max(k - 1, 0)
+        now, since, turn = value, i + 0.0, w[k] - w[i]
+        while k >= due:
+            at = max(due, since)
+            away = w[i] + (at - i) * turn - seen
+            if not abs(away) >= threshold:
+                if not abs(w[k] - seen) > threshold:
+                    break
+                level = threshold if w[k] > seen else -threshold
+                at = min(at + (level - away) / turn, k)
+            new = x[i] + (at - i) * (x[k] - x[i])
+            now += min(k - at + 0.5, 1.0) * (new - value)
+            last += max(k - at - 0.5, 0.0) * (new - value)
+            value = new
+            seen = w[i] + (at - i) * turn
+            due, since = at + period, at
+        if k >= 2:  # the row before is complete
+            z, v = (
+                q[0] * z + q[1] * v + q[4] * before + q[8] * last,
+                q[2] * z + q[3] * v + q[6] * before + q[10] * last,
+            )
+        if k > 0 and counts[k - 1]:
+            rate, target = v - damping * z, y[k - 1]
+            yy += z * z
+            yr += z * rate
+            rr += rate * rate
+            ty += target * z
+            tr += target * rate
+            tt += target * target
+        before, last = last, now
+    return yy, yr, rr, ty, tr, tt
+
+
 @kernel("f8[:,::1], f8[:,::1], f8[:,::1], b1[:,::1], f8[:,::1], f8[:,::1], f8, b1, i8, i8, i8", 1)
 def events_scanned(
     position, slope, y, known, points, matrices, damping, of_error, thin, window, phases
@@ -352,78 +393,50 @@ def events_scanned(
     n, runs = position.shape
     out = np.empty((len(points), 3))
     q = matrices[0]
-    sums = np.zeros(6)
-    own = np.zeros(6)
-    best = np.zeros(6)
+    whole, counts = np.zeros((runs, n)), np.zeros((runs, n), dtype=np.bool_)
+    for j in range(runs):
+        for begin in range(0, n, window):
+            first = begin + (min(window, n - begin) // 4 if phases > 0 else 0)
+            for row in range(-(-begin // thin), len(y)):
+                k = row * thin
+                if k >= min(begin + window, n):
+                    break
+                whole[j, k], counts[j, k] = y[row, j], known[row, j] and k >= first
+    at, slopes, x = position.T.copy(), slope.T.copy(), np.empty((runs, n))
     for p in range(len(points)):
         period, threshold, ratio, factor = points[p, 0], points[p, 1], points[p, 2], points[p, 3]
-        for i in range(6):
-            sums[i] = 0.0
+        yy = yr = rr = ty = tr = tt = 0.0
         for j in range(runs):
+            for k in range(n):
+                x[j, k] = factor * (at[j, k] + ratio * slopes[j, k])
+            watched = at[j] if of_error else x[j]
             for begin in range(0, n, window):
                 end = min(begin + window, n)
-                most = -1.0
-                for i in range(6):
-                    best[i] = 0.0
+                most, best = -1.0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
                 for phase in range(max(phases, 1)):
-                    due, value, seen = begin + 0.0, 0.0, 0.0
-                    counts = begin
+                    due, value, seen = 0.0, 0.0, 0.0
                     if phases > 0:
-                        due += phase * period / phases
-                        counts += (end - begin) // 4
+                        due = phase * period / phases
                         value = y[begin // thin, j]
-                        seen = position[begin, j] if of_error else value
-                    z, v, before, last = value, damping * value, value, value
-                    for i in range(6):
-                        own[i] = 0.0
-                    i = max(begin - 1, 0)
-                    x0 = factor * (position[i, j] + ratio * slope[i, j])
-                    for k in range(begin, end):
-                        i = max(k - 1, begin)
-                        x1 = factor * (position[k, j] + ratio * slope[k, j])
-                        w0 = position[i, j] if of_error else x0
-                        w1 = position[k, j] if of_error else x1
-                        if i == k:
-                            w0, x0 = w1, x1
-                        now, since = value, i + 0.0
-                        while k >= due:
-                            at = max(due, since)
-                            away = w0 + (at - i) * (w1 - w0) - seen
-                            if not abs(away) >= threshold:
-                                if not abs(w1 - seen) > threshold:
-                                    break
-                                level = threshold if w1 > seen else -threshold
-                                at = min(at + (level - away) / (w1 - w0), k)
-                            new = x0 + (at - i) * (x1 - x0)
-                            now += min(k - at + 0.5, 1.0) * (new - value)
-                            last += max(k - at - 0.5, 0.0) * (new - value)
-                            value = new
-                            seen = w0 + (at - i) * (w1 - w0)
-                            due, since = at + period, at
-                        x0 = x1
-                        if k >= begin + 2:  # the row before is complete
-                            z, v = (
-                                q[0] * z + q[1] * v + q[4] * before + q[8] * last,
-                                q[2] * z + q[3] * v + q[6] * before + q[10] * last,
-                            )
-                        row = (k - 1) // thin
-                        if k > counts and (k - 1) % thin == 0 and known[row, j]:
-                            rate, target = v - damping * z, y[row, j]
-                            own[0] += z * z
-                            own[1] += z * rate
-                            own[2] += rate * rate
-                            own[3] += target * z
-                            own[4] += target * rate
-                            own[5] += target * target
-                        before, last = last, now
+                        seen = at[j, begin] if of_error else value
+                    own = _answered_by_events(
+                        x[j, begin:end],
+                        watched[begin:end],
+                        whole[j, begin:end],
+                        counts[j, begin:end],
+                        q,
+                        damping,
+                        period,
+                        threshold,
+                        due,
+                        value,
+                        seen,
+                    )
                     explained = max(own[3], 0.0) ** 2 / own[0] if own[0] > 0.0 else 0.0
                     if explained > most:
-                        most = explained
-                        for i in range(6):
-                            best[i] = own[i]
-                for i in range(6):
-                    sums[i] += best[i]
-        yy, yr, rr, ty, tr, tt = sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]
+                        most, best = explained, own
+                yy, yr, rr = yy + best[0], yr + best[1], rr + best[2]
+                ty, tr, tt = ty + best[3], tr + best[4], tt + best[5]
         det = yy * rr - yr * yr
         gain, along = 0.0, 0.0
         if det > 1e-9 * yy * rr:
