@@ -27,8 +27,8 @@ DEPENDENT = 1e-13  # squares of a column relative to what they were before proje
 
 
 @njit(**OPTIONS, forceinline=True)
-def _held(omega, zeta, dt):
-    """Matrices of the neuromuscular system for inputs held over a sample.
+def _hold(omega, zeta, dt, out):
+    """Fill the matrices of the neuromuscular system for inputs held over a sample.
 
     Of output and companion: phi, then what a position and a rate command add.
     """
@@ -48,7 +48,8 @@ def _held(omega, zeta, dt):
     p2, p3 = -sine * square, cosine - sine * mean
     of_rate = square * (p0 - 1.0) + 2.0 * mean * p2
     of_position = square * p1 + 2.0 * mean * (p3 - 1.0)
-    return p0, p1, p2, p3, 1.0 - p3, of_position, square * sine, of_rate
+    out[0], out[1], out[2], out[3] = p0, p1, p2, p3
+    out[4], out[5], out[6], out[7] = 1.0 - p3, of_position, square * sine, of_rate
 
 
 @inner
@@ -82,7 +83,7 @@ def _coefficients(q, share_of, shares, n, dt, table):
     """Fill the matrices of each row, or of the first where the dynamics are constant."""
     omega, zeta = np.exp(q[0]), np.exp(q[1])
     if share_of[2] < 0 and share_of[3] < 0:
-        table[0] = _held(omega, zeta, dt)
+        _hold(omega, zeta, dt, table[0])
         return 0
     more = np.exp(q[3]) - omega if share_of[2] >= 0 else 0.0
     damped = np.exp(q[4]) - zeta if share_of[3] >= 0 else 0.0
@@ -92,7 +93,7 @@ def _coefficients(q, share_of, shares, n, dt, table):
             w += more * shares[share_of[2], k]
         if share_of[3] >= 0:
             z += damped * shares[share_of[3], k]
-        table[k] = _held(w, z, dt)
+        _hold(w, z, dt, table[k])
     return 1
 
 
@@ -115,7 +116,8 @@ def _respond(position, rate, by_row, n, table, varies, start, thin, out):
     ``by_row`` has the input, ``position`` and ``rate`` one factor or one for each row.
     """
     y, v = start
-    a, b, c, d, py, pv, ry, rv = table[0]
+    a, b, c, d = table[0, 0], table[0, 1], table[0, 2], table[0, 3]
+    py, pv, ry, rv = table[0, 4], table[0, 5], table[0, 6], table[0, 7]
     many = position.size > 1
     at, place = 0, 0
     for k in range(n):
@@ -125,7 +127,8 @@ def _respond(position, rate, by_row, n, table, varies, start, thin, out):
             at = thin
         at -= 1
         if varies:
-            a, b, c, d, py, pv, ry, rv = table[k]
+            a, b, c, d = table[k, 0], table[k, 1], table[k, 2], table[k, 3]
+            py, pv, ry, rv = table[k, 4], table[k, 5], table[k, 6], table[k, 7]
         i = k if many else 0
         p, r = position[i] * by_row[k], rate[i] * by_row[k]
         y, v = a * y + b * v + (py * p + ry * r), c * y + d * v + (pv * p + rv * r)
@@ -142,18 +145,36 @@ def _whiten(column, ar, valid, out):
 
 
 @inner
+def _dot(a, b):
+    """Once for all: each array expression in a function takes a tenth of a second to compile."""
+    return np.dot(a, b)
+
+
+@inner
+def _add(out, factor, more):
+    for i in range(out.size):
+        out[i] += factor * more[i]
+
+
+@inner
+def _scale(out, factor):
+    for i in range(out.size):
+        out[i] *= factor
+
+
+@inner
 def _basis(own, pieces, corner):
     """Make the two columns of states orthonormal in each piece; ``corner`` holds their triangle."""
     for s in range(len(pieces)):
         first, second = own[0, pieces[s, 4] : pieces[s, 5]], own[1, pieces[s, 4] : pieces[s, 5]]
-        length = np.sqrt(np.dot(first, first))
-        first *= 1.0 / length if length > 0.0 else 0.0
-        whole = np.dot(second, second)
-        along = np.dot(first, second)
-        second -= along * first
-        rest = np.dot(second, second)
+        length = np.sqrt(_dot(first, first))
+        _scale(first, 1.0 / length if length > 0.0 else 0.0)
+        whole = _dot(second, second)
+        along = _dot(first, second)
+        _add(second, -along, first)
+        rest = _dot(second, second)
         rest = np.sqrt(rest) if rest > DEPENDENT * whole else 0.0
-        second *= 1.0 / rest if rest > 0.0 else 0.0
+        _scale(second, 1.0 / rest if rest > 0.0 else 0.0)
         corner[s, 0], corner[s, 1], corner[s, 2] = length, along, rest
 
 
@@ -163,7 +184,7 @@ def _project(own, pieces, column):
         part = column[pieces[s, 4] : pieces[s, 5]]
         for i in range(2):
             base = own[i, pieces[s, 4] : pieces[s, 5]]
-            part -= np.dot(base, part) * base
+            _add(part, -_dot(base, part), base)
 
 
 @inner
@@ -196,7 +217,9 @@ def _solve(normal, right, damping):
         for k in range(i + 1, n):
             total -= lower[k, i] * x[k]
         x[i] = total / lower[i, i] if lower[i, i] > 0.0 else 0.0
-    return x * scale
+    for i in range(n):
+        x[i] *= scale[i]
+    return x
 
 
 @inner
@@ -243,14 +266,14 @@ def simulated(e, time, pieces, thin, dt, q, gains, states, share_of, n_shares, n
     for s in range(len(pieces)):
         n = pieces[s, 1] - pieces[s, 0]
         varies = _prepare(e, time, pieces[s], dt, q, share_of, delayed, shares, table)
-        position[:] = gains[0]
-        rate[:] = gains[1]
         at = 2
+        for k in range(size):
+            position[k], rate[k] = gains[0], gains[1]
         if share_of[0] >= 0:
-            position[:n] += gains[at] * shares[share_of[0], :n]
+            _add(position[:n], gains[at], shares[share_of[0]])
             at += 1
         if share_of[1] >= 0:
-            rate[:n] += gains[at] * shares[share_of[1], :n]
+            _add(rate[:n], gains[at], shares[share_of[1]])
         start = (states[s, 0], states[s, 1])
         _respond(position, rate, delayed, n, table, varies, start, thin, out[pieces[s, 3] :])
     return out
@@ -280,34 +303,34 @@ def evaluated(e, time, y, pieces, valid, thin, dt, q, ar, share_of, n_shares):
     _project(own, pieces, target)
     kept = np.empty((n_gains, n))
     for i in range(n_gains):
+        _whiten(columns[i], ar, valid, kept[i])
         _whiten(columns[i], ar, valid, white[i])
-        kept[i] = white[i]
         _project(own, pieces, white[i])
     normal, right = np.empty((n_gains, n_gains)), np.empty(n_gains)
     for i in range(n_gains):
-        right[i] = np.dot(white[i], target)
+        right[i] = _dot(white[i], target)
         for j in range(i + 1):
-            normal[i, j] = normal[j, i] = np.dot(white[i], white[j])
+            normal[i, j] = normal[j, i] = _dot(white[i], white[j])
     gains = _solve(normal, right, 0.0)
     for i in range(n_gains):
-        target -= gains[i] * white[i]
-        whole -= gains[i] * kept[i]
+        _add(target, -gains[i], white[i])
+        _add(whole, -gains[i], kept[i])
     states = np.zeros((len(pieces), 2))
     residual = y.copy()
     for s in range(len(pieces)):
         a, b = pieces[s, 4], pieces[s, 5]
         if corner[s, 2] > 0.0:
-            states[s, 1] = np.dot(own[1, a:b], whole[a:b]) / corner[s, 2]
+            states[s, 1] = _dot(own[1, a:b], whole[a:b]) / corner[s, 2]
         if corner[s, 0] > 0.0:
-            along = np.dot(own[0, a:b], whole[a:b]) - corner[s, 1] * states[s, 1]
+            along = _dot(own[0, a:b], whole[a:b]) - corner[s, 1] * states[s, 1]
             states[s, 0] = along / corner[s, 0]
         first = pieces[s, 3]
         last = first + (pieces[s, 1] - pieces[s, 0] + thin - 1) // thin
         for i in range(2):
-            residual[first:last] -= states[s, i] * columns[n_gains + i, first:last]
+            _add(residual[first:last], -states[s, i], columns[n_gains + i, first:last])
     for i in range(n_gains):
-        residual -= gains[i] * columns[i]
-    return np.dot(target, target), gains, states, residual, target, white, own
+        _add(residual, -gains[i], columns[i])
+    return _dot(target, target), gains, states, residual, target, white, own
 
 
 @kernel(
@@ -347,7 +370,8 @@ def _slopes(e, time, pieces, valid, thin, dt, q, ar, share_of, n_shares, found, 
     _, gains, states, residual, _, white, own = found
     n_gains = gains.size
     for i in range(n_gains):
-        out[i] = -white[i]
+        for k in range(valid.size):
+            out[i, k] = -white[i, k]
     for i in range(free.size):
         ahead, back = q.copy(), q.copy()
         ahead[free[i]] += STEP
@@ -358,13 +382,15 @@ def _slopes(e, time, pieces, valid, thin, dt, q, ar, share_of, n_shares, found, 
         down = simulated(
             e, time, pieces, thin, dt, back, gains, states, share_of, n_shares, residual.size
         )
-        _whiten((down - up) / (2.0 * STEP), ar, valid, out[n_gains + i])
+        _add(down, -1.0, up)
+        _scale(down, 0.5 / STEP)
+        _whiten(down, ar, valid, out[n_gains + i])
         _project(own, pieces, out[n_gains + i])
     for j in range(ar.size):
-        row = out[n_gains + free.size + j]
+        row = n_gains + free.size + j
         for i in range(valid.size):
-            row[i] = residual[valid[i] - 1 - j]
-        _project(own, pieces, row)
+            out[row, i] = residual[valid[i] - 1 - j]
+        _project(own, pieces, out[row])
 
 
 @kernel(
@@ -390,54 +416,61 @@ def fitted(
         power += y[i] * y[i]
     floor = FLOOR * power
     found = evaluated(e, time, y, pieces, valid, thin, dt, q, ar, share_of, n_shares)
-    loss = found[0] + floor * np.dot(ar, ar)
+    loss = found[0] + floor * _dot(ar, ar)
     better = autoregression(found[3], valid, order, floor)
     again = evaluated(e, time, y, pieces, valid, thin, dt, q, better, share_of, n_shares)
-    if again[0] + floor * np.dot(better, better) < loss:
+    if again[0] + floor * _dot(better, better) < loss:
         found, ar = again, better
-        loss = found[0] + floor * np.dot(ar, ar)
+        loss = found[0] + floor * _dot(ar, ar)
     n_gains = found[1].size
     size = n_gains + n_free + order
-    slopes = np.empty((size, valid.size))
+    slopes, kept = np.empty((size, valid.size)), np.empty(size, dtype=np.int64)
     stuck = np.zeros(n_free, dtype=np.bool_)
     normal, gradient = np.empty((size, size)), np.empty(size)
     damping, steps, slow = 1e-3, 0, 0
     for steps in range(MOST_STEPS):  # noqa: B007
         _slopes(e, time, pieces, valid, thin, dt, q, ar, share_of, n_shares, found, free, slopes)
         for i in range(size):
-            gradient[i] = -np.dot(slopes[i], found[4])
+            gradient[i] = -_dot(slopes[i], found[4])
             for j in range(i + 1):
-                normal[i, j] = normal[j, i] = np.dot(slopes[i], slopes[j])
+                normal[i, j] = normal[j, i] = _dot(slopes[i], slopes[j])
         for j in range(order):
             gradient[n_gains + n_free + j] -= floor * ar[j]
             normal[n_gains + n_free + j, n_gains + n_free + j] += floor
-        chosen = np.ones(size, dtype=np.bool_)
-        for i in range(n_free):
-            at, along = q[free[i]], gradient[n_gains + i]
-            stuck[i] = (at <= low[free[i]] and along <= 0.0) or (
-                at >= high[free[i]] and along >= 0.0
-            )
-            chosen[n_gains + i] = not stuck[i]
-        kept = np.flatnonzero(chosen)
-        part, right = np.empty((kept.size, kept.size)), gradient[kept]
-        for i in range(kept.size):
-            for j in range(kept.size):
+        n_kept = 0
+        for i in range(size):
+            if n_gains <= i < n_gains + n_free:
+                d = free[i - n_gains]
+                at, along = q[d], gradient[i]
+                held = (at <= low[d] and along <= 0.0) or (at >= high[d] and along >= 0.0)
+                stuck[i - n_gains] = held
+                if held:
+                    continue
+            kept[n_kept] = i
+            n_kept += 1
+        part, right = np.empty((n_kept, n_kept)), np.empty(n_kept)
+        for i in range(n_kept):
+            right[i] = gradient[kept[i]]
+            for j in range(n_kept):
                 part[i, j] = normal[kept[i], kept[j]]
         best = _solve(part, right, 0.0)
-        saved = valid.size * np.dot(best, right) / max(loss, TINY * power)
+        saved = valid.size * _dot(best, right) / max(loss, TINY * power)
         if not saved > settled or slow == SLOW:
             break
         accepted = False
         for _ in range(MOST_TRIES):
+            moves = _solve(part, right, damping) if damping > 0.0 else best
             step = np.zeros(size)
-            step[kept] = _solve(part, right, damping) if damping > 0.0 else best
+            for i in range(n_kept):
+                step[kept[i]] = moves[i]
             trial = q.copy()
             for i in range(n_free):
                 moved = trial[free[i]] + step[n_gains + i]
                 trial[free[i]] = min(max(moved, low[free[i]]), high[free[i]])
-            noise = ar + step[n_gains + n_free :]
+            noise = ar.copy()
+            _add(noise, 1.0, step[n_gains + n_free :])
             new = evaluated(e, time, y, pieces, valid, thin, dt, trial, noise, share_of, n_shares)
-            least = new[0] + floor * np.dot(noise, noise)
+            least = new[0] + floor * _dot(noise, noise)
             if least < loss:
                 slow = slow + 1 if valid.size * (loss - least) < settled * loss else 0
                 loss = least
