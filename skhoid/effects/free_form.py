@@ -283,8 +283,7 @@ class FreeForm(Effect):
     def apply(self, signal: Any, record: Record, **values: float) -> Any:
         curve = self.curve
         if self.values is None:
-            coefficients = np.array([values[p.name] for p in self.parameters])
-            at_knots = curve.basis @ coefficients
+            at_knots = curve.basis @ [values[f"c{i}"] for i in range(len(values))]
         else:
             at_knots = np.asarray(self.values)
         return self.shaped(signal, record, lambda at: curve(at_knots, at))
