@@ -14,6 +14,7 @@ from ..effects.parameter import CoreKind
 from ..effects.record import Record
 from ..exceptions import ShortRunError, SlowClockWarning
 from ..model import OperatorRegressor
+from ..model.estimator import vaf_of_output
 from ..model.extend import refit_on_all_runs
 from ..model.fitting import some_runs
 from ..model.model import Model
@@ -57,6 +58,15 @@ class SearchData:
     def searched(self) -> Prepared:
         """The data in which effects are looked for."""
         return replace(self.prepared, record=self.record)
+
+    def score_folds(self, prediction: np.ndarray) -> list[float]:
+        """VAF in percent of an output of all columns, on what each fold holds out."""
+        record, scores = self.prepared.record, []
+        for columns, rows in self.held or [held_columns(fold.test) for fold in self.folds]:
+            test = np.zeros_like(record.known)
+            test[:, columns] = rows
+            scores.append(vaf_of_output(replace(record, known=test), prediction))
+        return scores
 
     @property
     def searched_runs(self) -> list[Any]:

@@ -181,8 +181,9 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         VAF on held-out rows of that model, each fold refitted, in percent.
     cv_results_ : dict of ndarray
         As of GridSearchCV: params, param_effects, mean_test_score (the VAF of all held-out rows
-        together, not a mean over folds), rank_test_score, and step. First the models of
-        ``error_path_``, then candidates that were not added.
+        together, not a mean over folds), split0_test_score and so on (of each fold's rows; NaN of
+        candidates that were not added), std_test_score, rank_test_score, and step. First the models
+        of ``error_path_``, then candidates that were not added.
     best_index_ : int
         Of the best model there, which need not have rank 1: an effect needs evidence, too.
     n_splits_ : int
@@ -339,7 +340,8 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
             found = search_effects(search, model, data, as_output(y), most, tries_all)
             self.best_estimator_, self.baseline_ = found.best, found.baseline
             self.control_ = data.control
-            self._keep(self._result(found, data, X, y), len(data.folds))
+            by_fold = [data.score_folds(step.prediction) for step in found.numbers.steps]
+            self._keep(self._result(found, data, X, y), by_fold)
         self._doubt_best(self.best_score_)
         self._fingerprint = fingerprint_of(X)
         if hasattr(model, "feature_names_in_"):
@@ -431,15 +433,15 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
             max_effects=int(self.max_effects),
         )
 
-    def _keep(self, result: SearchResult, n_splits: int) -> None:
-        """Fitted attributes of a result."""
+    def _keep(self, result: SearchResult, by_fold: list[list[float]]) -> None:
+        """Fitted attributes of a result, and scores of its models on what each fold holds out."""
         self.result_ = result
         for field in fields(result):
             if field.name not in NOT_KEPT:
                 setattr(self, f"{field.name}_", getattr(result, field.name))
-        self.n_splits_ = n_splits
+        self.n_splits_ = len(by_fold[0])
         self.scorer_ = check_scoring(self.best_estimator_)
-        self.cv_results_ = compare_models(result, self.best_estimator_.effects)
+        self.cv_results_ = compare_models(result, self.best_estimator_.effects, by_fold)
         self.best_index_ = len(result.error_path) - 1
         self.best_params_ = self.cv_results_["params"][self.best_index_]
         self.best_score_ = float(self.cv_results_["mean_test_score"][self.best_index_])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -167,8 +167,13 @@ def list_records(frame: pd.DataFrame) -> list[dict[str, Any]]:
     ]
 
 
-def compare_models(result: SearchResult, best_effects: Any) -> dict[str, Any]:
-    """``cv_results_`` of a search: the models along its path, then candidates not added."""
+def compare_models(
+    result: SearchResult, best_effects: Any, by_fold: Sequence[Sequence[float]]
+) -> dict[str, Any]:
+    """``cv_results_`` of a search: the models along its path, then candidates not added.
+
+    ``by_fold`` are the VAF of the former on what each fold holds out.
+    """
     path, added = result.error_path, result.added
     tried = result.tried
     given: list[str] = next(iter(tried["beside"]), [])
@@ -185,11 +190,15 @@ def compare_models(result: SearchResult, best_effects: Any) -> dict[str, Any]:
     effects = np.ma.masked_all(len(params), dtype=object)
     for i, one in enumerate(params):
         effects[i] = one["effects"]
+    splits = np.full((len(by_fold[0]), len(params)), np.nan)
+    splits[:, : len(by_fold)] = np.transpose(by_fold)
     return {
         "params": params,
         "param_effects": effects,
         "step": np.array(steps),
+        **{f"split{i}_test_score": scores for i, scores in enumerate(splits)},
         "mean_test_score": mean,
+        "std_test_score": splits.std(axis=0),
         "rank_test_score": order.to_numpy().astype(np.int32),
     }
 

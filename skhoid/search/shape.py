@@ -41,7 +41,7 @@ from .judging import FLOOR, LEAST_GAIN, THRESHOLD, Candidate, find_lead
 from .leftover import Leftover, SearchNumbers, find_gap
 from .likeness import acts_where, nearest_effects, nearest_table, recordings_for
 from .path import CLAIM, tell_chances
-from .statuses import Ending, Verdict
+from .statuses import Against, Ending, Reason, Verdict
 from .steps import Search, SearchStep, output_error_fit
 
 SHOWN = 3  # nearest names in a sentence
@@ -431,10 +431,21 @@ class Hint:
     delta_bic: float
 
 
-def judge_forms(search: Search, parent: Model, forms: list[Candidate]) -> SearchStep:
-    """Free forms judged as effects with names are; those far from linear are refitted by fold."""
-    step = search.judge_candidates(parent, forms)
+def judge_forms(
+    search: Search, parent: Model, forms: list[Candidate], named: Candidate | None = None
+) -> SearchStep:
+    """Free forms judged as effects with names are; those far from linear are refitted by fold.
+
+    What trails the effects ``named`` cannot lead them, so no further judge is asked.
+    """
+    beside = [] if named is None or not forms else [named]
+    step = search.weigh_candidates(parent, [*forms, *beside])
     far = [one for one in forms if one.model is not None and is_far(one.effect, search.record)]
+    for one in forms:
+        if named is not None and one not in far and trails(one, named):
+            one.refused = Against(Reason.RIVAL, "the effects found explain the same, and more")
+    if not beside or any(one.passes for one in forms):
+        step.rank()
     for one in far:
         assert one.model is not None
         one.gain = search.refit(one.model) - max(step.vaf, step.refitted_vaf)
@@ -442,6 +453,11 @@ def judge_forms(search: Search, parent: Model, forms: list[Candidate]) -> Search
     if far:
         step.rank()
     return step
+
+
+def trails(one: Candidate, other: Candidate) -> bool:
+    """Whether a candidate has less for it than another: on held-out rows, and by the free run."""
+    return one.gain <= other.gain and find_lead(one, other) < -APART
 
 
 def is_far(form: Any, record: Record) -> bool:
@@ -668,7 +684,7 @@ def judge_rivals(search: Search, found: SearchNumbers, named: Candidate | None) 
         there = [hint for hint in hints if acts_like(hint.effect, named, baseline)][:1]
         tried += [hint for hint in there if hint not in tried]
     forms = list_candidates(search, baseline, tried)
-    return judge_forms(search, baseline, [*forms, *([named] if named and forms else [])])
+    return judge_forms(search, baseline, forms, named)
 
 
 def find_rival(

@@ -452,6 +452,12 @@ class Search:
 
     def judge_candidates(self, parent: Model, candidates: list[Candidate]) -> SearchStep:
         """Refine all under one noise model, that of the best, and rank."""
+        step = self.weigh_candidates(parent, candidates)
+        step.rank()
+        return step
+
+    def weigh_candidates(self, parent: Model, candidates: list[Candidate]) -> SearchStep:
+        """Refine all under one noise model; they are not ranked yet."""
         criterion = Criterion(self.record)
         tried = [c for c in candidates if c.model is not None]
         alike = [self._alike(parent, c) for c in tried]
@@ -479,7 +485,6 @@ class Search:
             follow=follow,
         )
         self._weigh(step, tried, alike, criterion, len(tried))
-        step.rank()
         return step
 
     def _weigh(

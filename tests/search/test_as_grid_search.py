@@ -26,6 +26,7 @@ from skhoid import (
     RecursiveARXCV,
     make_tracking_runs,
     run_labels,
+    vaf_score,
 )
 
 X, Y = make_tracking_runs(
@@ -69,6 +70,13 @@ def test_what_was_found_has_the_names_of_grid_search(fitted):
 def test_results_are_a_table(fitted):
     table = pd.DataFrame(fitted.cv_results_)
     assert {"params", "param_effects", "mean_test_score", "rank_test_score"} <= {*table.columns}
+    splits = table[[f"split{i}_test_score" for i in range(fitted.n_splits_)]]
+    settled = X.index.get_level_values("time") >= fitted.best_estimator_.settling
+    best = fitted.predictions_[["measured", fitted.predictions_.columns[-1]]][settled]
+    for run, score in zip(best.index.unique("run"), splits.loc[fitted.best_index_], strict=True):
+        measured, predicted = best.xs(run, level="run").to_numpy().T
+        assert score == pytest.approx(vaf_score(measured, predicted))
+    assert table.loc[0, "std_test_score"] == pytest.approx(splits.loc[0].std(ddof=0))
     assert [one["effects"] for one in table["params"]] == table["param_effects"].tolist()
     assert table.loc[table["rank_test_score"].idxmin(), "mean_test_score"] == pytest.approx(
         table["mean_test_score"].max()
