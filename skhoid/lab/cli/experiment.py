@@ -7,6 +7,7 @@ import contextlib
 import io
 import shlex
 import shutil
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -54,6 +55,8 @@ def add_experiment(commands: Any) -> None:
     add = command.section("Data")
     text = "a folder, a pattern with {subject}, {condition} and {run}, or files"
     add("files", nargs="*", default=(), metavar="FOLDER_OR_PATTERN", help=text)
+    text = "take the files that the pattern matches, and leave the others (default: ask)"
+    add("--some", action="store_true", help=text)
     add("--input", metavar="NAME", help="column of the error (default: guessed)")
     add("--output", metavar="NAME", help="output column (default: guessed)")
     add("--x", metavar="NAME", help="the controlled element's output (default: guessed)")
@@ -193,22 +196,32 @@ def _open_kept(kept: Path, fresh: bool, X: Any, y: Any, asked: Any) -> Path:
 
 def _read(options: argparse.Namespace) -> tuple[Any, Any, str]:
     """The user's files; what was guessed in them is a part of the source."""
+    from ..guessing.names import SomeFilesError
+
     named = {options.input: "e", options.x: "x", options.target: "f_t"}
     inputs = {name: role for name, role in named.items() if name is not None}
     files = options.files[0] if len(options.files) == 1 else options.files
+    given = {
+        "subject": options.subject,
+        "condition": options.condition,
+        "run": options.run,
+        "inputs": inputs or None,
+        "output": options.output,
+        "time": options.time,
+        "dt": options.dt,
+        "units": read_units(options) or None,
+    }
     said = io.StringIO()
-    with contextlib.redirect_stdout(said):
-        X, y = skhoid.read_experiment(
-            files,
-            subject=options.subject,
-            condition=options.condition,
-            run=options.run,
-            inputs=inputs or None,
-            output=options.output,
-            time=options.time,
-            dt=options.dt,
-            units=read_units(options) or None,
-        )
+    try:
+        with contextlib.redirect_stdout(said):
+            X, y = skhoid.read_experiment(files, some=options.some, **given)
+    except SomeFilesError as error:
+        if not sys.stdin.isatty() or options.json:
+            raise
+        if input(f"{error}\nRead these files only? [y/N] ").strip().lower() not in ("y", "yes"):
+            raise
+        options.some = True
+        return _read(options)
     guessed = " ".join(said.getvalue().split())
     return X, y, guessed or f"Files: {show_names(options.files)}"
 
