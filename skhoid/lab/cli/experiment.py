@@ -71,6 +71,14 @@ def add_experiment(commands: Any) -> None:
     add_search_options(command.section("Search"), "; none: no search")
     add = command.section("People")
     add("--reference", metavar="CONDITION", help="compare others with it (default: all pairs)")
+    text = (
+        "whose output is inverted; also PERSON/CONDITION/RUN (default: whom the check is sure of)"
+    )
+    add("--invert", nargs="+", default=(), metavar="PERSON", help=text)
+    text = "whom to leave out, or which condition or run of theirs (default: as above)"
+    add("--leave-out", nargs="+", default=(), metavar="PERSON", help=text)
+    text = "change nothing that you do not name, however sure the check is"
+    add("--as-recorded", action="store_true", help=text)
     add("--jobs", type=workers, metavar="N", help="workers (default: 1; -1: all processors)")
     text = "begin anew; else what a stopped call finished (kept beside the page) is taken over"
     add("--fresh", action="store_true", help=text)
@@ -81,6 +89,7 @@ def add_experiment(commands: Any) -> None:
 
 def experiment(options: argparse.Namespace) -> int:
     """Read, check, search, identify, compare, and write the page."""
+    from ..experiment import mend_recordings
     from ..opening import make_estimator
     from ..report import report_experiment
 
@@ -93,6 +102,19 @@ def experiment(options: argparse.Namespace) -> int:
         print_document(check.document(), options)
     if options.run_in:
         X = skhoid.RunInTrimmer(run_in=options.run_in).fit_transform(X)
+    mended = mend_recordings(
+        X,
+        y,
+        None if options.as_recorded else check,
+        invert=options.invert,
+        leave_out=options.leave_out,
+    )
+    X, y = mended.X, mended.y
+    if not options.json:
+        for text in mended.sentences:
+            print_wrapped(f"- {text}.")
+        if len(mended.changes):
+            print_wrapped("--as-recorded changes nothing that you do not name.\n")
     _check_people(X, options)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of people whose delay is found as if they were one
@@ -106,6 +128,8 @@ def experiment(options: argparse.Namespace) -> int:
         group = skhoid.GroupEffectSearch(search, folder=kept / "group", **shared).fit(X, y)
         estimator = _with_effects(estimator, group)
     people = skhoid.identify_people(estimator, X, y, folder=kept / "people", **shared)
+    if len(mended.changes):
+        mended = mended.with_versions(people, estimator, kept / "as recorded", options.jobs)
     without_screen()
     page = report_experiment(
         people if group is None else group,
@@ -113,6 +137,7 @@ def experiment(options: argparse.Namespace) -> int:
         y,
         people=people,
         check=check,
+        mended=mended,
         reference=options.reference,
         title=options.title,
         source=source,
@@ -126,7 +151,10 @@ def experiment(options: argparse.Namespace) -> int:
         "parameters_of_people": people.groups,
         "runs": people.runs,
         "outlying": people.outlying,
+        "changes": mended.changes,
     }
+    if mended.versions is not None:
+        tables["with_and_without"] = mended.versions
     if group is not None:
         tables |= {
             "prevalence": group.prevalence_,
@@ -154,7 +182,7 @@ def experiment(options: argparse.Namespace) -> int:
         }
         print_json(options, {**found, **written})
         return 0
-    for result in (group, people):
+    for result in (mended if len(mended.changes) else None, group, people):
         if result is not None:
             print()
             print_document(result.document(), options)

@@ -110,7 +110,7 @@ class PeopleResult(Told):
         blocks += _listed("No fit:", [f"{_name(row)}: {row['failure']}" for row in failed])
         odd = self.outlying.to_dict("records")
         reasons = [f"{_name(row)}: {row['reason']}" for row in odd]
-        blocks += _listed("Looks wrong (nothing is left out):", reasons)
+        blocks += _listed("Looks wrong (and counts all the same):", reasons)
         if not odd:
             blocks.append(Paragraph("Nobody and no run is outlying."))
         blocks.append(Notes([Note("", note) for note in self.notes[:SHOWN]]))

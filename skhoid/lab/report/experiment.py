@@ -24,6 +24,7 @@ from ..experiment.group import (
     single_lines,
 )
 from ..experiment.groups import ALL, Group, read_groups
+from ..experiment.mending import Mended
 from ..experiment.people import PeopleResult
 from .experiment_parts import parameters_section, people_section, people_text, sure_text
 from .page import Page, advise, provenance
@@ -52,6 +53,7 @@ class Experiment:
     group: GroupEffectSearch | None
     people: PeopleResult
     own_people: bool
+    mended: Mended | None = None
 
     @cached_property
     def subjects(self) -> list[Any]:
@@ -68,6 +70,11 @@ class Experiment:
         if self.group is not None and self.own_people:
             tables.append(self.group.identified_.outlying)
         return pd.concat(tables, ignore_index=True).drop_duplicates([*KEY, "run", "kind"])
+
+    @property
+    def changed(self) -> list[str]:
+        """What was changed in the recordings, in sentences."""
+        return [] if self.mended is None else self.mended.sentences
 
     @cached_property
     def failures(self) -> pd.DataFrame:
@@ -184,10 +191,11 @@ def _name_class(estimator: str) -> str:
 
 def _odd(given: Experiment) -> Iterator[str]:
     """Whether anybody looks wrong, or could not be fitted."""
+    yield from (f"{_upper(text)}." for text in given.changed)
     who = list(dict.fromkeys(given.outlying["subject"]))
     if who:
-        verb = "looks" if len(who) == 1 else "look"
-        yield f"{_some(who)} {verb} wrong, or a run does; nothing was left out."
+        verb, count = ("looks", "counts") if len(who) == 1 else ("look", "count")
+        yield f"{_some(who)} {verb} wrong, or a run does, and {count} all the same."
     failed = list(dict.fromkeys(given.failures["subject"]))
     if failed:
         yield f"Not all could be fitted: {_some(failed)}."
@@ -273,6 +281,7 @@ def _data(
             for row in findings[:MOST]
         ],
         "notes": [*given.people.notes][:MOST],
+        "mended": given.mended.document().html() if given.changed else "",  # type: ignore[union-attr]
     }
 
 
@@ -413,7 +422,8 @@ def _next_steps(given: Experiment, check: ExperimentCheck | None) -> Iterator[di
     if len(given.outlying):
         yield advise(
             "Look at who and what looks wrong, before believing the means",
-            "Nothing was left out. Look at the person's part of this page and at the recording; "
+            "They count in all that is told. Look at the person's part of this page and at the "
+            "recording; --leave-out leaves them out, and "
             'outlying="leave_out" in skhoid.lab.experiment.mixed_model shows what depends on it.',
         )
     if given.group is None:
@@ -496,6 +506,7 @@ def report_experiment(
     *,
     people: PeopleResult | None = None,
     check: ExperimentCheck | None = None,
+    mended: Mended | None = None,
     reference: Any = None,
     title: str | None = None,
     source: str | None = None,
@@ -517,6 +528,8 @@ def report_experiment(
         are then compared between conditions in place of those of the search.
     check : ExperimentCheck or None, default=None
         What :func:`skhoid.check_experiment` found.
+    mended : Mended or None, default=None
+        What :func:`skhoid.lab.experiment.mend_recordings` changed in the recordings before.
     reference : label or None, default=None
         Condition against which the others are compared; None compares all pairs.
     title : str or None, default=None
@@ -552,9 +565,9 @@ def report_experiment(
     """
     if isinstance(experiment, GroupEffectSearch):
         check_is_fitted(experiment, "prevalence_")
-        given = Experiment(experiment, people or experiment.identified_, people is not None)
+        given = Experiment(experiment, people or experiment.identified_, people is not None, mended)
     elif isinstance(experiment, PeopleResult):
-        given = Experiment(None, experiment, True)
+        given = Experiment(None, experiment, True, mended)
     else:
         raise TypeError(
             "report_experiment takes a fitted GroupEffectSearch, or the PeopleResult of "
