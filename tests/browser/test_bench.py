@@ -208,6 +208,17 @@ def test_runs_are_shown_one_after_the_other(hand):
     hand.wait(lambda: "2" in hand.all(".sk-run-title")[0].text)
 
 
+def test_window_and_zoom_stay_from_run_to_run(hand):
+    hand.type_range("Window", 30, 60)
+    [zoom] = [b for b in hand.all(".sk-window-row .sk-button") if b.text == "Zoom to window"]
+    zoom.click()
+    hand.labelled("Next run").click()
+    hand.wait(lambda: "1" in hand.all(".sk-run-title")[0].text)
+    hand.said("Window, 30 to 60 s: ")
+    [whole] = [b for b in hand.all(".sk-window-row .sk-button") if b.text == "Whole run"]
+    assert whole.get_attribute("aria-disabled") == "false"
+
+
 def test_keyboard_reaches_everything_and_the_focus_is_seen(hand):
     """Tab from the top meets all that can be operated, each with an outline."""
     hand.browser.js("document.body.tabIndex = -1; document.body.focus()")
@@ -336,3 +347,64 @@ def test_people_stand_above_their_runs(browser, tmp_path, payload):
     hand = Hand(browser, tmp_path / "page.html", {**payload, "view": view})
     assert EVIL.split("\u202e")[0] in hand.all(".sk-runs")[0].text
     assert isinstance(pd.Series(hand.stair()).sum(), float)
+
+
+def shade_and_window(hand):
+    """Left and right of the brush on screen, and where its seconds are on the axis that is seen."""
+    seen = hand.browser.js(
+        "const over = document.querySelector('.sk-plot[data-sk-key=\"plot time\"] .u-over');"
+        "const shade = over.querySelector('.sk-window').getBoundingClientRect();"
+        "const box = over.getBoundingClientRect();"
+        "return [shade.left - box.left, shade.right - box.left, box.width]"
+    )
+    return np.array(seen)
+
+
+def test_the_brush_is_where_its_seconds_are_after_a_zoom(hand):
+    """Drag a window, zoom to it, zoom out again: the shade follows the axis at once."""
+    plot = hand.plot("time")
+    ActionChains(hand.driver).move_to_element_with_offset(plot, -60, 0).click_and_hold().pause(
+        0.05
+    ).move_by_offset(120, 0).release().perform()
+    hand.wait(lambda: any(s.startswith("Window") for s in hand.sentences()))
+    [zoom] = [b for b in hand.all(".sk-window-row .sk-button") if b.text == "Zoom to window"]
+    zoom.click()
+    hand.browser.js("return new Promise((go) => requestAnimationFrame(() => setTimeout(go, 50)))")
+    left, right, width = shade_and_window(hand)
+    assert (left, right) == pytest.approx((0, width), abs=3)
+    hand.browser.js("arguments[0].focus()", plot)
+    hand.browser.press("-")  # twice as much of the run: the window is its middle half
+    hand.browser.js("return new Promise((go) => requestAnimationFrame(() => setTimeout(go, 50)))")
+    left, right, width = shade_and_window(hand)
+    assert (left, right) == pytest.approx((width / 4, 3 * width / 4), abs=3)
+
+
+WHERE = """
+const top = (e) => e.getBoundingClientRect().top;
+const kinds = '.sk-part :is(.sk-plot, .sk-card, .sk-steps, .sk-head, .sk-group)';
+const parts = [...document.querySelectorAll(kinds)]
+  .filter((e) => e.checkVisibility())
+  .map((e) => [e.className, Math.round(top(e) - top(e.closest('.sk-part')))]);
+return [document.documentElement.scrollHeight, ...parts];
+"""
+
+
+@pytest.mark.parametrize("width", [400, 1024, 1400])
+def test_nothing_moves_under_the_pointer(browser, tmp_path, payload, width):
+    """The read-out, a preview and a window leave everything in its place, so that clicks hit."""
+    hand = Hand(browser, tmp_path / "page.html", payload, width=width)
+    hand.labelled("Remove dead zone").click()
+    hand.wait(lambda: len(hand.stair()) == 2)
+    before = browser.js(WHERE)
+    for over in (hand.plot("time"), hand.plot("residual"), hand.all(".sk-candidate")[0]):
+        ActionChains(hand.driver).move_to_element(over).perform()
+        hand.wait(
+            lambda: "VAF" in hand.all(".sk-reserved")[0].text or hand.all(".sk-readout")[0].text
+        )
+        assert browser.js(WHERE) == before
+    plot = hand.plot("time")
+    ActionChains(hand.driver).move_to_element_with_offset(plot, -60, 0).click_and_hold().pause(
+        0.05
+    ).move_by_offset(120, 0).release().perform()
+    hand.wait(lambda: any(s.startswith("Window") for s in hand.sentences()))
+    assert browser.js(WHERE) == before

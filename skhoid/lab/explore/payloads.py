@@ -25,7 +25,7 @@ from ...effects import Effects
 from ...model import GreyBox
 from ...runs import RunLayout, read_layout, run_name
 from .exploration import ACTIONS, Exploration
-from .models import TRAIN, History, Position, own_values
+from .models import History, Position, own_values
 from .script import plain
 
 MOST_SUBSETS_OF = 4  # effects; of more only those that a search went through
@@ -48,9 +48,7 @@ def payload_of(
     if search is None or not isinstance(search.best_estimator_, GreyBox):
         return None if comparison is None else payload_of_comparison(comparison)
     fitted = [search.baseline_, search.best_estimator_]
-    exploration = Exploration(search.estimator, X, y, search=search, fitted=fitted)
-    uses = (TRAIN,) * exploration.runs.n
-    exploration.history = History(Position(uses, Effects.of(search.best_estimator_.effects)))
+    exploration = Exploration(search.estimator, X, y, search=search, fitted=fitted).at_result()
     payload = payload_of_exploration(exploration, Effects.of(search.baseline_.effects).names)
     for state in payload["states"].values():  # the page around it says these
         state |= {"verdict": "", "verdict_kind": "", "limits": []}
@@ -77,7 +75,7 @@ def payload_of_exploration(exploration: Exploration, kept: Sequence[str] = ()) -
         state["cards"] = [card for card in state["cards"] if card["id"] in ready]
         state |= {"ceiling_pending": False, "findings": [], "search": None}
         key = ",".join(sorted(chosen))
-        states[key] = state
+        states[key] = {**state, "to_add": []}
         predictions[key] = exploration.models.prediction(effects, here.train, moved)
     view = exploration.view()
     start = ",".join(sorted(n for n in here.effects.names if n not in kept))
@@ -118,6 +116,7 @@ def payload_of_comparison(found: Comparison) -> dict[str, Any]:
         "verdict_kind": "",
         "findings": [{"what": f.title, "why": f.meaning} for f in found.findings],
         "limits": [],
+        "to_add": [],
         "search": None,
     }
     view = {

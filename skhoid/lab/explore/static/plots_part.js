@@ -12,9 +12,10 @@ function plotsPart(bench) {
   const ranges = rangesOf(bench);
   const zooms = zoomButtons(bench);
   const head = runHead(bench);
-  bench.readOut = el("span", { class: "sk-readout", "aria-hidden": "true" });
+  bench.readOut = el("span", { class: "sk-readout sk-reserved", "aria-hidden": "true" });
   const filteredKey = keyOf("ink", "within the band");
   const previewKey = keyOf("preview", "");
+  previewKey.classList.add("sk-reserved");
   previewKey.setAttribute("aria-live", "polite");
   const node = el(
     "div",
@@ -255,7 +256,7 @@ function repaint({ times, spectrum, amplitude }) {
 function drawRun(bench, { times, filteredKey, previewKey }, linesOnly = false) {
   bench.filtered = linesOnly ? null : filteredOf(bench);
   bench.rows = linesOnly ? null : amplitudeRows(bench);
-  filteredKey.hidden = !bench.filtered;
+  filteredKey.classList.toggle("sk-unseen", !bench.filtered);
   previewKey.classList.toggle("sk-off", !bench.preview);
   setText(previewKey.lastChild, previewInWords(bench));
   times.draw();

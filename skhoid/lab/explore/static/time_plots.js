@@ -51,10 +51,7 @@ function timePlots(bench) {
     keys,
     resize,
     place,
-    draw: () => {
-      drawTime(bench, state, upper.plot, lower.plot);
-      place();
-    },
+    draw: () => drawTime(bench, state, upper.plot, lower.plot),
   };
 }
 
