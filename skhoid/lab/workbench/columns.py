@@ -77,6 +77,7 @@ class Choices:
     max_effects: int | None = None
     lost_control: str = "leave_out"
     time_limit: float | None = None
+    exhaustive: bool = False
 
     @property
     def clock(self) -> float | None:
@@ -352,6 +353,7 @@ def search_settings(choices: Choices) -> dict[str, Any]:
         "max_effects",
         "lost_control",
         "time_limit",
+        "exhaustive",
     )
     settings = {name: getattr(choices, name) for name in names}
     settings["controlled_element"] = read_element(choices.controlled_element)

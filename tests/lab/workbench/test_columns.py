@@ -170,7 +170,7 @@ def test_what_the_page_sends_is_checked(asked, said):
 
 
 def test_the_search_is_what_was_chosen():
-    assert search_settings(Choices()) == {"lost_control": "leave_out"}
+    assert search_settings(Choices()) == {"lost_control": "leave_out", "exhaustive": False}
     chosen = Choices(display="pursuit", effects=["bias"], controlled_element="1/(s(s+1))")
     settings = search_settings(chosen)
     assert settings["effects"] == ["bias"]
