@@ -32,6 +32,7 @@ MOST_SUBSETS_OF = 4  # effects; of more only those that a search went through
 MOST_VALUES = 600_000  # in a page
 LEAST_RATE = 25.0  # Hz, to which rows are thinned at most
 SHOWN_CHANNELS = 4
+OPENS_ON = 15.0  # s of a run: of a whole one at 50 Hz or more the lines cannot be told apart
 ALIGNED = 8  # bytes
 LEVELS = 65_533  # of a compact array, in which one more stands for NaN
 MISSING = -32_768
@@ -187,7 +188,8 @@ class _Traces:
 
     def payload(self, view: dict[str, Any], start: str, states: Any) -> dict[str, Any]:
         notes = [note for note in (view["note"], self.note) if note]
-        view = {**view, "note": " ".join(notes) or None, "shown": min(self.kept)}
+        more = {"note": " ".join(notes) or None, "shown": min(self.kept), "opens_on": OPENS_ON}
+        view = {**view, **more}
         view["dt"] = self.layout.dt * self.every
         traces = [self._of_run(run) for run in range(len(self.layout.labels))]
         return {"view": view, "start": start, "states": states, "traces": traces}

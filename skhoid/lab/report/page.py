@@ -78,7 +78,7 @@ class Page:
         The whole page.
     """
 
-    template = "report"  # the names of the template, its styles and its script
+    template = "report"
 
     def __init__(self, title: str, content: dict[str, Any]):
         self.title = title
@@ -89,7 +89,8 @@ class Page:
 
     @cached_property
     def html(self) -> str:
-        script, style = _text(f"{self.template}.js"), _text("report.css")
+        script = _text("page.js") + (_text("report.js") if self.template == "report" else "")
+        style = _text("report.css")
         if self._content.get("payload"):
             script, style = component.script() + script, f"{style}\n{component.style()}"
         return rendered(

@@ -103,7 +103,9 @@ async function showRun(bench, run) {
       bench.simulated = trace.simulated;
     }
     if (!bench.record || bench.record.run !== run) {
+      const first = !bench.record;
       bench.record = recordOf(trace, run);
+      if (first && bench.view.opens_on) bench.zoom = beginningOf(bench);
       bench.time = withinRun(bench, bench.time);
       bench.zoom = withinRun(bench, bench.zoom);
     }
@@ -112,6 +114,12 @@ async function showRun(bench, run) {
   } catch (error) {
     if (!bench.gone) fail(bench, error);
   }
+}
+
+// The first seconds that count.
+function beginningOf({ record, view }) {
+  const start = record.t[record.first];
+  return start + view.opens_on < record.until ? [start, start + view.opens_on] : null;
 }
 
 // Window and zoom stay from run to run, as far as the run has these seconds.
