@@ -82,7 +82,7 @@ class Page:
 
     def __init__(self, title: str, content: dict[str, Any]):
         self.title = title
-        self._content = content
+        self._content = {"found_title": False, "folded": (), **content}
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.title!r}: {self._content['in_short']}>"
