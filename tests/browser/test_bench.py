@@ -1,7 +1,9 @@
 """The component by hand: effects, brushes, keyboard, hostile names, narrow and dark."""
 
+import io
 import re
 import time
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
@@ -239,6 +241,67 @@ def test_keyboard_reaches_everything_and_the_focus_is_seen(hand):
             seen += outline
     assert len(keys) >= wanted
     assert seen == len(keys)
+
+
+@pytest.fixture
+def saved(hand, tmp_path):
+    """Saves something, and returns the text or bytes of its file."""
+    folder = tmp_path / "saved"
+    hand.browser.command("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
+
+    def save(label, name):
+        hand.labelled(label).click()
+        path = hand.wait(lambda: next(folder.glob(name), None) if folder.exists() else None)
+        return path.read_bytes()
+
+    return save
+
+
+def test_a_plot_is_saved_as_picture_and_as_numbers(hand, payload, saved):
+    for kind in ("SVG", "PNG", "CSV"):
+        hand.labelled("Save output over time").click()
+        if kind == "SVG":
+            assert hand.browser.violations() == []
+        content = saved(f"Save output over time as {kind}", f"*.{kind.lower()}")
+        if kind == "SVG":
+            drawn = ElementTree.fromstring(content)
+            words = " ".join(drawn.itertext())
+            assert all(name in words for name in ("measured", "simulated", "u, deg"))
+            lines = [one.get("d", "") for one in drawn.iter("{http://www.w3.org/2000/svg}path")]
+            assert sum(line.count("L") > 500 for line in lines) == 2  # 15 s at 50 Hz each
+        elif kind == "PNG":
+            assert content.startswith(b"\x89PNG")
+        else:
+            table = pd.read_csv(io.BytesIO(content))
+            assert [*table] == ["time, s", "measured u", "simulated", "residual", "e", "x", "f_t"]
+            measured = payload["traces"][0]["measured"]
+            np.testing.assert_allclose(table["measured u"], measured, atol=1e-4)
+    assert hand.browser.console() == []
+
+
+def test_tables_are_saved_as_csv(hand, payload, saved):
+    runs = pd.read_csv(io.BytesIO(saved("Save the runs as CSV", "runs.csv")))
+    assert [*runs["use"]] == ["fitted"] * 3
+    assert [*runs["VAF, %"]] == pytest.approx(payload["states"]["bias,dead_zone"]["run_vaf"])
+    table = pd.read_csv(io.BytesIO(saved("Save the parameters as CSV", "parameters.csv")))
+    assert {"K_e", "tau_e", "dead_zone__width"} <= {*table["parameter"]}
+    assert table.set_index("parameter")["value"]["dead_zone__width"] == pytest.approx(0.3, abs=0.03)
+
+
+def test_what_the_operator_saw_is_beside_the_output(hand):
+    """Inputs stand on the same axis of time: what is brushed there is brushed everywhere."""
+    key = hand.all(".sk-toggle")
+    assert [one.text for one in key] == ["e", "x", "f_t"]
+    key[1].click()
+    assert key[1].get_attribute("aria-pressed") == "false"
+    hand.browser.js("arguments[0].scrollIntoView({block: 'center'})", hand.plot("inputs"))
+    ActionChains(hand.driver).move_to_element_with_offset(
+        hand.plot("inputs"), -60, 0
+    ).click_and_hold().pause(0.05).move_by_offset(120, 0).release().perform()
+    hand.said(r"Window, ([\d.]+) to")
+    shades = [one.get_attribute("style") for one in hand.all(".sk-window")[:3]]
+    assert len({*shades}) == 1
+    assert "width" in shades[0]
 
 
 @pytest.fixture(scope="module")

@@ -31,6 +31,7 @@ function candidatesPart(bench) {
     search.node,
     ...groups.map((group) => group.node),
     limits.node,
+    csvButton(bench, "effects to try", () => columnsOfCards(bench.state)),
   );
   let before = "";
   const update = () => {
@@ -47,6 +48,20 @@ function candidatesPart(bench) {
     limits.update(bench.state.limits);
   };
   return { node, update };
+}
+
+function columnsOfCards({ cards }) {
+  const column = (heading, key) => [heading, cards.map((card) => card[key])];
+  return [
+    column("effect", "title"),
+    column("outcome", "status"),
+    column("gain, points", "gain"),
+    column("evidence, nats", "evidence"),
+    column("probability", "probability"),
+    column("allowed (95 %)", "limit"),
+    column("parameters", "parameters"),
+    column("reason", "reason"),
+  ];
 }
 
 // What brings nothing stays folded.

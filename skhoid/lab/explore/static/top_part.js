@@ -67,6 +67,18 @@ function topPart(bench) {
   return { node, update };
 }
 
+function columnsOfParameters({ model, effects }) {
+  const all = [...model, ...effects.flatMap((effect) => effect.parameters)];
+  const column = (heading, key) => [heading, all.map((one) => one[key])];
+  return [
+    column("parameter", "name"),
+    column("value", "value"),
+    column("standard error", "sd"),
+    column("unit", "unit"),
+    column("meaning", "meaning"),
+  ];
+}
+
 // The other parameters, as numbers.
 function modelPart(bench) {
   const title = el("h3", { id: `${bench.id}-model` }, "Other parameters");
@@ -78,6 +90,7 @@ function modelPart(bench) {
     summary,
     title,
     list,
+    csvButton(bench, "parameters", () => columnsOfParameters(bench.state)),
   );
   const update = () => {
     const { model } = bench.state;
