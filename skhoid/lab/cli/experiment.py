@@ -42,6 +42,7 @@ examples:
   skhoid experiment "data/{subject}_{condition}_run{run}.csv" --out friday.html
   skhoid experiment all.csv --subject who --condition task --run trial
   skhoid experiment recordings/ --effects none     parameters only, no search
+  skhoid experiment recordings/ --factors pace state --leave-out P07
   skhoid experiment recordings/ --jobs 4       stopped? the same line goes on where it was
 """
 SIMULATED = ["dead_zone", "saturation"]  # searched for where nothing else is asked
@@ -71,6 +72,8 @@ def add_experiment(commands: Any) -> None:
     add_search_options(command.section("Search"), "; none: no search")
     add = command.section("People")
     add("--reference", metavar="CONDITION", help="compare others with it (default: all pairs)")
+    text = "names for what conditions combine, as fast_tired does (default: found), or none"
+    add("--factors", nargs="+", metavar="NAME", help=text)
     text = (
         "whose output is inverted; also PERSON/CONDITION/RUN (default: whom the check is sure of)"
     )
@@ -89,7 +92,9 @@ def add_experiment(commands: Any) -> None:
 
 def experiment(options: argparse.Namespace) -> int:
     """Read, check, search, identify, compare, and write the page."""
+    from ...text import Document, Item, Items
     from ..experiment import mend_recordings
+    from ..experiment.mixed import tell_changes
     from ..opening import make_estimator
     from ..report import report_experiment
 
@@ -116,6 +121,7 @@ def experiment(options: argparse.Namespace) -> int:
         if len(mended.changes):
             print_wrapped("--as-recorded changes nothing that you do not name.\n")
     _check_people(X, options)
+    factors = _name_factors(X, options.factors)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of people whose delay is found as if they were one
         estimator = make_estimator(options, X, y)
@@ -128,6 +134,8 @@ def experiment(options: argparse.Namespace) -> int:
         group = skhoid.GroupEffectSearch(search, folder=kept / "group", **shared).fit(X, y)
         estimator = _with_effects(estimator, group)
     people = skhoid.identify_people(estimator, X, y, folder=kept / "people", **shared)
+    if group is not None:
+        people = people.of_members(group.members_)
     if len(mended.changes):
         mended = mended.with_versions(people, estimator, kept / "as recorded", options.jobs)
     without_screen()
@@ -139,6 +147,7 @@ def experiment(options: argparse.Namespace) -> int:
         check=check,
         mended=mended,
         reference=options.reference,
+        factors=factors,
         title=options.title,
         source=source,
         made_with={"command": show_names([shlex.join(["skhoid", *options.command_line])])},
@@ -176,12 +185,17 @@ def experiment(options: argparse.Namespace) -> int:
                 name: {
                     "means": result.effects.to_dict("records"),
                     "contrasts": result.contrasts.to_dict("records"),
+                    "factors": result.factors.to_dict("records"),
                 }
                 for name, result in page.statistics.items()
             },
         }
         print_json(options, {**found, **written})
         return 0
+    changes = tell_changes(page.statistics.values(), people.meanings)
+    if changes:
+        items = Items([Item(text) for text in changes], numbered=False)
+        print_document(Document("What the conditions change, beyond chance", [items]), options)
     for result in (mended if len(mended.changes) else None, group, people):
         if result is not None:
             print()
@@ -300,6 +314,22 @@ def _check_people(X: Any, options: argparse.Namespace) -> None:
             f"{options.reference!r}."
         )
     options.reference = found[0]
+
+
+def _name_factors(X: Any, names: list[str] | None) -> Any:
+    """The factors of the conditions under the user's names; None: under those of their levels."""
+    from ..experiment.factors import find_factors
+
+    if names is None or names == ["none"]:
+        return names and ()
+    found = find_factors(X.index.unique("condition") if "condition" in X.index.names else [])
+    if len(found) != len(names):
+        raise ValueError(
+            f"--factors names {len(names)}, but the names of conditions have "
+            f"{' and '.join(found) or 'none'}: conditions are called by all of their levels, as "
+            "fast_tired, and all combinations must be there."
+        )
+    return dict(zip(names, found.values(), strict=True))
 
 
 def _with_effects(estimator: Any, group: Any) -> Any:

@@ -116,7 +116,7 @@ class Mended(Told):
                 [
                     row["parameter"],
                     *(
-                        f"{number(row[v], sd)} ± {number(sd, sd)}"
+                        f"{number(row[v], sd)} ± {number(sd, sd)} ({row[f'{v}_n']})"
                         for v in VERSIONS
                         for sd in [row[f"{v}_sd"]]
                     ),
@@ -124,10 +124,8 @@ class Mended(Told):
                 ]
                 for row in self.versions.to_dict("records")
             ]
-            n = {v: int(self.versions[f"{v}_n"].max()) for v in VERSIONS}
-            header = ["", *(f"{text} ({n[v]})" for v, text in VERSIONS.items()), "unit"]
-            caption = "Means over people ± spread between them (and how many people there are)"
-            blocks.append(TextTable(caption, header, rows))
+            caption = "Means over people ± spread between them (and how many they are)"
+            blocks.append(TextTable(caption, ["", *VERSIONS.values(), "unit"], rows))
         return Document("Changed in the recordings, before anything was identified", blocks)
 
 

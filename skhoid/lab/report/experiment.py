@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from ...effects import title_of, titles_of
 from ...recordings import ExperimentCheck
 from ...text import DASH, VAF_RULE, TextTable, as_sentence, counted, p_number
+from ..experiment.factors import Factors
 from ..experiment.group import (
     GroupEffectSearch,
     contrast_lines,
@@ -22,9 +23,11 @@ from ..experiment.group import (
     leaves_unknown,
     notes,
     single_lines,
+    tell_limit,
 )
 from ..experiment.groups import ALL, Group, read_groups
 from ..experiment.mending import Mended
+from ..experiment.mixed import tell_changes
 from ..experiment.people import PeopleResult
 from .experiment_parts import parameters_section, people_section, people_text, sure_text
 from .page import Page, advise, provenance
@@ -91,6 +94,7 @@ def experiment_content(
     *,
     check: ExperimentCheck | None,
     reference: Any,
+    factors: Factors | None,
     source: str | None,
     made_with: dict[str, str] | None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -99,12 +103,12 @@ def experiment_content(
     names = [*given.subjects, *given.conditions, *given.people.runs["run"].unique()]
     gallery = ExperimentGallery(map(str, names))
     anchors = {who: f"person-{number}" for number, who in enumerate(given.subjects, 1)}
-    parameters, statistics = parameters_section(given, reference, gallery)
+    parameters, statistics = parameters_section(given, reference, factors, gallery)
     content = {
         "in_short": _in_short(given),
         "sections": {k: title for k, title in SECTIONS.items() if k != "effects" or given.group},
         "vaf_rule": VAF_RULE,
-        "verdict": _verdict(given),
+        "verdict": _verdict(given, tell_changes(statistics.values(), given.people.meanings)),
         "facts": list(_facts(given)),
         "source": source,
         "data": _data(given, groups, check, anchors),
@@ -153,32 +157,36 @@ def _counts(given: Experiment) -> str:
     return f"{people_text(len(given.subjects))}{several}"
 
 
-def _verdict(given: Experiment) -> dict[str, Any]:
+def _verdict(given: Experiment, changes: list[str]) -> dict[str, Any]:
+    """What conditions change, then what the group has, and who is wrong."""
     group = given.group
     people = given.people.groups.drop_duplicates(KEY)
     vaf = people["vaf"].dropna()
+    said = [_upper(text) for text in changes]
     if group is None:
         text = f"{_counts(given)}, identified by {_name_class(given.people.estimator)}"
         if len(vaf):
             text += f": VAF {vaf.min():.0f} to {vaf.max():.0f} %, median {vaf.median():.0f} %"
-        sentences = ["Which effects the models miss has not been asked."]
-        return {"kind": "none", "headline": f"{text}.", "sentences": [*sentences, *_odd(given)]}
-    single = list(single_lines(group))
-    sentences = [_upper(line) for line in (*group_lines(group), *single[:SINGLE])]
-    if len(single) > SINGLE:
-        sentences.append(f"And {len(single) - SINGLE} more effects of single people.")
-    unknown = sum(leaves_unknown(group.people_))
-    if unknown:
-        sentences.append(
-            f"Something without a name is still missing in {unknown} of {len(group.people_)} "
-            "searches."
-        )
-    kind = "found" if group.group_effects_ else "none" if single else "nothing"
-    return {
-        "kind": kind,
-        "headline": headline(group),
-        "sentences": [*sentences, *_odd(given)],
-    }
+        said.append(f"{text}.")
+        kind, rest = "none", ["Which effects the models miss has not been asked."]
+    else:
+        single = list(single_lines(group))
+        kind = "found" if group.group_effects_ else "none" if single else "nothing"
+        said.append(headline(group))
+        rest = [_upper(line) for line in (*contrast_lines(group), *group_lines(group))]
+        rest += map(_upper, single[:SINGLE])
+        if len(single) > SINGLE:
+            rest.append(f"And {len(single) - SINGLE} more effects of single people.")
+        unknown = sum(leaves_unknown(group.people_))
+        if unknown:
+            rest.append(
+                f"Something without a name is still missing in {unknown} of {len(group.people_)} "
+                "searches."
+            )
+    if not changes and len([c for c in given.conditions if c != ALL]) > 1:
+        rest.append("No parameter differs between conditions beyond chance.")
+    sentences = [*said[1:], *rest, *_odd(given)]
+    return {"kind": "found" if changes else kind, "headline": said[0], "sentences": sentences}
 
 
 def _upper(text: str) -> str:
@@ -321,11 +329,17 @@ def _effects(group: GroupEffectSearch, gallery: ExperimentGallery) -> dict[str, 
             f"{100 * row['low']:.0f} to {100 * row['high']:.0f}",
             f"{100 * row['p_group']:.1f}",
             _told(row["with_it"], row["without"]),
-            _told(row["without"], row["with_it"]),
+            _told(row["without"], row["with_it"])
+            + tell_limit(
+                group,
+                row["effect"],
+                row["without"],
+                None if row["condition"] == ALL else [row["condition"]],
+            ),
         ]
         for row in table.to_dict("records")
     ]
-    left = ["effect", "condition", "of the group", "who has it", "who has it not"]
+    left = ["effect", "condition", "of the group", "shown in", "not shown in"]
     numbers = ["people", "prevalence, %", "95 % interval", "probability, %"]
     nobodys = [name for name in dict.fromkeys(whole["effect"]) if name not in had]
     contrasts = [
@@ -400,9 +414,12 @@ def _unlike_the_group(group: GroupEffectSearch) -> Iterator[tuple[Any, str]]:
         where = "" if len(unlike) == len(rows) else f" in {_some(list(unlike['condition']))}"
         ends = dict.fromkeys(sure_text(edge) for edge in np.quantile(unlike["probability"], [0, 1]))
         sure = " to ".join(ends)
-        verb = "Has not" if of_group else "Has"
-        rest = ", which the group has" if of_group else ", which is not the group's"
-        yield who, f"{verb} {title}{where}{rest} (probability of having it: {sure})."
+        if of_group:
+            limit = tell_limit(group, str(effect), [who], list(unlike["condition"]))
+            said = f"{_upper(title)}, which the group has, is not shown{where}{limit}"
+        else:
+            said = f"{_upper(title)}, which is not the group's, is shown{where}"
+        yield who, f"{said}; probability of having it: {sure}."
 
 
 def _next_steps(given: Experiment, check: ExperimentCheck | None) -> Iterator[dict[str, str]]:
@@ -508,6 +525,7 @@ def report_experiment(
     check: ExperimentCheck | None = None,
     mended: Mended | None = None,
     reference: Any = None,
+    factors: Factors | None = None,
     title: str | None = None,
     source: str | None = None,
     made_with: dict[str, str] | None = None,
@@ -532,6 +550,8 @@ def report_experiment(
         What :func:`skhoid.lab.experiment.mend_recordings` changed in the recordings before.
     reference : label or None, default=None
         Condition against which the others are compared; None compares all pairs.
+    factors : dict, sequence of str or None, default=None
+        What conditions are combinations of, as in :func:`skhoid.lab.experiment.mixed_model`.
     title : str or None, default=None
         Title of the page.
     source : str or None, default=None
@@ -565,7 +585,8 @@ def report_experiment(
     """
     if isinstance(experiment, GroupEffectSearch):
         check_is_fitted(experiment, "prevalence_")
-        given = Experiment(experiment, people or experiment.identified_, people is not None, mended)
+        own = people and people.of_members(experiment.members_)
+        given = Experiment(experiment, own or experiment.identified_, people is not None, mended)
     elif isinstance(experiment, PeopleResult):
         given = Experiment(None, experiment, True, mended)
     else:
@@ -585,6 +606,7 @@ def report_experiment(
         y,
         check=check,
         reference=reference,
+        factors=factors,
         source=source,
         made_with=made_with,
     )
