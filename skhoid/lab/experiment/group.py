@@ -389,7 +389,7 @@ class GroupEffectSearch(BaseEstimator):
                 for (who, where), search in found.items()
             ],
             ignore_index=True,
-        )
+        ).astype(dict.fromkeys(("limit", "limit_points", "shown_from", "shown_points"), float))
         self.people_ = self._people(groups)
         return self
 
