@@ -20,7 +20,9 @@ import pandas as pd
 WIDTH = 88  # columns
 LABEL = 16  # columns of a label in the header
 DASH = "-"
-VAF_RULE = "VAF is about zero and not clipped unless it says otherwise."
+VAF_RULE = (
+    "VAF compares with zero, not with the mean, and is not clipped, unless it says otherwise."
+)
 STYLE = """<style>
 .skhoid-summary {color: inherit; font-size: 0.9em; margin-top: 0.5em; overflow-x: auto}
 .skhoid-summary p {margin: 0.4em 0}
@@ -426,7 +428,7 @@ def quantity(value: float, unit: str | None) -> str:
 
 
 def vaf_name(*, centered: bool = False, clipped: bool = False) -> str:
-    """Name of a VAF: the plain word means about zero and not clipped (``VAF_RULE``)."""
+    """Name of a VAF: the plain word compares with zero, and is not clipped (``VAF_RULE``)."""
     kinds = ["about the mean"] * centered + ["clipped at 0"] * clipped
     return f"VAF ({', '.join(kinds)})" if kinds else "VAF"
 

@@ -68,7 +68,7 @@ def test_text_names_what_each_vaf_is(files, capsys):
     assert main(words(files, "--domain", "machine")) == 0
     printed = capsys.readouterr().out
     assert "VAF, free run" in printed
-    assert "VAF is about zero and not clipped unless it says otherwise." in printed
+    assert "VAF compares with zero, not with the mean" in printed
 
 
 @pytest.mark.slow
