@@ -48,7 +48,7 @@ html_show_sourcelink = False
 html_context = {"default_mode": "auto"}  # light or dark as the reader has it
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
-html_js_files = ["labels.js"]
+html_js_files = ["labels.js", "filter.js"]
 html_sidebars = {"index": [], "api": [], "generated/**": []}  # a list of 170 names helps nobody
 html_theme_options = {
     "logo": {

@@ -20,7 +20,9 @@ import pandas as pd
 WIDTH = 88  # columns
 LABEL = 16  # columns of a label in the header
 DASH = "-"
-VAF_RULE = "VAF is about zero and not clipped unless it says otherwise."
+VAF_RULE = (
+    "VAF compares with zero, not with the mean, and is not clipped, unless it says otherwise."
+)
 STYLE = """<style>
 .skhoid-summary {color: inherit; font-size: 0.9em; margin-top: 0.5em; overflow-x: auto}
 .skhoid-summary p {margin: 0.4em 0}
@@ -143,6 +145,17 @@ class Note:
         return self.text + (f" ({self.hint})" if self.hint else "")
 
 
+class Step(str):
+    """What to do next, as one does it in Python; ``typed`` is the same at the command line."""
+
+    typed: str
+
+    def __new__(cls, text: str, typed: str = "") -> Step:
+        step = super().__new__(cls, text)
+        step.typed = typed or text
+        return step
+
+
 @dataclass(frozen=True)
 class Heading:
     """The title of a part."""
@@ -227,12 +240,12 @@ class Document:
     blocks: Sequence[Block]
     ruled: bool = False
 
-    def text(self, width: int = WIDTH, say: Callable[[Note], str] | None = None) -> Summary:
+    def text(self, width: int = WIDTH, say: Callable[[Note | str], str] | None = None) -> Summary:
         """Lines of at most ``width`` columns.
 
-        ``say`` puts a note into words; None takes its text, and what one writes in Python.
+        ``say`` puts a note or a step into words; None takes what one writes in Python.
         """
-        say = say or (lambda note: note.with_hint)
+        say = say or (lambda said: said.with_hint if isinstance(said, Note) else said)
         if not self.ruled:
             lines, after = wrapped(self.title, width=width), None
             for block in self.blocks:
@@ -415,7 +428,7 @@ def quantity(value: float, unit: str | None) -> str:
 
 
 def vaf_name(*, centered: bool = False, clipped: bool = False) -> str:
-    """Name of a VAF: the plain word means about zero and not clipped (``VAF_RULE``)."""
+    """Name of a VAF: the plain word compares with zero, and is not clipped (``VAF_RULE``)."""
     kinds = ["about the mean"] * centered + ["clipped at 0"] * clipped
     return f"VAF ({', '.join(kinds)})" if kinds else "VAF"
 
@@ -445,7 +458,7 @@ def wrapped(text: str, indent: str = "", width: int = WIDTH) -> list[str]:
     return textwrap.wrap(text, width, subsequent_indent=indent)
 
 
-def _lines(block: Block, width: int, say: Callable[[Note], str]) -> list[str]:
+def _lines(block: Block, width: int, say: Callable[[Note | str], str]) -> list[str]:
     """A block as lines of text."""
     match block:
         case Heading(text) | Paragraph(text):
@@ -458,7 +471,8 @@ def _lines(block: Block, width: int, say: Callable[[Note], str]) -> list[str]:
                 mark = f"{number}. " if numbered else "- "
                 lines += wrapped(mark + title, " " * len(mark), width)
                 indent = " " * (len(mark) + 2)
-                lines += [indent + line for line in _labelled(parts, width - len(indent))]
+                told = {label: say(part) for label, part in parts.items()}
+                lines += [indent + line for line in _labelled(told, width - len(indent))]
             return lines
         case TextTable(caption):
             return wrapped(caption, width=width) + block.lines(width)

@@ -29,7 +29,7 @@ print(search.summary())
 # %%
 # In a notebook this line shows the component, and the kernel computes: every effect can be added,
 # and its numbers have sliders. On this page there is no kernel: here you have the combinations of
-# the effects found. Add both, and drag over a plot to see where the rest of the error is.
+# the effects found. It opens with both: take one away, and drag over a plot to see where it fails.
 
 search.explore()
 

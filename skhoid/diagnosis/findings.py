@@ -18,7 +18,7 @@ from ..pipelines import taken_apart
 from ..preprocessing.base import as_fitted
 from ..recordings.recording import Finding
 from ..runs.roles import is_external, role_of
-from ..text import counted, gap_text, p_text, vaf_name
+from ..text import Step, counted, gap_text, p_text, vaf_name
 from .ceiling import Route
 from .leaks import band_edge, can_have_learnt
 from .signals import Signals
@@ -34,8 +34,7 @@ WORDS = {
         "learning": "The person is still learning (falling) or tiring (growing) from run to run.",
         "bias": "An offset of the recording, a trim of the stick, or integral action.",
         "level": "A stop of the stick, a limit of the recording, or a level the person returns to.",
-        "outlier": "A spike or a gap of the recording, something that the model does not have (an "
-        "onset, a dead zone, a stop), or a slip of the hand.",
+        "outlier": "A spike or a gap of the recording, or a slip of the hand.",
         "gain change": "The person's parameters change within the run; the model's do not, or not "
         "as much.",
         "remnant power change": "Effort or workload change, or the remnant's gain follows the "
@@ -55,8 +54,7 @@ WORDS = {
         "learning": "It warms up, wears, or drifts from run to run.",
         "bias": "An offset of the recording or the actuator, a constant load, or integral action.",
         "level": "A stop, a limit of the actuator or of the recording, or a level of rest.",
-        "outlier": "A spike or a gap of the recording, something that the model does not have (an "
-        "onset, a dead zone, a stop), or a shock.",
+        "outlier": "A spike or a gap of the recording, or a shock.",
         "gain change": "Gain or dynamics change within the run; the model's do not, or not as "
         "much.",
         "remnant power change": "The noise depends on time or on the operating point.",
@@ -108,120 +106,139 @@ class NextSteps:
         inputs = getattr(self._model, "inputs_", []) if all_columns else self._inputs
         return "disturbance" in self._effects or signal in inputs
 
-    def _unless_it_has(self, effects: str, step: str) -> str:
+    def _unless_it_has(self, effects: str, step: str, typed: str = "") -> Step:
         """A step, or another one where the model has one of these effects already."""
         name = next((title_of(name) for name in effects.split() if name in self._effects), "")
         if not name:
-            return step
-        return (
-            f"The model already has the effect {name}: fit it on runs of the same condition, or "
-            "search what else is missing (EffectSearchCV)."
-        )
+            return Step(step, typed)
+        again = f"The model already has the effect {name}: fit it on runs of the same condition, or"
+        return Step(f"{again} search what else is missing (EffectSearchCV).", f"{again} {ALL}.")
 
-    def delay(self, seconds: float) -> str:
+    def delay(self, seconds: float) -> Step:
         """For a delay that should be some seconds longer, or shorter where negative."""
         if self._arx:
-            return "Search the delay again (DelaySearchCV)."
+            again = "Search the delay again"
+            return Step(f"{again} (DelaySearchCV).", f"{again}: skhoid identify without --nk.")
         if not self.is_operator:
             more = "more" if seconds > 0 else "less"
-            return f"Delay the inputs of the model {abs(seconds):.2g} s {more}."
+            return Step(f"Delay the inputs of the model {abs(seconds):.2g} s {more}.")
         delay = self._told.delay
         if delay is not None and "wrong_delay" not in self._effects:
-            return (
-                f"Free the delay, which was given as {delay:g} s: delay=None, or "
-                '.with_effect("wrong_delay").'
+            free = f"Free the delay, which was given as {delay:g} s:"
+            return Step(
+                f'{free} delay=None, or .with_effect("wrong_delay").', f"{free} leave --delay out."
             )
-        return (
-            "The model estimates its delay: fit it on runs of the same condition, or search what "
-            "else is missing (EffectSearchCV)."
-        )
+        again = "The model estimates its delay: fit it on runs of the same condition, or"
+        return Step(f"{again} search what else is missing (EffectSearchCV).", f"{again} {ALL}.")
 
-    def leak(self) -> str:
+    def leak(self) -> Step:
         """For a model that rebuilds the output from what it caused."""
-        what = "nk" if self._arx else "the delay"
-        return (
-            f"Give every path from e, x and f_t a least delay ({what}), or leave x out; judge "
-            "by simulating the closed loop."
-        )
+        what, typed = ("nk", "--nk") if self._arx else ("the delay", "--delay")
+        first = "Give every path from e, x and f_t a least delay"
+        last = "or leave x out; judge by simulating the closed loop."
+        return Step(f"{first} ({what}), {last}", f"{first} ({typed}), {last}")
 
-    def bias(self) -> str:
+    def bias(self) -> Step:
+        means = "subtract the mean of each run from X and y"
         if getattr(self._told, "fit_intercept", False):
-            return (
-                "The model has an intercept already: fit it on runs of the same condition, or "
-                "subtract the mean of each run from X and y."
-            )
-        first = "S"
+            again = "The model has an intercept already: fit it on runs of the same condition"
+            return Step(f"{again}, or {means}.", f"{again}.")
+        step, typed = f"{means[0].upper()}{means[1:]}.", ""
         if self.is_operator:
-            first = 'Add it, .with_effect("bias"), or s'
+            step, typed = f'Add it, .with_effect("bias"), or {means}.', f"Add it: {SEARCH} bias."
         elif hasattr(self._model, "fit_intercept"):
-            first = "fit_intercept=True, or s"
-        step = f"{first}ubtract the mean of each run from X and y."
-        return self._unless_it_has("bias", step)
+            step, typed = f"fit_intercept=True, or {means}.", "Fit it without --keep-means."
+        return self._unless_it_has("bias", step, typed)
 
-    def level(self) -> str:
+    def level(self) -> Step:
         """For an output that stays at a level."""
+        rest = "at this level, or record with a wider range; free runs of a linear model go beyond "
         return self._unless_it_has(
             "saturation",
-            "Add a saturation at this level, or record with a wider range; free runs of a linear "
-            "model go beyond it.",
+            f"Add a saturation {rest}it.",
+            f"Add a saturation ({SEARCH} saturation) {rest}it.",
         )
 
-    def change(self) -> str:
+    def change(self) -> Step:
         """For a response that changes within the run."""
         step = "Use a shorter memory horizon (RecursiveARXCV finds it)."
+        typed = "Use a shorter memory: skhoid identify --memory-time S."
         if not hasattr(self._model, "coef_path_"):
             step = (
                 "Use RecursiveARX (memory_horizon by RecursiveARXCV), or a gain that varies over "
                 "time."
             )
-        return self._unless_it_has("tv_gain gain_drift scheduled_gain tv_delay", step)
+            typed = "Follow the change (skhoid identify --memory-time S), or let the gain vary "
+            typed += f"over time: {SEARCH} tv_gain."
+        return self._unless_it_has("tv_gain gain_drift scheduled_gain tv_delay", step, typed)
 
-    def drift(self) -> str:
+    def drift(self) -> Step:
         """For a mean that changes within the run."""
         step = "Add a drift, or subtract the mean of each run from X and y."
-        return self._unless_it_has("drift", step)
+        return self._unless_it_has("drift", step, f"Add a drift: {SEARCH} drift.")
 
-    def nonlinearity(self, harder: bool) -> str:
+    def nonlinearity(self, harder: bool) -> Step:
         """For a response that is weaker at small amplitudes (``harder``), or at large ones."""
         if harder:
-            step = "Add a dead zone on the error, or an amplitude-dependent gain."
-            return self._unless_it_has("dead_zone cubic_gain", step)
-        step = "Add a saturation, or an amplitude-dependent gain; check the range recorded."
-        return self._unless_it_has("saturation rate_limit cubic_gain", step)
+            step = "Add a dead zone on the error, or an amplitude-dependent gain"
+            return self._unless_it_has(
+                "dead_zone cubic_gain", f"{step}.", f"{step}: {SEARCH} dead_zone cubic_gain."
+            )
+        step, last = "Add a saturation, or an amplitude-dependent gain", "check the range recorded."
+        return self._unless_it_has(
+            "saturation rate_limit cubic_gain",
+            f"{step}; {last}",
+            f"{step} ({SEARCH} saturation cubic_gain); {last}",
+        )
 
-    def asymmetry(self) -> str:
+    def asymmetry(self) -> Step:
         """For a response that is stronger to one sign."""
-        return self._unless_it_has("asym_gain rectified", "Add a gain for each sign, or a bias.")
+        step = "Add a gain for each sign, or a bias"
+        return self._unless_it_has(
+            "asym_gain rectified", f"{step}.", f"{step}: {SEARCH} asym_gain bias."
+        )
 
-    def follow(self, signal: str) -> str:
+    def follow(self, signal: str) -> Step:
         """For a residual that follows a signal from outside the loop."""
+        typed = ""
         if signal in self._inputs:
             step = f"{signal!r} is an input already: give it another delay or orders of its own."
         elif signal != "f_t":
             step = f"Add {signal!r} as an input."
+            typed = f"Add {signal!r} as an input of skhoid identify."
             if self.is_operator:
                 step = 'Add it, .with_effect("disturbance").'
+                typed = f"Add it: {SEARCH} disturbance."
         elif self.is_operator:
             step = 'Add .with_effect("feedforward") on a pursuit display, otherwise "extra_lead".'
+            typed = f"On a pursuit display: {SEARCH} feedforward; otherwise {SEARCH} extra_lead."
         else:
             step = (
                 "On a pursuit display, add the target as an input, inputs=['e', 'f_t']; otherwise "
                 "a lead."
             )
+            typed = "On a pursuit display, add the target as an input: skhoid identify --input e "
+            typed += "f_t, by the names of your columns; otherwise a higher order (--nb)."
         known = "feedforward preview" if signal == "f_t" else "disturbance"
-        return self._unless_it_has(known, step)
+        return self._unless_it_has(known, step, typed)
 
-    def overfit(self, could: bool = True) -> str:
+    def overfit(self, could: bool = True) -> Step:
         if not could:
-            return "Compare the runs (by_run), and fit on some of each condition."
+            last = "and fit on some of each condition."
+            return Step(f"Compare the runs (by_run), {last}", f"Compare the runs above, {last}")
         longer = ", or a longer memory horizon" if hasattr(self._model, "coef_path_") else ""
-        return f"Fewer parameters{longer}."
+        return Step(f"Fewer parameters{longer}.")
 
-    def unknown(self) -> str:
-        what = "orders (OrderSearchCV)" if self._arx else "effects (EffectSearchCV)"
-        return f"Look at the response over frequency; search the {what}."
+    def unknown(self) -> Step:
+        look = "Look at the response over frequency; search the"
+        if self._arx:
+            return Step(f"{look} orders (OrderSearchCV).", f"{look} orders: skhoid identify.")
+        return Step(f"{look} effects (EffectSearchCV).", f"{look} effects: skhoid diagnose.")
 
 
+# How one searches at the command line: for some effects, and for all.
+SEARCH = "skhoid diagnose --effects"
+ALL = "search what else is missing (skhoid diagnose)"
 REMARKS = ("first samples", "jitter", "constant channel", "missing samples", "clock jitter", "gaps")
 # % of VAF about the mean: five parameters fitted to 100 rows explain as much by chance.
 LEAST_EXPLAINED = 5.0
@@ -295,8 +312,12 @@ class Advice:
                 f"In run {test.signal} control was lost at about {test.where:.4g} s",
                 f"For 4 s or more the error is {test.size:.1f} times its usual size in these runs.",
                 self.words["lost control"],
-                "Leave the stretch out of estimation and validation. EffectSearchCV and skhoid "
-                "identify do so.",
+                Step(
+                    "Leave the stretch out of estimation and validation. EffectSearchCV and skhoid "
+                    "identify do so.",
+                    "Leave the stretch out of estimation and validation. skhoid diagnose and "
+                    "identify do so.",
+                ),
                 "runs",
             )
         outlying = self._all("outlying run")
@@ -317,7 +338,10 @@ class Advice:
                 f"The residual power {more} by {abs(test.size):.0f} % per run",
                 f"Trend of its logarithm over the runs, {p_text(test.p)}.",
                 self.words["learning"],
-                "Fit the last runs only, select_runs(X, y, last=5), or compare first and last.",
+                Step(
+                    "Fit the last runs only, select_runs(X, y, last=5), or compare first and last.",
+                    "Fit the last runs only, or compare first and last: name their files.",
+                ),
                 "runs",
             )
 
@@ -343,8 +367,12 @@ class Advice:
                 f"A single event in run {test.signal} at {test.where:.4g} s: {test.size:.0f} "
                 "standard deviations",
                 f"Largest whitened residual; {p_text(test.p)} if the remnant is normal.",
-                self.words["outlier"],
-                "Look at the traces there; set wrong samples to NaN (they are then left out).",
+                self._singled_out(),
+                Step(
+                    "Look at the traces there; set wrong samples to NaN (they are then left out).",
+                    "Look at the traces there; empty wrong samples of the output in the file (they "
+                    "are then left out).",
+                ),
                 "time",
             )
         # Distortion is what a nonlinearity or a change in time leaves: it is reported once.
@@ -363,6 +391,22 @@ class Advice:
                 self.then.level(),
                 "amplitude",
             )
+
+    def _singled_out(self) -> str:
+        """What a single event may be; where the model lacks something, that first."""
+        own, shown = self.words["outlier"], ("nonlinearity", "asymmetry", "distortion")
+        if any(map(self._all, ("explainable gap", *shown))):
+            return (
+                "Perhaps the place where it costs most that the model lacks something, as the "
+                f"other findings say: look for that first. If the event stays: {own[:1].lower()}"
+                f"{own[1:]}"
+            )
+        if self.c.ceiling.route.separates:
+            return own
+        return (
+            f"{own.rstrip('.')}; or something that the model does not have, such as an onset, a "
+            "dead zone or a stop."
+        )
 
     def _distorted(self, test: Any) -> Finding:
         odd = " of odd order, such as a cubic gain or stiffness, a dead zone, saturation"
@@ -411,7 +455,7 @@ class Advice:
                 f"{p_text(lag.p)}; it costs about {self._points(lag.cost)}.",
                 "The delay of the model is wrong, or its lag or lead: a fit biased by remnant in "
                 "the loop does that too.",
-                f"{self.then.delay(lag.size)} Compare with Fourier coefficients.",
+                self.then.delay(lag.size),
                 "frequency",
                 lag.cost,
             )
@@ -424,8 +468,12 @@ class Advice:
                 f"{p_text(gain.p)}; it costs about {self._points(gain.cost)}.",
                 "The gain differs from that of the runs used for the fit, or the fit is biased by "
                 "remnant in the loop or by a short memory.",
-                "Fit on runs of the same condition; compare with Fourier coefficients or "
-                'instruments (ARXRegressor(method="iv")).',
+                Step(
+                    "Fit on runs of the same condition; compare with Fourier coefficients or "
+                    'instruments (ARXRegressor(method="iv")).',
+                    "Fit on runs of the same condition; compare with instruments: skhoid identify "
+                    "--method iv.",
+                ),
                 "frequency",
                 gain.cost,
             )
@@ -562,7 +610,12 @@ class Advice:
                 "VAF of the same runs.",
                 "The next sample is close to the last one, whatever the model. Only a free run "
                 "shows whether it has the response.",
-                "Judge by the free run; lower the sampling rate (Decimator), or search the orders.",
+                Step(
+                    "Judge by the free run; lower the sampling rate (Decimator), or search the "
+                    "orders.",
+                    "Judge by the free run; lower the sampling rate (skhoid identify --decimate N)"
+                    ", or search the orders.",
+                ),
                 "overview",
             )
 
@@ -646,8 +699,11 @@ class Advice:
                 f"{groups[0].n_runs} runs have the same target.",
                 "Validation cannot separate what repeats with the target from what repeats with "
                 "time.",
-                "Record a second realisation of the target (make_tracking_runs(random_phases=True) "
-                "shows how they differ).",
+                Step(
+                    "Record a second realisation of the target "
+                    "(make_tracking_runs(random_phases=True) shows how they differ).",
+                    "Record a second realisation of the target.",
+                ),
             )
 
 

@@ -205,6 +205,7 @@ SAME_STEP = 1.01  # ratio of sampling times
 AGREE = 2 / 3  # share of the others whose relation has the usual form
 USUAL = 0.5  # cosine with the usual relation, from which on it has its form
 OPPOSITE = -0.5  # cosine, from which down it is the opposite one
+SURELY_OPPOSITE = -0.8  # the same, below which nothing but the sign explains it
 MOSTLY_OPPOSITE = -0.4  # mean cosine of all relations of a channel that is inverted
 RELATED = 0.2  # correlation at some lag, below which channels are not related
 FACTORS = {
@@ -227,7 +228,11 @@ BETTER = 0.25  # of it, that is left when the channels are exchanged
 
 @dataclass(frozen=True)
 class BetweenFinding:
-    """A fault and whose it is; an empty list of people, conditions or runs stands for all."""
+    """A fault and whose it is; an empty list of people, conditions or runs stands for all.
+
+    ``channel`` is the one to invert, if that mends it; ``sure`` says that nothing else explains it,
+    so that an analysis goes on with the channel inverted, or else without these runs.
+    """
 
     subjects: list[Any]
     conditions: list[Any]
@@ -236,6 +241,8 @@ class BetweenFinding:
     title: str
     evidence: str
     next_step: str
+    channel: str = ""
+    sure: bool = False
 
 
 def compare_people(recordings: Recordings) -> list[BetweenFinding]:
@@ -258,20 +265,23 @@ def _findings(
     title: str,
     evidence: str,
     next_step: str,
+    channel: str = "",
+    sure: bool = False,
 ) -> Iterator[BetweenFinding]:
     """One finding of a person; of a condition, and of runs, if others of the person are right."""
+    told = (name, title, evidence, next_step, channel, sure)
     runs = list(wrong)
     subject = runs[0].subject
     conditions = list(dict.fromkeys(run.condition for run in runs))
     every = len(runs) == len(recordings.of(subject))
     if every:
-        yield BetweenFinding([subject], [], [], name, title, evidence, next_step)
+        yield BetweenFinding([subject], [], [], *told)
         return
     for condition in conditions:
         own = [run.run for run in runs if run.condition == condition]
         whole = len(own) == len(recordings.of(subject, condition))
         labels = [] if whole else own
-        yield BetweenFinding([subject], [condition], labels, name, title, evidence, next_step)
+        yield BetweenFinding([subject], [condition], labels, *told)
 
 
 def _same_data(recordings: Recordings) -> Iterator[BetweenFinding]:
@@ -315,7 +325,8 @@ def _clocks(recordings: Recordings) -> Iterator[BetweenFinding]:
         else:
             title = f"{subject} was recorded at another rate, {1 / step:.4g} Hz"
             step_text = f"Put all runs on one grid: resample_runs(X, y, dt={max(step, usual):.6g})."
-        yield from _findings(recordings, runs, "clock", title, evidence, step_text)
+        sure = factor is not None
+        yield from _findings(recordings, runs, "clock", title, evidence, step_text, sure=sure)
 
 
 def _durations(recordings: Recordings) -> Iterator[BetweenFinding]:
@@ -392,40 +403,45 @@ def _inverted(recordings: Recordings) -> Iterator[BetweenFinding]:
             for run in recordings.of(subject, condition):
                 if pair in run.curves and np.abs(run.curves[pair]).max() > RELATED:
                     likeness[id(run)][pair] = _cosine(run.curves[pair], usual)
-    wrong: dict[tuple[Any, str], list[RunFacts]] = defaultdict(list)
-    least: dict[tuple[Any, str], float] = defaultdict(lambda: -1.0)
+    wrong: dict[tuple[Any, tuple[str, ...]], list[RunFacts]] = defaultdict(list)
+    least: dict[tuple[Any, tuple[str, ...]], float] = defaultdict(lambda: -1.0)
     for number, of_pairs in likeness.items():
-        channel = _opposite_channel(of_pairs, recordings.channels)
-        if channel is not None:
-            key = by_id[number].subject, channel
+        channels = _opposite_channels(of_pairs, recordings.channels)
+        if channels:
+            key = by_id[number].subject, channels
             wrong[key].append(by_id[number])
             least[key] = max(least[key], min(of_pairs.values()))
-    for (subject, channel), runs in wrong.items():
+    for (subject, channels), runs in wrong.items():
+        channel = " or ".join(channels)
         yield from _findings(
             recordings,
             runs,
             "opposite sign",
             f"{channel} of {subject} has the opposite sign of the others'",
             f"Its correlations with other channels, at lags up to 1 s, have the form of the "
-            f"others' with the opposite sign (likeness {least[subject, channel]:.2f}; -1 is the "
+            f"others' with the opposite sign (likeness {least[subject, channels]:.2f}; -1 is the "
             "exact opposite).",
             f"Check the polarity of {channel} there, and multiply it by -1 if it was inverted.",
+            channels[0],
+            least[subject, channels] < SURELY_OPPOSITE,
         )
 
 
-def _opposite_channel(likeness: dict[tuple[str, str], float], channels: list[str]) -> str | None:
+def _opposite_channels(
+    likeness: dict[tuple[str, str], float], channels: list[str]
+) -> tuple[str, ...]:
     """The channel whose relations are the most opposite; of two channels alone, both."""
     if min(likeness.values()) > OPPOSITE:
-        return None
+        return ()
     if len(channels) == 2:
-        return " or ".join(reversed(channels))
+        return tuple(reversed(channels))
     means = {
         channel: float(np.mean(own))
         for channel in channels
         if (own := [value for pair, value in likeness.items() if channel in pair])
     }
     channel = min(reversed(list(means)), key=lambda name: means[name])
-    return channel if means[channel] < MOSTLY_OPPOSITE else None
+    return (channel,) if means[channel] < MOSTLY_OPPOSITE else ()
 
 
 def _usual_curve(curves: dict[Any, np.ndarray], subject: Any) -> np.ndarray | None:
@@ -479,6 +495,7 @@ def _gains(recordings: Recordings) -> Iterator[BetweenFinding]:
             "condition; people differ by less.",
             f"Check unit and gain of {named} there. {near}radians for degrees make 57.3, mm for m "
             "make 1000.",
+            sure=abs(deviation) > np.log(NOT_LOST),
         )
 
 
@@ -558,6 +575,7 @@ def _swapped(recordings: Recordings) -> Iterator[BetweenFinding]:
                 f"{best[0] ** 0.5:.3g} standard deviations, exchanged by {best[1] ** 0.5:.3g}.",
                 f"Compare both with the others', and exchange them: inputs={{{one!r}: {other!r}, "
                 f"{other!r}: {one!r}}}.",
+                sure=True,
             )
 
 

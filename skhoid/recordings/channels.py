@@ -12,7 +12,7 @@ from ..exceptions import RunIndexError
 from ..preprocessing.gate import SingleColumn, as_table
 from ..runs import GAP, JITTER_TOLERANCE, snap
 from ..runs.roles import of_person
-from ..text import counted
+from ..text import Step, counted
 from .rates import check_rates
 from .recording import Finding, RawRecording, join_names, read_recording
 
@@ -289,9 +289,10 @@ def _first_samples(recording: RawRecording) -> Iterator[Finding]:
             )
 
 
-def _leave_out(number: int, dt: float) -> str:
+def _leave_out(number: int, dt: float) -> Step:
     start = f"{number * dt:.3g}"
-    return f"Leave out the first {start} s there: cut the rows, or RunInTrimmer(run_in={start})."
+    step = f"Leave out the first {start} s there: cut the rows, or"
+    return Step(f"{step} RunInTrimmer(run_in={start}).", f"{step} --run-in {start}.")
 
 
 def _jump(early: np.ndarray, late: np.ndarray) -> int | None:
@@ -336,7 +337,10 @@ def _clock(recording: RawRecording) -> Iterator[Finding]:
             f"The median step is {min(typical):.6g} s in one run and {max(typical):.6g} s in "
             "another.",
             "A lag in samples then differs in time between runs.",
-            f"Put the runs on one grid: X, y = resample_runs(X, y, dt={snap(max(typical)):g}).",
+            Step(
+                f"Put the runs on one grid: X, y = resample_runs(X, y, dt={snap(max(typical)):g}).",
+                f"Put the runs on one grid: --resample --dt {snap(max(typical)):g}.",
+            ),
         )
     found = [role for role in ("e", "x", "f_t") if recording.signals.of_role(role)[0] is not None]
     if min(typical) >= SLOWEST and of_person(found):
@@ -345,8 +349,12 @@ def _clock(recording: RawRecording) -> Iterator[Finding]:
             f"The clock advances by {recording.dt:g} per row",
             f"All {counted(recording.time.size, 'value')} of time were taken as seconds.",
             "Nobody steers that slowly: these are row numbers, or milliseconds.",
-            "Read milliseconds with units={'t': 'ms'}; for row numbers give the sampling time in "
-            "s, dt=, in place of the time column.",
+            Step(
+                "Read milliseconds with units={'t': 'ms'}; for row numbers give the sampling time "
+                "in s, dt=, in place of the time column.",
+                "Read milliseconds with --unit time=ms; for row numbers give the sampling time, "
+                "--dt SECONDS, in place of the time column.",
+            ),
         )
     off = np.concatenate(deviation)
     if off.max() > NOTED_JITTER:
@@ -361,7 +369,10 @@ def _clock(recording: RawRecording) -> Iterator[Finding]:
             f"{recording.where(row)} ({tolerated}).",
             "Lags in samples are then not exactly lags in time: timing errors appear as noise at "
             "high frequency.",
-            f"Interpolate: X, y = resample_runs(X, y, dt={snap(recording.dt):.6g}).",
+            Step(
+                f"Interpolate: X, y = resample_runs(X, y, dt={snap(recording.dt):.6g}).",
+                f"Interpolate: --resample --dt {snap(recording.dt):.6g}.",
+            ),
         )
     if gaps:
         longest, row = max(gaps)
@@ -371,7 +382,10 @@ def _clock(recording: RawRecording) -> Iterator[Finding]:
             f"The longest lasts {longest:.4g} s ({longest / recording.dt:.1f} steps), after "
             f"{recording.where(row)}.",
             "Samples were lost. Models restart after a gap; spectra need a stretch without gaps.",
-            "Cut the run there, or bridge gaps of up to three steps with resample_runs.",
+            Step(
+                "Cut the run there, or bridge gaps of up to three steps with resample_runs.",
+                "Cut the run there, or bridge gaps of up to three steps with --resample.",
+            ),
         )
 
 
@@ -404,8 +418,12 @@ def _slower(recording: RawRecording) -> Iterator[Finding]:
                     if order == 1
                     else " and interpolated: it holds nothing faster than half that rate."
                 ),
-                f"Decimate the recording by {shown} (Decimator), or use the original samples with "
-                "resample_runs. If the target was generated that way, nothing is wrong.",
+                Step(
+                    f"Decimate the recording by {shown} (Decimator), or use the original samples "
+                    "with resample_runs. If the target was generated that way, nothing is wrong.",
+                    f"Decimate the recording by {shown} (skhoid identify --decimate). If the "
+                    "target was generated that way, nothing is wrong.",
+                ),
                 about=str(name),
             )
             break
@@ -459,7 +477,7 @@ def _missing(recording: RawRecording) -> Iterator[Finding]:
             f"{name} has no values"
             if all_of_it
             else f"{name} has {counted(number, 'missing sample')}",
-            f"{number} of {values.size} rows {'is' if number == 1 else 'are'} NaN or infinite, "
+            f"{number} of {values.size} rows {'is' if number == 1 else 'are'} missing or infinite, "
             f"the longest stretch {counted(lengths[longest], 'row')} "
             f"({lengths[longest] * recording.dt:.3g} s) from "
             f"{recording.where(edges[2 * longest])} on.",
@@ -467,7 +485,10 @@ def _missing(recording: RawRecording) -> Iterator[Finding]:
             "free run.",
             "Leave the channel out."
             if all_of_it
-            else "Cut out long stretches, or fill short ones by interpolation (X.interpolate()).",
+            else Step(
+                "Cut out long stretches, or fill short ones by interpolation (X.interpolate()).",
+                "Cut out long stretches, or fill short ones by interpolation in the file.",
+            ),
             about=str(name),
         )
 
@@ -493,7 +514,10 @@ def _wrapping(recording: RawRecording) -> Iterator[Finding]:
                 f"It jumps by {jumps.min():.4g} or more of {turn:.4g}; elsewhere it moves by "
                 f"{most:.3g} at most from row to row.",
                 "An angle that wraps: a model cannot follow the jump, and looks for effects in it.",
-                f"Unwrap it in each run: numpy.unwrap({name}, period={turn:.8g}).",
+                Step(
+                    f"Unwrap it in each run: numpy.unwrap({name}, period={turn:.8g}).",
+                    "Unwrap it in each run of the file.",
+                ),
                 about=str(name),
             )
             break

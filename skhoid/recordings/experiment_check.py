@@ -37,6 +37,9 @@ class ExperimentCheck(Told):
     findings : DataFrame
         One row per finding: ``subject``, ``condition`` and ``runs`` ("all" where it holds for all
         of them), ``name``, ``title``, ``evidence``, ``next_step``.
+    found : list
+        The same as objects, with lists of labels: ``sure`` is whether nothing else explains it, and
+        ``channel`` which one to invert, if that mends it.
 
     See Also
     --------
@@ -56,6 +59,7 @@ class ExperimentCheck(Told):
 
     table: pd.DataFrame
     findings: pd.DataFrame
+    found: list[BetweenFinding]
 
     @property
     def ok(self) -> bool:
@@ -179,7 +183,7 @@ def check_experiment(X: pd.DataFrame, y: Any = None) -> ExperimentCheck:
     findings = [*between, *_of_each(X, y, recordings, between)]
     rows = [_as_row(finding) for finding in findings]
     frame = pd.DataFrame(rows, columns=COLUMNS)
-    return ExperimentCheck(_table(recordings, findings), frame)
+    return ExperimentCheck(_table(recordings, findings), frame, findings)
 
 
 def _of_each(

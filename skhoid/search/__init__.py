@@ -23,10 +23,12 @@ from .telling import parameters_table as parameters_table
 from .telling import tell_baseline as tell_baseline
 from .telling import tell_candidates as tell_candidates
 from .telling import tell_headline as tell_headline
+from .telling import tell_limit as tell_limit
 from .telling import tell_no_name as tell_no_name
 from .telling import tell_search as tell_search
 from .telling import tell_stand_ins as tell_stand_ins
 from .telling import tell_step as tell_step
+from .telling import tell_verdict as tell_verdict
 from .telling import unexplained_by as unexplained_by
 
 __all__ = ["EffectSearchCV", "Reason", "SearchResult", "Shape", "Share", "Status", "Verdict"]

@@ -555,7 +555,7 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
         from ..lab.explore.component import of_exploration
 
         data = self._data_of_fit(X, y)
-        return of_exploration(Exploration(self.estimator, *data, search=self))
+        return of_exploration(Exploration(self.estimator, *data, search=self).at_result())
 
     def _data_of_fit(self, X: Any, y: Any) -> tuple[Any, Any]:
         if (X is None) != (y is None):

@@ -79,29 +79,33 @@ def tell_briefly(found: SearchResult) -> Document:
     return Document(tell_headline(found), [estimates_table(found.parameters)])
 
 
-def tell_headline(found: SearchResult) -> str:
-    """The verdict in one sentence to quote."""
+def tell_verdict(found: SearchResult) -> str:
+    """What is missing, without figures and without a full stop."""
     named = [name for name in found.best_effects if name != UNKNOWN]
-    first, last = found.error_path.iloc[0], found.error_path.iloc[-1]
-    top = f"noise ceiling {last['ceiling']:.1f} %" if np.isfinite(last["ceiling"]) else ""
     unknown = found.verdict.leaves_unknown
     if found.verdict is Verdict.NOTHING:
         early = " before the time limit" if found.ended_early else ""
-        text = f"Nothing found{early}{tell_shown(found)}"
-    elif found.verdict is Verdict.TOO_LITTLE:
-        text = "The model explains too little to say what it is missing"
-    elif found.verdict is Verdict.POSSIBLE:
+        return f"Nothing found{early}{tell_shown(found)}"
+    if found.verdict is Verdict.TOO_LITTLE:
+        return "The model explains too little to say what it is missing"
+    if found.verdict is Verdict.POSSIBLE:
         beside = f"Missing: {tell_names(found, named)}, and" if named else "Missing:"
-        text = f"{beside} possibly {tell_names(found, found.stand_ins)}"
-    elif not named:
-        text = f"Something is missing that {unexplained_by(found)}"
-    else:
-        text = f"Missing: {tell_names(found, named)}"
-        text += f", and something that {unexplained_by(found)}" if unknown else ""
+        return f"{beside} possibly {tell_names(found, found.stand_ins)}"
+    if not named:
+        return f"Something is missing that {unexplained_by(found)}"
+    text = f"Missing: {tell_names(found, named)}"
+    return text + (f", and something that {unexplained_by(found)}" if unknown else "")
+
+
+def tell_headline(found: SearchResult) -> str:
+    """The verdict in one sentence to quote, with the figures."""
+    text = tell_verdict(found)
+    first, last = found.error_path.iloc[0], found.error_path.iloc[-1]
+    top = f"noise ceiling {last['ceiling']:.1f} %" if np.isfinite(last["ceiling"]) else ""
     if not found.added:
         return f"{text}: held-out VAF {last['vaf']:.1f} %{top and f', {top}'}."
     shown = "them" if len(found.added) > 1 else "it"
-    if found.stand_ins or unknown:
+    if found.stand_ins or found.verdict.leaves_unknown:
         shown = titles_of(found.added)
     return (
         f"{text}; with {shown} the held-out VAF rises from {first['vaf']:.1f} to "
@@ -231,24 +235,26 @@ def tell_shown(found: SearchResult) -> str:
     return f"; these runs would have shown {of} from {worth} points on"
 
 
+def tell_limit(row: pd.Series, key: str) -> str:
+    """How large an effect may be (``"limit"``), or is where it shows (``"shown_from"``)."""
+    if not np.isfinite(row[key]):
+        return DASH
+    size = quantity(float(f"{row[key]:.2g}"), None if row["unit"] == "-" else row["unit"])
+    words = row["sense"] if key == "limit" else IF_SHOWN[row["sense"]]
+    return f"{words} {size} ({row[key.replace('_from', '') + '_points']:.2g} points)"
+
+
 def limits_table(found: SearchResult, n: int | None = None) -> TextTable | None:
     """How large effects may be that are not named, those first that may be worth most, or None."""
     known = found.limits.dropna(subset=["limit"])
     if found.verdict is Verdict.TOO_LITTLE or known.empty:
         return None
 
-    def told(row: pd.Series, key: str, points: str, shown: bool = False) -> str:
-        if not np.isfinite(row[key]):
-            return DASH
-        size = quantity(float(f"{row[key]:.2g}"), None if row["unit"] == "-" else row["unit"])
-        words = IF_SHOWN[row["sense"]] if shown else row["sense"]
-        return f"{words} {size} ({row[points]:.2g} points)"
-
     rows = [
         [
             f"{row['title']}: {row['parameter']}",
-            told(row, "limit", "limit_points"),
-            told(row, "shown_from", "shown_points", shown=True),
+            tell_limit(row, "limit"),
+            tell_limit(row, "shown_from"),
         ]
         for _, row in known.head(len(known) if n is None else n).iterrows()
     ]

@@ -1,7 +1,9 @@
 """The component by hand: effects, brushes, keyboard, hostile names, narrow and dark."""
 
+import io
 import re
 import time
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
@@ -208,6 +210,17 @@ def test_runs_are_shown_one_after_the_other(hand):
     hand.wait(lambda: "2" in hand.all(".sk-run-title")[0].text)
 
 
+def test_window_and_zoom_stay_from_run_to_run(hand):
+    hand.type_range("Window", 30, 60)
+    [zoom] = [b for b in hand.all(".sk-window-row .sk-button") if b.text == "Zoom to window"]
+    zoom.click()
+    hand.labelled("Next run").click()
+    hand.wait(lambda: "1" in hand.all(".sk-run-title")[0].text)
+    hand.said("Window, 30 to 60 s: ")
+    [whole] = [b for b in hand.all(".sk-window-row .sk-button") if b.text == "Whole run"]
+    assert whole.get_attribute("aria-disabled") == "false"
+
+
 def test_keyboard_reaches_everything_and_the_focus_is_seen(hand):
     """Tab from the top meets all that can be operated, each with an outline."""
     hand.browser.js("document.body.tabIndex = -1; document.body.focus()")
@@ -228,6 +241,67 @@ def test_keyboard_reaches_everything_and_the_focus_is_seen(hand):
             seen += outline
     assert len(keys) >= wanted
     assert seen == len(keys)
+
+
+@pytest.fixture
+def saved(hand, tmp_path):
+    """Saves something, and returns the text or bytes of its file."""
+    folder = tmp_path / "saved"
+    hand.browser.command("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
+
+    def save(label, name):
+        hand.labelled(label).click()
+        path = hand.wait(lambda: next(folder.glob(name), None) if folder.exists() else None)
+        return path.read_bytes()
+
+    return save
+
+
+def test_a_plot_is_saved_as_picture_and_as_numbers(hand, payload, saved):
+    for kind in ("SVG", "PNG", "CSV"):
+        hand.labelled("Save output over time").click()
+        if kind == "SVG":
+            assert hand.browser.violations() == []
+        content = saved(f"Save output over time as {kind}", f"*.{kind.lower()}")
+        if kind == "SVG":
+            drawn = ElementTree.fromstring(content)
+            words = " ".join(drawn.itertext())
+            assert all(name in words for name in ("measured", "simulated", "u, deg"))
+            lines = [one.get("d", "") for one in drawn.iter("{http://www.w3.org/2000/svg}path")]
+            assert sum(line.count("L") > 500 for line in lines) == 2  # 15 s at 50 Hz each
+        elif kind == "PNG":
+            assert content.startswith(b"\x89PNG")
+        else:
+            table = pd.read_csv(io.BytesIO(content))
+            assert [*table] == ["time, s", "measured u", "simulated", "residual", "e", "x", "f_t"]
+            measured = payload["traces"][0]["measured"]
+            np.testing.assert_allclose(table["measured u"], measured, atol=1e-4)
+    assert hand.browser.console() == []
+
+
+def test_tables_are_saved_as_csv(hand, payload, saved):
+    runs = pd.read_csv(io.BytesIO(saved("Save the runs as CSV", "runs.csv")))
+    assert [*runs["use"]] == ["fitted"] * 3
+    assert [*runs["VAF, %"]] == pytest.approx(payload["states"]["bias,dead_zone"]["run_vaf"])
+    table = pd.read_csv(io.BytesIO(saved("Save the parameters as CSV", "parameters.csv")))
+    assert {"K_e", "tau_e", "dead_zone__width"} <= {*table["parameter"]}
+    assert table.set_index("parameter")["value"]["dead_zone__width"] == pytest.approx(0.3, abs=0.03)
+
+
+def test_what_the_operator_saw_is_beside_the_output(hand):
+    """Inputs stand on the same axis of time: what is brushed there is brushed everywhere."""
+    key = hand.all(".sk-toggle")
+    assert [one.text for one in key] == ["e", "x", "f_t"]
+    key[1].click()
+    assert key[1].get_attribute("aria-pressed") == "false"
+    hand.browser.js("arguments[0].scrollIntoView({block: 'center'})", hand.plot("inputs"))
+    ActionChains(hand.driver).move_to_element_with_offset(
+        hand.plot("inputs"), -60, 0
+    ).click_and_hold().pause(0.05).move_by_offset(120, 0).release().perform()
+    hand.said(r"Window, ([\d.]+) to")
+    shades = [one.get_attribute("style") for one in hand.all(".sk-window")[:3]]
+    assert len({*shades}) == 1
+    assert "width" in shades[0]
 
 
 @pytest.fixture(scope="module")
@@ -336,3 +410,64 @@ def test_people_stand_above_their_runs(browser, tmp_path, payload):
     hand = Hand(browser, tmp_path / "page.html", {**payload, "view": view})
     assert EVIL.split("\u202e")[0] in hand.all(".sk-runs")[0].text
     assert isinstance(pd.Series(hand.stair()).sum(), float)
+
+
+def shade_and_window(hand):
+    """Left and right of the brush on screen, and where its seconds are on the axis that is seen."""
+    seen = hand.browser.js(
+        "const over = document.querySelector('.sk-plot[data-sk-key=\"plot time\"] .u-over');"
+        "const shade = over.querySelector('.sk-window').getBoundingClientRect();"
+        "const box = over.getBoundingClientRect();"
+        "return [shade.left - box.left, shade.right - box.left, box.width]"
+    )
+    return np.array(seen)
+
+
+def test_the_brush_is_where_its_seconds_are_after_a_zoom(hand):
+    """Drag a window, zoom to it, zoom out again: the shade follows the axis at once."""
+    plot = hand.plot("time")
+    ActionChains(hand.driver).move_to_element_with_offset(plot, -60, 0).click_and_hold().pause(
+        0.05
+    ).move_by_offset(120, 0).release().perform()
+    hand.wait(lambda: any(s.startswith("Window") for s in hand.sentences()))
+    [zoom] = [b for b in hand.all(".sk-window-row .sk-button") if b.text == "Zoom to window"]
+    zoom.click()
+    hand.browser.js("return new Promise((go) => requestAnimationFrame(() => setTimeout(go, 50)))")
+    left, right, width = shade_and_window(hand)
+    assert (left, right) == pytest.approx((0, width), abs=3)
+    hand.browser.js("arguments[0].focus()", plot)
+    hand.browser.press("-")  # twice as much of the run: the window is its middle half
+    hand.browser.js("return new Promise((go) => requestAnimationFrame(() => setTimeout(go, 50)))")
+    left, right, width = shade_and_window(hand)
+    assert (left, right) == pytest.approx((width / 4, 3 * width / 4), abs=3)
+
+
+WHERE = """
+const top = (e) => e.getBoundingClientRect().top;
+const kinds = '.sk-part :is(.sk-plot, .sk-card, .sk-steps, .sk-head, .sk-group)';
+const parts = [...document.querySelectorAll(kinds)]
+  .filter((e) => e.checkVisibility())
+  .map((e) => [e.className, Math.round(top(e) - top(e.closest('.sk-part')))]);
+return [document.documentElement.scrollHeight, ...parts];
+"""
+
+
+@pytest.mark.parametrize("width", [400, 1024, 1400])
+def test_nothing_moves_under_the_pointer(browser, tmp_path, payload, width):
+    """The read-out, a preview and a window leave everything in its place, so that clicks hit."""
+    hand = Hand(browser, tmp_path / "page.html", payload, width=width)
+    hand.labelled("Remove dead zone").click()
+    hand.wait(lambda: len(hand.stair()) == 2)
+    before = browser.js(WHERE)
+    for over in (hand.plot("time"), hand.plot("residual"), hand.all(".sk-candidate")[0]):
+        ActionChains(hand.driver).move_to_element(over).perform()
+        hand.wait(
+            lambda: "VAF" in hand.all(".sk-reserved")[0].text or hand.all(".sk-readout")[0].text
+        )
+        assert browser.js(WHERE) == before
+    plot = hand.plot("time")
+    ActionChains(hand.driver).move_to_element_with_offset(plot, -60, 0).click_and_hold().pause(
+        0.05
+    ).move_by_offset(120, 0).release().perform()
+    hand.wait(lambda: any(s.startswith("Window") for s in hand.sentences()))
+    assert browser.js(WHERE) == before

@@ -44,11 +44,40 @@ def test_page(browser, name, width, colours):
 
 def test_start_page_tells_all_at_once(browser):
     opened(browser, "index", width=1400)
-    for part in ("h1", ".start-page pre", "img.only-light", "img.staircase", ".outcomes"):
+    for part in ("h1", ".start-page pre", "img.front:last-of-type", ".outcomes"):
         bottom = browser.js(
             "return document.querySelector(arguments[0]).getBoundingClientRect().bottom", part
         )
         assert 0 < bottom <= FOLD, part
+
+
+@pytest.mark.parametrize("width", [400, 1400])
+def test_code_of_the_start_page_is_not_cut(browser, width):
+    opened(browser, "index", width=width)
+    cut = (
+        "return [...document.querySelectorAll('.start-page pre')]"
+        ".map(code => code.scrollWidth - code.clientWidth)"
+    )
+    assert max(browser.js(cut)) <= 0
+
+
+def test_the_api_has_a_filter(browser):
+    opened(browser, "api", width=1400)
+    shown = (
+        "return [...document.querySelectorAll('table.autosummary tr')]"
+        ".filter(row => row.getClientRects().length).map(row => row.textContent.toLowerCase())"
+    )
+    everything = browser.js(shown)
+    field = browser.driver.find_element("css selector", "#api-filter input")
+    field.send_keys("delay search")
+    found = browser.js(shown)
+    assert 0 < len(found) < len(everything)
+    assert all("delay" in row and "search" in row for row in found)
+    said = browser.js("return document.querySelector('#api-filter output').textContent")
+    assert said == f"{len(found)} of {len(everything)} names"
+    field.clear()
+    field.send_keys(" ")
+    assert browser.js(shown) == everything
 
 
 def test_equations_are_set_without_a_network(browser):

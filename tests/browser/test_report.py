@@ -126,11 +126,11 @@ def test_steps_by_keyboard(browser, path):
 
     browser.open(path)
     keys = "return [...document.querySelectorAll('#steps [role=tab]')].map(t => t.tabIndex)"
-    assert browser.js(keys) == [0, -1, -1]
+    assert browser.js(keys) == [-1, -1, 0]  # the result first
     while not browser.js("return document.activeElement.matches('[role=tab]')"):
         browser.press(Keys.TAB)
     for key, n in (
-        (Keys.ARROW_RIGHT, 1),
+        (Keys.ARROW_LEFT, 1),
         (Keys.ARROW_RIGHT, 2),
         (Keys.ARROW_RIGHT, 2),
         (Keys.ARROW_LEFT, 1),
@@ -152,7 +152,7 @@ def test_steps_by_keyboard(browser, path):
 
 
 def test_a_link_to_a_step_shows_that_step(browser, path):
-    for address, shown in (("#step-2", 2), ("#data", 0), ("#nothing", 0)):
+    for address, shown in (("#step-0", 0), ("#data", 2), ("#nothing", 2)):
         browser.driver.get("about:blank")
         browser.driver.get(path.as_uri() + address)
         assert browser.js(SHOWN) == [i == shown for i in range(3)]
@@ -164,8 +164,30 @@ def test_arrows_walk_the_steps_from_anywhere_on_the_page(browser, path):
     from selenium.webdriver import Keys
 
     browser.open(path)
-    browser.press(Keys.ARROW_RIGHT)
+    browser.press(Keys.ARROW_LEFT)
     assert browser.js(SHOWN) == [False, True, False]
+
+
+def test_a_link_opens_the_part_that_it_leads_to(browser, path):
+    browser.open(path)
+    folded = "return document.querySelector('#ranking > details').open"
+    assert browser.js(folded) is False
+    browser.driver.find_element("css selector", 'nav a[href="#ranking"]').click()
+    assert browser.js(folded) is True
+
+
+def test_it_opens_on_fifteen_seconds(browser, path):
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    browser.open(path)
+    WebDriverWait(browser.driver, 20).until(
+        lambda _: browser.js("return document.querySelector('.sk-row [aria-disabled=false]')")
+    )
+    usable = browser.js(
+        "return [...document.querySelectorAll('.sk-window-row .sk-button')]"
+        ".filter((b) => b.ariaDisabled !== 'true').map((b) => b.textContent)"
+    )
+    assert usable == ["Whole run"]
 
 
 def test_without_scripts_all_steps_are_there(browser, path):
@@ -188,9 +210,20 @@ def test_it_fits_the_window_and_can_be_read(browser, path, width):
     assert browser.js("return parseFloat(getComputedStyle(document.body).fontSize)") >= 14
 
 
-@pytest.mark.parametrize("width", [400, 1400])
-def test_long_names_leave_room_in_a_table(browser, path, width):
-    browser.open(path, width=width)
+def test_tables_are_whole_on_a_telephone(browser, path):
+    browser.open(path, width=400)
+    browser.js("document.querySelectorAll('details').forEach(d => { d.open = true })")
+    over = browser.js(
+        "return [...document.querySelectorAll('.scroll')].map((e) => e.scrollWidth - e.clientWidth)"
+    )
+    assert over
+    assert max(over) <= 0
+    assert browser.overflow() <= 0
+
+
+def test_long_names_leave_room_in_a_table(browser, path):
+    browser.open(path)
+    browser.js("document.querySelector('#data > details').open = true")
     of_column = browser.js(
         "const cell = document.querySelector('#data tbody th');"
         "cell.textContent = 'long_name_'.repeat(10);"
@@ -215,7 +248,7 @@ def test_printed_whole(browser, path):
     hidden = "return [...document.querySelectorAll('.step > p, details li strong')]"
     texts = browser.js(hidden + ".map(p => p.textContent)")
     assert [text for text in texts if "".join(text.split()) not in paper] == []
-    assert browser.js(SHOWN) == [True, False, False]
+    assert browser.js(SHOWN) == [False, False, True]
     assert browser.js(unfolded) == before
 
 

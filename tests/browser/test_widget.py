@@ -97,10 +97,10 @@ def test_the_kernel_computes_what_is_clicked(browser, searched, runs, tmp_path):
     widget = searched.explore(*runs)
     cell = Cell(browser, widget, tmp_path / "notebook.html")
     cell.wait(lambda: cell.all(".sk-plot canvas"))
-    [add] = cell.wait(lambda: cell.all('[aria-label="Add bias"]'))
-    add.click()
-    cell.wait(lambda: cell.all('[aria-label="Remove bias"]'))
-    assert [name for name, _ in widget.exploration.model.effects_] == ["bias"]
+    [remove] = cell.wait(lambda: cell.all('[aria-label="Remove bias"]'))  # it opens at the result
+    remove.click()
+    cell.wait(lambda: cell.all('[aria-label="Add bias"]'))
+    assert "bias" not in widget.exploration.model.effects_.names
     vaf = widget.exploration.state()["vaf"]["train"]
     assert cell.all(".sk-step-vaf")[-1].text == f"VAF {vaf:.1f} %"
     cell.wait(lambda: not widget.exploration.state()["ceiling_pending"])
@@ -128,12 +128,12 @@ def test_where_no_kernel_is_the_combinations_are_shown(browser, searched, runs, 
     frame = browser.driver.find_element(By.TAG_NAME, "iframe")
     browser.driver.switch_to.frame(frame)
     for _ in range(100):
-        found = browser.driver.find_elements(By.CSS_SELECTOR, '[aria-label="Add bias"]')
+        found = browser.driver.find_elements(By.CSS_SELECTOR, '[aria-label="Remove bias"]')
         if found:
             break
         time.sleep(0.05)
     found[0].click()
-    assert browser.driver.find_elements(By.CSS_SELECTOR, '[aria-label="Remove bias"]')
+    assert browser.driver.find_elements(By.CSS_SELECTOR, '[aria-label="Add bias"]')
     browser.driver.switch_to.default_content()
     assert browser.console() == []
     assert browser.requests() == []

@@ -100,7 +100,19 @@ def test_single_event_is_found(simulated):
     y = y.copy()
     y.iloc[2048 + 750 : 2048 + 753] += 2 * y.std()
     comparison = compare(Oracle(truth.u_without_remnant), X, y)
-    assert "A single event in run 2 at 30" in first_three(comparison)["outlier"].title
+    event = first_three(comparison)["outlier"]
+    assert "A single event in run 2 at 30" in event.title
+    assert event.meaning == "A spike or a gap of the recording, or a slip of the hand."
+
+
+def test_where_the_model_lacks_something_an_event_is_no_slip_at_once():
+    X, y = make_tracking_runs(
+        "C1", 3, effects="dead_zone", channels=["e", "x", "f_t"], random_state=0
+    )
+    y.iloc[12_000:12_003] += 9 * y.std()
+    findings = compare(ARXRegressor(nk=29, inputs=["e"]).fit(X, y), X, y).findings
+    (event,) = (finding for finding in findings if finding.name == "outlier")
+    assert event.meaning.startswith("Perhaps the place where it costs most")
 
 
 def test_a_mean_that_flatters_is_noted():

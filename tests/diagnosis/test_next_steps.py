@@ -1,5 +1,6 @@
 """Advice fits the model that is at hand."""
 
+import ast
 import re
 
 import numpy as np
@@ -7,6 +8,7 @@ import pandas as pd
 import pytest
 from sklearn.linear_model import LinearRegression
 from support.hidden_effects import simulate_runs
+from support.places import ROOT
 
 from skhoid import ARXRegressor, DelaySearchCV, OperatorRegressor, compare
 from skhoid.diagnosis.findings import NextSteps
@@ -53,6 +55,51 @@ def test_a_wrong_delay_of_an_operator_is_told(runs):
     assert delay.next_step.startswith("Free the delay, which was given as 0.2 s")
 
 
+# A call, an argument, a value, or a class: what only those who write Python understand.
+PYTHON = re.compile(r"\w\(|[a-z_]\w*=(?!ms)|\bNaN\b|\b(None|False)\b|[A-Z]\w*(CV|Regressor|ARX)\b")
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        ARXRegressor(nk=8),
+        ARXRegressor(nk=8, fit_intercept=True),
+        OperatorRegressor(),
+        OperatorRegressor(delay=0.2, effects="bias"),
+        LinearRegression(),
+    ],
+    ids=repr,
+)
+def test_at_the_command_line_steps_are_typed(runs, model):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(OperatorRegressor, "fit", lambda self, X, y: self)
+        then = NextSteps(model.fit(*runs))
+    steps = [then.leak(), then.bias(), then.level(), then.change(), then.drift(), then.unknown()]
+    steps += [then.asymmetry(), then.overfit(), then.overfit(False), then.delay(LATER)]
+    steps += [then.nonlinearity(harder) for harder in (True, False)]
+    steps += [then.follow(signal) for signal in ("f_t", "dist", "e")]
+    for step in steps:
+        assert not PYTHON.search(step.typed), step.typed
+
+
+def test_words_of_python_have_others_beside_them():
+    for path in (
+        ROOT / "skhoid" / "diagnosis" / "findings.py",
+        ROOT / "skhoid/recordings/channels.py",
+    ):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for call in ast.walk(tree):
+            if not isinstance(call, ast.Call) or getattr(call.func, "id", "") != "Finding":
+                continue
+            for part in ast.walk(call.args[4]) if not _is_step(call.args[4]) else ():
+                if isinstance(part, ast.Constant) and isinstance(part.value, str):
+                    assert not PYTHON.search(part.value), part.value
+
+
+def _is_step(node):
+    return any(isinstance(part, ast.Call) for part in ast.walk(node))
+
+
 def test_one_is_not_many(runs):
     X, y = runs
     model = ARXRegressor(nk=8).fit(X, y)
@@ -64,4 +111,4 @@ def test_one_is_not_many(runs):
     assert "1 row in which the output is missing is left out" in notes
     (missing,) = check_channels(X, dt=0.04)
     assert missing.title == "x has 1 missing sample"
-    assert "rows is NaN or infinite, the longest stretch 1 row (0.04 s)" in missing.evidence
+    assert "rows is missing or infinite, the longest stretch 1 row (0.04 s)" in missing.evidence

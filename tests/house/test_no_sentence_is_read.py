@@ -12,7 +12,6 @@ SENTENCE = re.compile(r"[a-z]{2,} [a-z]{2,} [a-z]{2,}")
 # Text that is no sentence of ours: names of columns, labels of a plot, Python that was written.
 ALLOWED = {
     "diagnosis/over_amplitude.py": "a quantity is a channel or its rate",
-    "lab/explore/script.py": "lines of a script",
     "lab/report/plots.py": "labels of the artists of a plot",
     "plotting/tournament.py": "names of cells, made of their conditions",
 }

@@ -1,10 +1,15 @@
 """What README.md promises: its pictures are there, its table is that of the docs."""
 
+import json
 import re
 import xml.etree.ElementTree as ET
 
 import pytest
 from support.places import ROOT
+
+from skhoid import ARXRegressor, make_tracking_runs, write_runs
+from skhoid.effects import catalogue
+from skhoid.lab.cli import main
 
 README = ROOT / "README.md"
 SVG = "{http://www.w3.org/2000/svg}"
@@ -29,6 +34,24 @@ def test_each_of_the_two_commands_is_one_line():
     blocks = re.findall(r"<!-- command: (\w+) -->\n```sh\n(.*?)```", text(), re.S)
     assert [name for name, _ in blocks] == ["run", "test"]
     assert all(block.count("\n") == 1 for _, block in blocks)
+
+
+def test_as_many_effects_are_tried_as_it_says(tmp_path, capsys):
+    X, y = make_tracking_runs("C1", 2, channels=["e", "x", "f_t"], duration=40.96)
+    write_runs(X, y, tmp_path / "runs.csv")
+    assert (
+        main(["diagnose", str(tmp_path / "runs.csv"), "--dry-run", "--no-pictures", "--json"]) == 0
+    )
+    tried = {*json.loads(capsys.readouterr().out)["tried"]} - {"tremor"}  # ranked if it shows
+    said = f"it tries {len(tried)} of the {len(catalogue())} in its catalogue"
+    assert said in " ".join(text().split())
+
+
+def test_what_it_marks_as_a_method_is_one():
+    methods = ARXRegressor._parameter_constraints["method"][0].options
+    assert ({"armax", "oe", "bj"} <= methods) == (
+        marks(text())["ARMAX, OE, Box-Jenkins"]["skhoid"] == "●"
+    )
 
 
 def test_its_table_says_what_the_docs_measured():

@@ -6,6 +6,7 @@ import pytest
 from support.places import ROOT
 
 from skhoid import EffectSearchCV, OperatorRegressor, load_human_tracking
+from skhoid.lab.cli import main
 
 PAGE = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
 CARDS = re.findall(r"^> (.+)\n\n(.+)\n:::$", PAGE, flags=re.MULTILINE)
@@ -36,6 +37,18 @@ def test_readme_has_the_same_lines():
     pages = [PAGE, (ROOT / "README.md").read_text(encoding="utf-8")]
     code, same = (re.search(r"^```python\n(.*?)^```$", p, re.M | re.S)[1] for p in pages)
     assert re.sub(r"  #.*", "", same) == re.sub(r"  #.*", "", code)
+
+
+def test_five_minutes_show_what_the_command_prints(tmp_path, monkeypatch, capsys):
+    text = (ROOT / "docs" / "start.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "88")
+    code = re.search(r"^```python\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)[1]
+    exec(code.replace("mkdtemp()", "'.'"), {})
+    assert main(["identify", "run1.csv", "--run-in", "2", "--no-pictures"]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    shown = re.search(r"^```text\n(run1.csv.*?)^```$", text, flags=re.MULTILINE | re.DOTALL)[1]
+    assert [line for line in shown.splitlines() if line not in printed] == []
 
 
 @pytest.mark.slow

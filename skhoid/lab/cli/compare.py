@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,40 +33,45 @@ from .output import (
 )
 from .parser import (
     DOMAINS,
+    MODELS,
     add_channel_options,
     add_command,
     add_file_options,
     add_output_options,
+    add_remove_means,
     read_roles,
     refuse,
 )
 
 ABOUT = """\
 compare a fitted model with recordings: how good, where bad, how much is left
-Compare a model that was fitted and saved in Python with recorded runs: its free run, where it
-fails, the noise ceiling, and what to do next."""
+Compare models that `skhoid identify --save` or `skhoid diagnose --save` has written with recorded
+runs: their free run, where it fails, the noise ceiling, and what to do next. Of several models the
+best is looked at, beside a table of all."""
 EXAMPLES = """\
 examples:
-  skhoid compare model.joblib run*.csv
+  skhoid identify old*.csv --save linear.joblib
+  skhoid diagnose old*.csv --save effects.joblib
+  skhoid compare linear.joblib effects.joblib new.csv
   skhoid compare model.joblib run*.csv --output stick --x pitch --run-in 5
-  skhoid compare model.joblib new.csv --estimation old1.csv --out compared.png
+  skhoid compare model.joblib new.csv --estimation old*.csv --out compared.png
   skhoid compare model.joblib new.csv --domain machine --json --tables tables
 
-The model is what joblib.dump(model, "model.joblib") wrote after fit, in Python.
-Such a file can run any code when it is read: take it only from people you
-trust.
+In Python, joblib.dump(model, "model.joblib") after fit writes such a file.
+It can run any code when it is read: take it only from people you trust.
 """
 
 
 def add_compare(commands: Any) -> None:
     """Add the command to the parser."""
-    command = add_command(commands, compare, ABOUT, "MODEL FILES [OPTIONS]", EXAMPLES)
+    command = add_command(commands, compare, ABOUT, "MODEL... FILES [OPTIONS]", EXAMPLES)
     add = command.section("Data")
-    add("model", metavar="FILE", help="the fitted model, a file of joblib or pickle")
+    add("model", metavar="MODEL", help="what --save wrote; may be several, before FILES")
     add_file_options(add)
     text = "columns for those that the model was fitted on, in their order (default: those of the "
     add("--input", nargs="+", metavar="NAME", help=text + "same names or roles)")
     add_channel_options(add)
+    add_remove_means(add)
     text = "files that the model was fitted on, for the verdict on overfit"
     add("--estimation", nargs="+", metavar="FILES", help=text)
     text = "whose words the findings use (default: by the model and the channels)"
@@ -87,9 +93,46 @@ def compare(options: argparse.Namespace) -> int:
     else:
         check_plot_file(options.out, options.overwrite)
     check_tables(options)
+    models = [options.model, *(name for name in options.files if name.endswith(MODELS))]
+    options.files = [name for name in options.files if name not in models]
+    options.asked.files = options.files
     if not options.files:
         raise ValueError("Name the files of recordings to compare the model with, after the model.")
-    fitted = _load_model(options.model)
+    compared = [_compare(options, name) for name in dict.fromkeys(models)]
+    compared.sort(key=lambda one: -one[0].vaf)
+    found, model, X, y = compared[0]
+    source = show_names(options.files)
+    pictures = []
+    if is_page:
+        write_report(options, Path(options.out), model, X, y, source, effects=None)
+    elif out is not None:
+        without_screen()
+        figure = {out.stem: found.plot().figure_}
+        pictures = save_figures(figure, out.parent, "compare", out.suffix[1:], named=(X, y))
+    tables = save_tables(tables_of_comparison(found), options)
+    files = {"report": options.out if is_page else None, "pictures": pictures, "tables": tables}
+    if options.json:
+        each = [one[0].as_dict() for one in compared]
+        told = each[0] if len(each) == 1 else {"models": each}
+        print_json(options, {"source": source, **told, **files})
+        return 0
+    print_source(options, source)
+    if len(compared) > 1:
+        print_document(_beside([one[0] for one in compared]), options)
+        print()
+    print_document(found.document(), options)
+    say_files(files)
+    steps = [(typed(options, "diagnose"), "which effects are missing?")]
+    if out is None:
+        words = ["skhoid", *options.command_line, "--out", free_name("compared.png")]
+        steps.insert(0, (shlex.join(words), "the same as a picture"))
+    say_next(steps)
+    return 0
+
+
+def _compare(options: argparse.Namespace, name: str) -> tuple[Any, Any, Any, Any]:
+    """What the comparison of the model of a file says, that model, and X and y as it takes them."""
+    fitted = _load_model(name)
     estimation = None
     if options.estimation:
         estimation = _read(options, fitted, options.estimation)[:2]
@@ -103,28 +146,28 @@ def compare(options: argparse.Namespace) -> int:
         run_in=options.run_in,
         domain=options.domain,
     )
-    source = show_names(options.files)
-    pictures = []
-    if is_page:
-        write_report(options, Path(options.out), model, X, y, source, effects=None)
-    elif out is not None:
-        without_screen()
-        figure = {out.stem: found.plot().figure_}
-        pictures = save_figures(figure, out.parent, "compare", out.suffix[1:], named=(X, y))
-    tables = save_tables(tables_of_comparison(found), options)
-    files = {"report": options.out if is_page else None, "pictures": pictures, "tables": tables}
-    if options.json:
-        print_json(options, {"source": source, **found.as_dict(), **files})
-        return 0
-    print_source(options, source)
-    print_document(found.document(), options)
-    say_files(files)
-    steps = [(typed(options, "diagnose"), "which effects are missing?")]
-    if out is None:
-        words = ["skhoid", *options.command_line, "--out", free_name("compared.png")]
-        steps.insert(0, (shlex.join(words), "the same as a picture"))
-    say_next(steps)
-    return 0
+    return replace(found, model_name=Path(name).name), model, X, y
+
+
+def _beside(compared: list[Any]) -> Any:
+    """Several models beside each other, on the rows that all of them are scored on."""
+    import numpy as np
+
+    from ...text import Document, Paragraph, TextTable, number
+
+    scored = np.logical_and.reduce([found.traces["scored"] for found in compared])
+    rows = []
+    for found in compared:
+        measured, off = (found.traces.loc[scored, name] for name in ("measured", "residual"))
+        power = float((off**2).sum())
+        vaf = 100 * (1 - power / float((measured**2).sum()))
+        about_mean = 100 * (1 - power / float(((measured - measured.mean()) ** 2).sum()))
+        figures = [f"{vaf:.1f}", f"{about_mean:.1f}", number((power / len(off)) ** 0.5)]
+        rows.append([found.model_name, *figures])
+    header = ["model", "VAF, %", "about the mean, %", "RMSE"]
+    table = TextTable("Free runs, the best first", header, rows, left=("model",))
+    last = Paragraph(f"On the same {int(scored.sum())} rows. Below, the first in full.")
+    return Document(f"{len(compared)} models against measured {found.output}", [table, last])
 
 
 def _load_model(name: str) -> Any:
@@ -133,18 +176,22 @@ def _load_model(name: str) -> Any:
 
     path = Path(name)
     if not path.is_file():
-        raise ValueError(f"{path} is no file; name what joblib.dump(model, {name!r}) wrote.")
+        raise ValueError(
+            f"{path} is no file. First name what `skhoid identify --save FILE` or `skhoid diagnose "
+            "--save FILE` wrote."
+        )
     try:
         model = joblib.load(path)
     except Exception as error:
         raise ValueError(
-            f"{path} holds no model that can be read ({type(error).__name__}: {error}). Write it "
-            "by joblib.dump(model, FILE) after fit, with the versions of the packages used here."
+            f"{path} holds no model that can be read ({type(error).__name__}: {error}). First name "
+            "what `skhoid identify --save FILE` or `skhoid diagnose --save FILE` wrote, with the "
+            "versions of the packages used here."
         ) from error
     if not hasattr(model, "predict"):
         raise ValueError(
-            f"{path} holds a {type(model).__name__}, which predicts nothing. Save the fitted "
-            "model, a pipeline or a search."
+            f"{path} holds a {type(model).__name__}, which predicts nothing: name the file of "
+            "a fitted model."
         )
     return model
 
@@ -158,6 +205,7 @@ def _read(
 
     from ...pipelines import reach_model, unwrapped
     from ...runs import role_of
+    from ..opening import about_means
 
     own = list(map(str, getattr(unwrapped(model), "feature_names_in_", [])))
     names = options.input or own or ["e"]
@@ -172,6 +220,8 @@ def _read(
     given = {name: roles.get(name, str(role_of(name))) for name in [*there, *roles]}
     chosen = argparse.Namespace(**{**vars(options), "files": files})
     X, y, options.columns = read_files(chosen, given, signals=not options.input)
+    if options.remove_means:
+        X, y = about_means(X), about_means(y)
     roles = options.columns.roles | roles
     if not options.input:
         names = [_find_column(X, name, roles) for name in names]

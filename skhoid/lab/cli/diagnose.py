@@ -21,14 +21,17 @@ from .files import (
     describe_runs,
     figure_folder,
     find_column,
+    model_file,
     new_file,
     read_files,
     save_figures,
+    save_model,
     save_tables,
     show_names,
     without_screen,
 )
 from .output import (
+    compared_next,
     free_name,
     note,
     print_document,
@@ -48,6 +51,7 @@ from .parser import (
     add_page_options,
     add_plot_options,
     add_recording_options,
+    add_save,
     add_search_options,
     at_least_one,
     not_negative,
@@ -193,6 +197,7 @@ def add_diagnose(commands: Any) -> None:
         "write the shape of what has no name as an effect of your own, a Python file named after "
     )
     add("--sketch", metavar="FILE", help=text + "the effect, such as my_effect.py")
+    add_save(add)
     add("--overwrite", action="store_true", help="replace these FILEs if they exist")
     add_output_options(add)
 
@@ -206,8 +211,9 @@ def _add_domain(add: Any) -> None:
 def diagnose(options: argparse.Namespace) -> int:
     """Find the effects that a model of recordings is missing."""
     report = sketch = None
-    if options.report is None and options.sketch is None:
-        refuse(options, ["overwrite"], "is for the files of --report FILE and --sketch FILE.")
+    if options.report is None and options.sketch is None and options.save is None:
+        refuse(options, ["overwrite"], "is for the files of --report, --sketch and --save.")
+    model = model_file(options)
     if options.report is not None:
         report = new_file(options.report, options.overwrite, new_folder=True)
     if options.sketch is not None:
@@ -215,7 +221,11 @@ def diagnose(options: argparse.Namespace) -> int:
     folder = figure_folder(options, "skhoid-diagnose")
     check_tables(options)
     if options.dry_run:
-        refuse(options, ["report", "sketch", "tables"], "is for results, and --dry-run has none.")
+        refuse(
+            options,
+            ["report", "sketch", "save", "tables"],
+            "is for results, and --dry-run has none.",
+        )
     with columns_shown(options):
         X, y, estimator, source = read_recordings(options)
     if options.dry_run:
@@ -227,11 +237,12 @@ def diagnose(options: argparse.Namespace) -> int:
             found.search.sketch_effect(sketch.stem, sketch, overwrite=options.overwrite)
         except ValueError as error:  # nothing is left without a name
             sketch, why_not = None, f"--sketch: {error}"
-    write_results(options, found, source, report=report, folder=folder, sketch=sketch)
+    kept = {"model": save_model(found.search.best_estimator_, model)}
+    write_results(options, found, source, report=report, folder=folder, sketch=sketch, kept=kept)
     if why_not:
         note(why_not)
     if not options.json:
-        say_next(_find_next_steps(options, found.search))
+        say_next([*_find_next_steps(options, found.search), *compared_next(options)])
     return 0
 
 
@@ -348,6 +359,7 @@ def search_for(options: argparse.Namespace, estimator: Any) -> Any:
         domain=getattr(options, "domain", None),
         lost_control=options.lost_control,
         time_limit=options.time_limit,
+        exhaustive=options.exhaustive,
     )
 
 
@@ -445,7 +457,7 @@ def _tell_briefly(comparison: Any) -> Any:
     told = comparison.document()
     blocks = [block for block in told.blocks if isinstance(block, Facts)]
     found = [Item(finding.title) for finding in comparison.findings[:SHOWN]]
-    title = f"Without effects: {told.title}"
+    title = f"The model without effects against measured {comparison.output}"
     return replace(told, title=title, blocks=[*blocks, Items(found)])
 
 
@@ -483,9 +495,10 @@ def write_results(
     folder: Path | None = None,
     sketch: Path | None = None,
     head: dict[str, Any] | None = None,
+    kept: dict[str, Any] | None = None,
 ) -> None:
     """Write the report, the plots and the tables, and say where; or print all as JSON."""
-    files: dict[str, Any] = {"report": None, "pictures": []}
+    files: dict[str, Any] = {"report": None, "pictures": [], **(kept or {})}
     if report is not None:
         write_report(options, report, found.search, found.X, found.y, source)
         files["report"] = str(report)

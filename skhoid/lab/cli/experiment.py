@@ -7,6 +7,7 @@ import contextlib
 import io
 import shlex
 import shutil
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,7 @@ examples:
   skhoid experiment "data/{subject}_{condition}_run{run}.csv" --out friday.html
   skhoid experiment all.csv --subject who --condition task --run trial
   skhoid experiment recordings/ --effects none     parameters only, no search
+  skhoid experiment recordings/ --factors pace state --leave-out P07
   skhoid experiment recordings/ --jobs 4       stopped? the same line goes on where it was
 """
 SIMULATED = ["dead_zone", "saturation"]  # searched for where nothing else is asked
@@ -54,6 +56,8 @@ def add_experiment(commands: Any) -> None:
     add = command.section("Data")
     text = "a folder, a pattern with {subject}, {condition} and {run}, or files"
     add("files", nargs="*", default=(), metavar="FOLDER_OR_PATTERN", help=text)
+    text = "take the files that the pattern matches, and leave the others (default: ask)"
+    add("--some", action="store_true", help=text)
     add("--input", metavar="NAME", help="column of the error (default: guessed)")
     add("--output", metavar="NAME", help="output column (default: guessed)")
     add("--x", metavar="NAME", help="the controlled element's output (default: guessed)")
@@ -68,6 +72,16 @@ def add_experiment(commands: Any) -> None:
     add_search_options(command.section("Search"), "; none: no search")
     add = command.section("People")
     add("--reference", metavar="CONDITION", help="compare others with it (default: all pairs)")
+    text = "names for what conditions combine, as fast_tired does (default: found), or none"
+    add("--factors", nargs="+", metavar="NAME", help=text)
+    text = (
+        "whose output is inverted; also PERSON/CONDITION/RUN (default: whom the check is sure of)"
+    )
+    add("--invert", nargs="+", default=(), metavar="PERSON", help=text)
+    text = "whom to leave out, or which condition or run of theirs (default: as above)"
+    add("--leave-out", nargs="+", default=(), metavar="PERSON", help=text)
+    text = "change nothing that you do not name, however sure the check is"
+    add("--as-recorded", action="store_true", help=text)
     add("--jobs", type=workers, metavar="N", help="workers (default: 1; -1: all processors)")
     text = "begin anew; else what a stopped call finished (kept beside the page) is taken over"
     add("--fresh", action="store_true", help=text)
@@ -78,6 +92,9 @@ def add_experiment(commands: Any) -> None:
 
 def experiment(options: argparse.Namespace) -> int:
     """Read, check, search, identify, compare, and write the page."""
+    from ...text import Document, Item, Items
+    from ..experiment import mend_recordings
+    from ..experiment.mixed import tell_changes
     from ..opening import make_estimator
     from ..report import report_experiment
 
@@ -90,7 +107,21 @@ def experiment(options: argparse.Namespace) -> int:
         print_document(check.document(), options)
     if options.run_in:
         X = skhoid.RunInTrimmer(run_in=options.run_in).fit_transform(X)
+    mended = mend_recordings(
+        X,
+        y,
+        None if options.as_recorded else check,
+        invert=options.invert,
+        leave_out=options.leave_out,
+    )
+    X, y = mended.X, mended.y
+    if not options.json:
+        for text in mended.sentences:
+            print_wrapped(f"- {text}.")
+        if len(mended.changes):
+            print_wrapped("--as-recorded changes nothing that you do not name.\n")
     _check_people(X, options)
+    factors = _name_factors(X, options.factors)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of people whose delay is found as if they were one
         estimator = make_estimator(options, X, y)
@@ -103,6 +134,10 @@ def experiment(options: argparse.Namespace) -> int:
         group = skhoid.GroupEffectSearch(search, folder=kept / "group", **shared).fit(X, y)
         estimator = _with_effects(estimator, group)
     people = skhoid.identify_people(estimator, X, y, folder=kept / "people", **shared)
+    if group is not None:
+        people = people.of_members(group.members_)
+    if len(mended.changes):
+        mended = mended.with_versions(people, estimator, kept / "as recorded", options.jobs)
     without_screen()
     page = report_experiment(
         people if group is None else group,
@@ -110,7 +145,9 @@ def experiment(options: argparse.Namespace) -> int:
         y,
         people=people,
         check=check,
+        mended=mended,
         reference=options.reference,
+        factors=factors,
         title=options.title,
         source=source,
         made_with={"command": show_names([shlex.join(["skhoid", *options.command_line])])},
@@ -123,7 +160,10 @@ def experiment(options: argparse.Namespace) -> int:
         "parameters_of_people": people.groups,
         "runs": people.runs,
         "outlying": people.outlying,
+        "changes": mended.changes,
     }
+    if mended.versions is not None:
+        tables["with_and_without"] = mended.versions
     if group is not None:
         tables |= {
             "prevalence": group.prevalence_,
@@ -145,13 +185,18 @@ def experiment(options: argparse.Namespace) -> int:
                 name: {
                     "means": result.effects.to_dict("records"),
                     "contrasts": result.contrasts.to_dict("records"),
+                    "factors": result.factors.to_dict("records"),
                 }
                 for name, result in page.statistics.items()
             },
         }
         print_json(options, {**found, **written})
         return 0
-    for result in (group, people):
+    changes = tell_changes(page.statistics.values(), people.meanings)
+    if changes:
+        items = Items([Item(text) for text in changes], numbered=False)
+        print_document(Document("What the conditions change, beyond chance", [items]), options)
+    for result in (mended if len(mended.changes) else None, group, people):
         if result is not None:
             print()
             print_document(result.document(), options)
@@ -193,22 +238,32 @@ def _open_kept(kept: Path, fresh: bool, X: Any, y: Any, asked: Any) -> Path:
 
 def _read(options: argparse.Namespace) -> tuple[Any, Any, str]:
     """The user's files; what was guessed in them is a part of the source."""
+    from ..guessing.names import SomeFilesError
+
     named = {options.input: "e", options.x: "x", options.target: "f_t"}
     inputs = {name: role for name, role in named.items() if name is not None}
     files = options.files[0] if len(options.files) == 1 else options.files
+    given = {
+        "subject": options.subject,
+        "condition": options.condition,
+        "run": options.run,
+        "inputs": inputs or None,
+        "output": options.output,
+        "time": options.time,
+        "dt": options.dt,
+        "units": read_units(options) or None,
+    }
     said = io.StringIO()
-    with contextlib.redirect_stdout(said):
-        X, y = skhoid.read_experiment(
-            files,
-            subject=options.subject,
-            condition=options.condition,
-            run=options.run,
-            inputs=inputs or None,
-            output=options.output,
-            time=options.time,
-            dt=options.dt,
-            units=read_units(options) or None,
-        )
+    try:
+        with contextlib.redirect_stdout(said):
+            X, y = skhoid.read_experiment(files, some=options.some, **given)
+    except SomeFilesError as error:
+        if not sys.stdin.isatty() or options.json:
+            raise
+        if input(f"{error}\nRead these files only? [y/N] ").strip().lower() not in ("y", "yes"):
+            raise
+        options.some = True
+        return _read(options)
     guessed = " ".join(said.getvalue().split())
     return X, y, guessed or f"Files: {show_names(options.files)}"
 
@@ -259,6 +314,22 @@ def _check_people(X: Any, options: argparse.Namespace) -> None:
             f"{options.reference!r}."
         )
     options.reference = found[0]
+
+
+def _name_factors(X: Any, names: list[str] | None) -> Any:
+    """The factors of the conditions under the user's names; None: under those of their levels."""
+    from ..experiment.factors import find_factors
+
+    if names is None or names == ["none"]:
+        return names and ()
+    found = find_factors(X.index.unique("condition") if "condition" in X.index.names else [])
+    if len(found) != len(names):
+        raise ValueError(
+            f"--factors names {len(names)}, but the names of conditions have "
+            f"{' and '.join(found) or 'none'}: conditions are called by all of their levels, as "
+            "fast_tired, and all combinations must be there."
+        )
+    return dict(zip(names, found.values(), strict=True))
 
 
 def _with_effects(estimator: Any, group: Any) -> Any:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from .output import note
-from .parser import PICTURES, TABLES, read_units, refuse
+from .parser import MODELS, PICTURES, TABLES, read_units, refuse
 
 
 def read_files(
@@ -95,6 +95,15 @@ def new_file(name: str, overwrite: bool, *, new_folder: bool = False) -> Path:
     return path
 
 
+def model_file(options: argparse.Namespace) -> Path | None:
+    """The file of --save, if a model is to be kept."""
+    if options.save is None:
+        return None
+    if not options.save.endswith(MODELS):
+        raise ValueError(f"--save writes a file such as model{MODELS[0]}; got {options.save}.")
+    return new_file(options.save, options.overwrite)
+
+
 def check_plot_file(name: str, overwrite: bool) -> None:
     """The file of a plot, of a format that can be drawn."""
     from matplotlib.figure import Figure
@@ -144,6 +153,16 @@ def _check_parents(path: Path) -> None:
 
 
 # And then written.
+
+
+def save_model(model: Any, path: Path | None) -> str | None:
+    """Write a fitted model if it is asked for; returns the path."""
+    import joblib
+
+    if path is None:
+        return None
+    joblib.dump(model, path)
+    return str(path)
 
 
 def save_tables(tables: dict[str, Any], options: argparse.Namespace) -> list[str]:

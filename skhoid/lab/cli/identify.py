@@ -13,13 +13,16 @@ from .files import (
     describe_runs,
     figure_folder,
     find_column,
+    model_file,
     read_files,
     save_figures,
+    save_model,
     save_tables,
     show_names,
     without_screen,
 )
 from .output import (
+    compared_next,
     print_document,
     print_json,
     print_source,
@@ -37,6 +40,7 @@ from .parser import (
     add_lost_control,
     add_output_options,
     add_plot_options,
+    add_save,
     not_negative,
     order,
     positive,
@@ -107,6 +111,8 @@ def add_identify(commands: Any) -> None:
     text = "no intercept, and VAF with the means kept, as the thesis does"
     add("--keep-means", action="store_true", help=text)
     add = command.section("Output")
+    add_save(add)
+    add("--overwrite", action="store_true", help="replace that FILE if it exists")
     add_plot_options(add, "skhoid-identify")
     add_output_options(add)
 
@@ -118,6 +124,9 @@ def identify(options: argparse.Namespace) -> int:
 
     folder = figure_folder(options, "skhoid-identify")
     check_tables(options)
+    if options.save is None:
+        refuse(options, ["overwrite"], "is for the file of --save FILE.")
+    model = model_file(options)
     if options.nk is not None:
         of_search = ["longest_delay", "least_delay"]
         refuse(options, of_search, "needs a search, and --nk gives the delay.")
@@ -152,6 +161,7 @@ def identify(options: argparse.Namespace) -> int:
         callbacks=_progress() if shows_progress(options) else (),
     )
     files = {
+        "model": save_model(found.best.pipeline, model),
         "pictures": [] if folder is None else _draw(found, folder, options),
         "tables": save_tables(found.tables, options),
     }
@@ -164,7 +174,7 @@ def identify(options: argparse.Namespace) -> int:
     print_document(_tell(found), options)
     print()
     say_files(files)
-    say_next([_find_next_step(options)])
+    say_next([_find_next_step(options), *compared_next(options)])
     return 0
 
 

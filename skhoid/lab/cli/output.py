@@ -76,8 +76,10 @@ def message_for(said: Any, options: argparse.Namespace) -> str:
     The hint is left out, for it is what one writes in Python. Options that this command does not
     have are left out too.
     """
-    from ...text import as_sentence
+    from ...text import Step, as_sentence
 
+    if isinstance(said, Step):
+        return said.typed
     message = getattr(said, "message", None) or str(said)
     known: Any = getattr(said, "options", ())
     names = [(each, "") if isinstance(each, str) else each for each in known]
@@ -123,6 +125,11 @@ def say_files(files: dict[str, Any]) -> None:
         print_wrapped(f"Report: {files['report']} (one file; open it in a browser)")
     if files.get("effect"):
         print_wrapped(f"Effect of your own: {files['effect']} (Python, to be edited)")
+    if files.get("model"):
+        print_wrapped(
+            f"Model: {files['model']} (for skhoid compare; such a file can run any code when it is "
+            "read: take it only from people you trust)"
+        )
     for what in ("pictures", "tables", "files"):
         paths = [Path(name) for name in files.get(what, [])]
         if paths:
@@ -145,7 +152,17 @@ def say_next(steps: Sequence[tuple[str, str]]) -> None:
 
 
 # Options on what is written, which change no number.
-OF_PAPER = {"out", "report", "sketch", "overwrite", "title", "tables", "table_format", "format"}
+OF_PAPER = {
+    "out",
+    "report",
+    "sketch",
+    "save",
+    "overwrite",
+    "title",
+    "tables",
+    "table_format",
+    "format",
+}
 OF_PAPER |= {"no_pictures", "json", "debug", "time_limit", "jobs", "fresh"}
 
 
@@ -176,6 +193,14 @@ def typed(options: argparse.Namespace, command: str, **others: Any) -> str:
         else:
             words += [option, *texts]
     return shlex.join(words)
+
+
+def compared_next(options: argparse.Namespace) -> list[tuple[str, str]]:
+    """What to do with a model that was kept."""
+    if options.save is None or not options.files:
+        return []
+    command = typed(options, "compare", files=[options.save, *options.files])
+    return [(command, "where the model that was kept fails; better on other recordings")]
 
 
 def free_name(name: str) -> str:

@@ -23,10 +23,11 @@ MOST_ORDERS = 100
 MOST_SAMPLES = 100_000  # of a delay
 MOST_WORKERS = 8 * (os.cpu_count() or 1)
 OF_CORE = {"operator": ["delay"], "arx": ["na", "nb", "nk"]}
-OF_SEARCH = ["display", "max_effects", "time_limit", "controlled_element"]
+OF_SEARCH = ["display", "max_effects", "time_limit", "controlled_element", "exhaustive"]
 MAX_EFFECTS = 4
 TABLES = "tsv"
 PICTURES = ("png", "pdf", "svg")
+MODELS = (".joblib", ".pkl", ".pickle")  # files that may hold one; the first is what --save writes
 DOMAINS = ("human", "machine")
 USED = {"files", "--input", "--output", "--target", "--x", "--time", "--dt", "--run-in"}
 USED |= {"--effects", "--report", "--dry-run"}  # ten of those that diagnose has, and FILES
@@ -290,8 +291,7 @@ def add_recording_options(command: Parser) -> None:
     text = "the error, or else the target; then no other channel is guessed (default: guessed)"
     add("--input", metavar="NAME", help=text)
     add_channel_options(add)
-    text = "subtract the mean of each channel first, for positions far from zero"
-    add("--remove-means", action="store_true", help=text)
+    add_remove_means(add)
     add_model_options(command.section("Model"), "the operator")
 
 
@@ -325,7 +325,23 @@ def add_search_options(add: Callable[..., Any], more: str = "") -> None:
     add("--max-effects", type=whole(0), metavar="N", help=text)
     text = "end the search after about so long, with what was found by then (default: no limit)"
     add("--time-limit", type=positive, metavar="S", help=text)
+    text = (
+        "fit every effect to the end at each step, as a check; names are the same, it takes longer"
+    )
+    add("--exhaustive", action="store_true", help=text)
     add_lost_control(add)
+
+
+def add_save(add: Callable[..., Any]) -> None:
+    """The options of the file that holds the fitted model."""
+    text = "write the fitted model, without the recordings, for skhoid compare (.joblib)"
+    add("--save", metavar="FILE", help=text)
+
+
+def add_remove_means(add: Callable[..., Any]) -> None:
+    """The option for positions that are far from zero."""
+    text = "subtract the mean of each channel first, for positions far from zero"
+    add("--remove-means", action="store_true", help=text)
 
 
 def add_plot_options(add: Callable[..., Any], folder: str) -> None:

@@ -84,7 +84,7 @@ def read_choices(options: argparse.Namespace) -> Any:
         named["signals"] = False
     others = ["dt", "subject", "condition", "resample", "remove_means", "run_in", "core", "delay"]
     others += ["na", "nb", "nk", "display", "controlled_element", "max_effects", "lost_control"]
-    others.append("time_limit")
+    others += ["time_limit", "exhaustive"]
     return Choices(
         named=named,
         effects=None if options.effects == ["all"] else options.effects,

@@ -9,6 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "export": ["write_long", "write_wide"],
         "group": ["GroupEffectSearch"],
         "identify": ["identify_people"],
+        "mending": ["mend_recordings"],
         "mixed": ["mixed_model"],
         "repeated": ["repeated_measures"],
         "simulate": ["simulate_experiment"],

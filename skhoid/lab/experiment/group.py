@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from numbers import Integral, Real
@@ -254,6 +254,9 @@ class GroupEffectSearch(BaseEstimator):
         Conditions compared by who has an effect: effect, condition, other, n_people, n_with,
         n_other, only_here, only_there, p (exact McNemar test), p_adjusted (Holm). Empty with one
         condition.
+    limits_ : DataFrame
+        How large effects may be that the runs of a person do not name: subject, condition, and the
+        columns of ``EffectSearchCV.limits_``.
     people_ : DataFrame
         One row per person and condition: subject, condition, effects (a tuple: named, with those
         that the group adds), verdict, vaf (held out, baseline), vaf_with, ceiling, failure.
@@ -375,6 +378,18 @@ class GroupEffectSearch(BaseEstimator):
         self._count(searched)
         self.parameters_ = member_parameters(self.search, searched, found, self.members_)
         self.contrasts_ = condition_contrasts(self.members_)
+        self.limits_ = pd.concat(
+            [
+                search.limits_.assign(
+                    subject=pd.Series([who] * len(search.limits_), search.limits_.index, object),
+                    condition=pd.Series(
+                        [where] * len(search.limits_), search.limits_.index, object
+                    ),
+                )
+                for (who, where), search in found.items()
+            ],
+            ignore_index=True,
+        ).astype(dict.fromkeys(("limit", "limit_points", "shown_from", "shown_points"), float))
         self.people_ = self._people(groups)
         return self
 
@@ -577,34 +592,69 @@ def _where(rows: pd.DataFrame, found: GroupEffectSearch) -> str:
 
 
 def group_lines(found: GroupEffectSearch) -> Iterator[str]:
-    """Each effect of the group: how many people, the prevalence, and who has it not, or alone."""
+    """Each effect of the group: how many people, the prevalence, and who does not show it."""
     for name in found.group_effects_:
         rows = found.prevalence_[found.prevalence_["effect"] == name]
         conditions = rows[rows["condition"] != ALL]
         if len(rows) == 1 or not conditions["group"].any():
             conditions = rows[rows["group"]]
-        for _, row in conditions.iterrows():
+        same = len(conditions) > 1 and len(set(map(str, conditions["with_it"]))) == 1
+        for _, row in (conditions[:1] if same else conditions).iterrows():
             where = "" if row["condition"] == ALL else f" in {row['condition']}"
+            where = f" in each of {len(conditions)} conditions" if same else where
             text = (
                 f"{title_of(name)}{where}: {row['n_with']} of {row['n_people']} people, "
                 f"prevalence {100 * row['share']:.0f} % ({100 * row['low']:.0f} to "
                 f"{100 * row['high']:.0f} %)"
             )
             if row["group"] and row["without"]:
-                text += f"; not {listed(row['without'])}"
+                places = None if same or row["condition"] == ALL else [row["condition"]]
+                limit = tell_limit(found, name, row["without"], places)
+                text += f"; not shown in {listed(row['without'])}{limit}"
             elif row["with_it"] and row["without"]:
-                text += f"; only {listed(row['with_it'])}"
+                text += f"; only in {listed(row['with_it'])}"
             yield f"{text}."
 
 
+def tell_limit(
+    found: GroupEffectSearch, effect: str, people: Sequence[Any], conditions: Any = None
+) -> str:
+    """How large an effect may be in who does not show it, as " (up to 0.02 deg)"; "" if unknown.
+
+    Of several people and conditions it is the largest.
+    """
+    table = getattr(found, "limits_", None)
+    if table is None:
+        return ""
+    rows = table[(table["effect"] == effect) & table["subject"].isin(list(people))]
+    if conditions is not None:
+        rows = rows[rows["condition"].isin(conditions)]
+    rows = rows[np.isfinite(rows["limit"])]
+    if rows.empty:
+        return ""
+    rows = rows[rows["parameter"] == rows["parameter"].iloc[0]]
+    unit = f" {rows['unit'].iloc[0]}" if rows["unit"].iloc[0] not in ("", "-") else ""
+    if (rows["sense"] == "at least").all():
+        return f" (at least {rows['limit'].min():.2g}{unit})"
+    return f" (up to {rows['limit'].max():.2g}{unit})"
+
+
 def single_lines(found: GroupEffectSearch) -> Iterator[str]:
-    """What single people have that is not the group's."""
-    members = found.members_[found.members_["has"]]
-    own = members[~members["effect"].isin(found.group_effects_)]
+    """In whom an effect is shown that is not the group's, and how large it may be in the others."""
+    members = found.members_
+    own = members[members["has"] & ~members["effect"].isin(found.group_effects_)]
+    n = found.people_["subject"].nunique()
     for effect, table in own.groupby("effect", sort=False):
-        people = [_person(row) for _, row in table.iterrows()]
-        verb = "has" if len(people) == 1 else "have"
-        yield f"{listed(people)} {verb} {title_of(str(effect))}, the group has not."
+        people = list(dict.fromkeys(table["subject"]))
+        several = len(set(found.people_["condition"])) > 1
+        where = [_person(row) if several else str(row["subject"]) for _, row in table.iterrows()]
+        others = [who for who in dict.fromkeys(found.people_["subject"]) if who not in people]
+        limit = tell_limit(found, str(effect), others)
+        rest = f"; in the others it is not shown{limit}" if others else ""
+        yield (
+            f"{title_of(str(effect))} is shown in {listed(where)} ({len(people)} of {n} people)"
+            f"{rest}."
+        )
 
 
 def contrast_lines(found: GroupEffectSearch) -> Iterator[str]:

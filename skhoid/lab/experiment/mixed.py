@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +25,7 @@ from ...text import (
     number,
     p_text,
 )
+from .factors import find_answers, list_pairs, list_steps, read_factors
 from .reml import FTest, MixedFit, fit_reml
 from .rows import Cells, Rows, select, weigh
 
@@ -90,19 +90,6 @@ def fit_cells(cells: Cells) -> Fitted:
     design = np.eye(cells.n_conditions)[cells.condition]
     people = cells.subject if several else None
     return Fitted(cells, fit_reml(cells.value, design, people, cells.weight))
-
-
-def list_pairs(conditions: Sequence[Any], reference: Any) -> list[tuple[int, int]]:
-    """Positions of all pairs of conditions, or of all with the reference."""
-    n = len(conditions)
-    if reference is None:
-        return [(j, i) for i, j in combinations(range(n), 2)]
-    if reference not in conditions:
-        raise ValueError(
-            f"reference is one of {', '.join(map(str, conditions))}; got {reference!r}."
-        )
-    at = list(conditions).index(reference)
-    return [(i, at) for i in range(n) if i != at]
 
 
 def holm(p: np.ndarray) -> np.ndarray:
@@ -222,6 +209,7 @@ def mixed_model(
     parameter: str,
     *,
     reference: Any = None,
+    factors: Mapping[str, Mapping[Any, Any]] | Sequence[str] | None = None,
     transform: str | None = None,
     outlying: str = "keep",
 ) -> MixedModelResult:
@@ -239,6 +227,11 @@ def mixed_model(
         Which parameter.
     reference : label or None, default=None
         Condition against which the others are compared; None compares all pairs.
+    factors : dict, sequence of str or None, default=None
+        What the conditions are combinations of: ``{"pace": {"fast_rested": "fast", ...}, "state":
+        {"fast_rested": "rested", ...}}``, or columns of the table, ``["pace", "state"]``. None
+        finds them in the names of conditions, where all combinations are there (fast_rested,
+        fast_tired, slow_rested, slow_tired); ``()`` means none.
     transform : {None, "log"}, default=None
         Scale of the model. With "log", means are geometric and contrasts are ratios too.
     outlying : {"keep", "leave_out"}, default="keep"
@@ -271,12 +264,19 @@ def mixed_model(
     95 %, and p-values of contrasts pay for their number by Holm. Rows without a standard error get
     the largest one of their person and condition; where no row has one, all count alike.
 
+    A factor is tested by each person's own difference between two of its levels, the mean over the
+    levels of the other, and an interaction by the difference of these differences: people need not
+    answer alike, as with a random slope. Their mean over people is weighted by 1 / (s² + τ²), its
+    standard error that of Hartung and Knapp [3]_, with a degree of freedom less than people.
+
     References
     ----------
     .. [1] R. C. Paule and J. Mandel, "Consensus values and weighting factors", J. Res. Natl. Bur.
        Stand. 87 (1982) 377-385.
     .. [2] M. G. Kenward and J. H. Roger, "Small sample inference for fixed effects from restricted
        maximum likelihood", Biometrics 53 (1997) 983-997.
+    .. [3] J. Hartung and G. Knapp, "A refined method for the meta-analysis of controlled clinical
+       trials with binary outcome", Stat. Med. 20 (2001) 3875-3889.
 
     Examples
     --------
@@ -313,6 +313,7 @@ def mixed_model(
         model = fit_cells(cells)
     except ValueError as error:
         raise ValueError(f"The mixed model of {parameter} cannot be fitted: {error}") from None
+    said, lacking = _of_factors(model, rows, factors, reference, transform == "log")
     influence, who_decides = _leave_out_each(model, pairs, rows)
     checks = [_check_normal("normal residuals", model.residuals(), "residuals")]
     if model.has_people:
@@ -325,12 +326,13 @@ def mixed_model(
         transform=transform,
         effects=_means(model, rows, log),
         contrasts=_contrasts(model, pairs, rows.conditions, log),
+        factors=said,
         omnibus=model.omnibus(),
         variances=_variances(model),
         people=_people(model, rows, log),
         checks=pd.DataFrame(checks),
         influence=influence,
-        notes=[*rows.notes, *_notes(model, rows)],
+        notes=[*rows.notes, *_notes(model, rows), *lacking],
         data=rows.data,
         tau=tau,
         tau_cells=tau_cells,
@@ -358,33 +360,54 @@ def _contrasts(
     model: Fitted, pairs: list[tuple[int, int]], names: list[Any], log: bool
 ) -> pd.DataFrame:
     found = model.contrasts(pairs)
-    apart, reach = found.difference, _reach(found.df, found.se)
+    labels = {
+        "condition": [names[i] for i, _ in pairs],
+        "against": [names[j] for _, j in pairs],
+    }
+    return _tested(labels, found.difference, found.se, found.df, model, log)
+
+
+def _tested(
+    labels: Mapping[str, list[Any]],
+    apart: np.ndarray,
+    se: np.ndarray,
+    df: np.ndarray,
+    model: Fitted,
+    log: bool,
+) -> pd.DataFrame:
+    """A table of differences, with their t tests, intervals and effect sizes."""
+    reach, p = _reach(df, se), 2.0 * stats.t.sf(abs(apart / se), df)
     d = d_reach = np.full(apart.size, np.nan)
     if model.between > 0.0:  # relative to the standard deviation of people, by the delta method
         d = apart / np.sqrt(model.between)
         own = float(model.at.variance_covariance[0, 0]) / (4.0 * model.between**2)
-        d_reach = _reach(found.df, np.sqrt(found.se**2 / model.between + d**2 * own))
-    table = pd.DataFrame(
-        {
-            "condition": [names[i] for i, _ in pairs],
-            "against": [names[j] for _, j in pairs],
-            "difference": apart,
-            "se": found.se,
-            "df": found.df,
-            "t": apart / found.se,
-            "p": found.p,
-            "p_adjusted": holm(found.p),
-            "low": apart - reach,
-            "high": apart + reach,
-            "d": d,
-            "d_low": d - d_reach,
-            "d_high": d + d_reach,
-        }
-    )
+        d_reach = _reach(df, np.sqrt(se**2 / model.between + d**2 * own))
+    numbers: dict[str, Any] = {"difference": apart, "se": se, "df": df, "t": apart / se, "p": p}
+    numbers |= {"p_adjusted": holm(p), "low": apart - reach, "high": apart + reach}
+    numbers |= {"d": d, "d_low": d - d_reach, "d_high": d + d_reach}
     if log:
         ends = {"": "difference", "_low": "low", "_high": "high"}
-        table = table.assign(**{f"ratio{end}": np.exp(table[name]) for end, name in ends.items()})
-    return table
+        numbers |= {f"ratio{end}": np.exp(numbers[name]) for end, name in ends.items()}
+    return pd.DataFrame({**labels, **numbers})
+
+
+def _of_factors(
+    model: Fitted, rows: Rows, factors: Any, reference: Any, log: bool
+) -> tuple[pd.DataFrame, list[str]]:
+    """Differences between levels of each factor, and of these between levels of another."""
+    steps = list_steps(read_factors(rows, factors), reference)
+    if not steps:
+        return pd.DataFrame(), []
+    tested, lacking = zip(*(find_answers(model.cells, step.weights) for step in steps), strict=True)
+    names = sorted({str(rows.subjects[who]) for some in lacking for who in some})
+    notes = [f"factors are without {', '.join(names)}, who lack a condition"] * bool(names)
+    labels = {
+        "factor": [step.factor for step in steps],
+        "level": [step.level for step in steps],
+        "against": [step.against for step in steps],
+    }
+    apart, se, df = np.array(tested).T
+    return _tested(labels, apart, se, df, model, log), notes
 
 
 def _variances(model: Fitted) -> pd.DataFrame:
@@ -460,6 +483,10 @@ class MixedModelResult(Told):
         (Holm), ``low``, ``high``, and ``d``, ``d_low``, ``d_high``: the difference divided by the
         standard deviation of people. With "log", differences are those of logarithms, and
         ``ratio``, ``ratio_low`` and ``ratio_high`` say them as ratios. Intervals are not adjusted.
+    factors : DataFrame
+        The same columns for the factors that the conditions are combinations of: ``factor``,
+        ``level`` and ``against``, then interactions, ``fast/slow x rested/tired``. Empty if there
+        are none.
     omnibus : FTest or None
         ``F``, ``df1``, ``df2`` and ``p`` of no difference at all; None with one condition.
     variances : DataFrame
@@ -492,6 +519,7 @@ class MixedModelResult(Told):
     transform: str | None
     effects: pd.DataFrame
     contrasts: pd.DataFrame
+    factors: pd.DataFrame
     omnibus: FTest | None
     variances: pd.DataFrame
     people: pd.DataFrame
@@ -553,7 +581,10 @@ class MixedModelResult(Told):
             )
         ]
         if self.verdict:
-            blocks += [Paragraph(self.verdict), self._tell_contrasts()]
+            blocks.append(Paragraph(self.verdict))
+            if len(self.factors):
+                blocks.append(self._tell_contrasts(self.factors, "factors"))
+            blocks.append(self._tell_contrasts(self.contrasts, "conditions"))
         sds = [[row["source"], f"{row['sd']:.4g}"] for row in self.variances.to_dict("records")]
         marks = {True: "ok", False: "doubtful", None: "not known"}
         checks = [f"{marks[row['ok']]}: {row['said']}" for row in self.checks.to_dict("records")]
@@ -567,20 +598,22 @@ class MixedModelResult(Told):
         ]
         return Document(title, blocks)
 
-    def _tell_contrasts(self) -> TextTable:
+    def _tell_contrasts(self, table: pd.DataFrame, what_of: str) -> TextTable:
         log = self.transform == "log"
         rows = []
-        for row in self.contrasts.to_dict("records"):
+        for row in table.to_dict("records"):
             if log:
                 ends = [f"{row[f'ratio{end}']:.3f}" for end in ("", "_low", "_high")]
             else:
                 ends = _ends(row, "difference")
-            pair = f"{row['condition']} {'/' if log else '-'} {row['against']}"
+            pair = (
+                f"{row.get('condition', row.get('level'))} {'/' if log else '-'} {row['against']}"
+            )
             test = f"t({row['df']:.1f}) = {row['t']:.2f}"
             p = p_text(row["p_adjusted"]) + " *" * (row["p_adjusted"] < ALPHA)
             rows.append([pair, *ends, test, p, f"{row['d']:.2f}" if np.isfinite(row["d"]) else "-"])
         what = "Ratios" if log else f"Differences{f', {self.unit}' if self.unit else ''}"
-        caption = f"{what} of conditions (p adjusted: Holm; intervals are not)"
+        caption = f"{what} of {what_of} (p adjusted: Holm; intervals are not)"
         header = ("", "ratios" if log else "differences", "from", "to", "", "p", "d")
         return TextTable(caption, header, rows)
 
@@ -588,3 +621,35 @@ class MixedModelResult(Told):
 def _ends(row: dict[str, Any], name: str) -> list[str]:
     """A number and the ends of its interval, as exact as its standard error allows."""
     return [number(row[key], row["se"]) for key in (name, "low", "high")]
+
+
+def tell_changes(results: Iterable[MixedModelResult], names: Mapping[str, str]) -> list[str]:
+    """What conditions change beyond chance, the surest first, a sentence for each pair.
+
+    p-values pay for the contrasts of all parameters together (Holm). Factors come in place of pairs
+    of conditions. ``names`` has what parameters are called.
+    """
+    tables = [
+        (result.factors if len(result.factors) else result.contrasts).assign(
+            of=names.get(result.parameter, result.parameter), unit=result.unit
+        )
+        for result in results
+        if len(result.contrasts)
+    ]
+    if not tables:
+        return []
+    rows = pd.concat(tables, ignore_index=True)
+    rows = rows[np.isfinite(rows["p"])]
+    rows = rows[holm(rows["p"].to_numpy(dtype=float)) < ALPHA]
+    rows = rows.assign(size=rows["t"].abs()).sort_values("size", ascending=False, kind="stable")
+    found: dict[str, list[str]] = {}
+    for row in rows.to_dict("records"):
+        is_factor = isinstance(row.get("factor"), str)
+        level = row["level" if is_factor else "condition"]
+        less = "less that" if is_factor and " - " in str(row["level"]) else "against"
+        estimate, low, high = _ends(row, "difference")
+        sign, unit = "+" * (row["difference"] > 0.0), f" {row['unit']}" if row["unit"] else ""
+        found.setdefault(f"{level} {less} {row['against']}", []).append(
+            f"{row['of']} {sign}{estimate}{unit} ({low} to {high})"
+        )
+    return [f"{pair}: {'; '.join(texts)}." for pair, texts in found.items()]

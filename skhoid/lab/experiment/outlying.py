@@ -157,8 +157,12 @@ def _far(values: np.ndarray, se: np.ndarray) -> np.ndarray:
 
 
 def _far_people(groups: pd.DataFrame) -> Iterator[Flag]:
-    """People with parameters far from the others' in the same condition; one flag each."""
+    """People with parameters far from the others' in the same condition; one flag each.
+
+    Those of effects tell nothing: who has not the effect has its parameter at a bound.
+    """
     known = groups[np.isfinite(groups["estimate"]) & (groups["parameter"] != "vaf")]
+    known = known[~known["parameter"].str.contains("__")]
     if (known["parameter"] == "K_e").any():  # which say the same in physical terms
         known = known[~known["parameter"].str.fullmatch(COEFFICIENT)]
     families = [

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
+from ...effects import title_of
+from ...pipelines import taken_apart
 from ...runs import RUN
 from ...text import (
     Block,
@@ -98,6 +101,46 @@ class PeopleResult(Told):
         )
         return both[both["failure"] != ""].reset_index(drop=True)
 
+    @property
+    def meanings(self) -> dict[str, str]:
+        """What the parameters of the models are, in words; those of effects have their titles."""
+        found: dict[str, str] = {}
+        for model in self.models.values():
+            table = getattr(taken_apart(model)[1], "parameters_", None)
+            if isinstance(table, pd.DataFrame) and "meaning" in table:
+                found |= {str(name): f"{said} {name}" for name, said in table["meaning"].items()}
+        for name in found:
+            effect, _, own = name.partition("__")
+            found[name] = f"{title_of(effect)} {own}" if own else found[name]
+        return found
+
+    def of_members(self, members: pd.DataFrame) -> PeopleResult:
+        """The same without the parameters of effects in people who are not taken to have them.
+
+        Where the model has an effect that somebody has not, its parameter is at a bound, and means
+        over it and others are of two kinds of people.
+
+        Parameters
+        ----------
+        members : DataFrame
+            ``GroupEffectSearch.members_``.
+
+        Returns
+        -------
+        people : PeopleResult
+        """
+        has = members.loc[members["has"], [SUBJECT, CONDITION, "effect"]]
+        there = set(has.itertuples(index=False, name=None))
+        known = {effect for *_, effect in there} | set(members["effect"])
+
+        def kept(table: pd.DataFrame) -> pd.DataFrame:
+            effect = table["parameter"].str.partition("__")[0]
+            keys = zip(table[SUBJECT], table[CONDITION], effect, strict=True)
+            own = [key in there or key[2] not in known for key in keys]
+            return table[np.array(own, dtype=bool)].reset_index(drop=True)
+
+        return replace(self, table=kept(self.table), groups=kept(self.groups))
+
     def __repr__(self) -> str:
         n = [self.runs[name].nunique() for name in (SUBJECT, CONDITION)]
         return f"PeopleResult({n[0]} people, {n[1]} conditions, {len(self.runs)} runs)"
@@ -110,7 +153,7 @@ class PeopleResult(Told):
         blocks += _listed("No fit:", [f"{_name(row)}: {row['failure']}" for row in failed])
         odd = self.outlying.to_dict("records")
         reasons = [f"{_name(row)}: {row['reason']}" for row in odd]
-        blocks += _listed("Looks wrong (nothing is left out):", reasons)
+        blocks += _listed("Looks wrong (and counts all the same):", reasons)
         if not odd:
             blocks.append(Paragraph("Nobody and no run is outlying."))
         blocks.append(Notes([Note("", note) for note in self.notes[:SHOWN]]))

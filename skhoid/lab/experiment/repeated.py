@@ -10,7 +10,8 @@ import pandas as pd
 from scipy import stats
 
 from ...text import Document, Note, Notes, Paragraph, TextTable, Told, counted, number, p_text
-from .mixed import ALPHA, holm, list_pairs
+from .factors import list_pairs
+from .mixed import ALPHA, holm
 from .rows import select
 
 

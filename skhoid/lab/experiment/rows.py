@@ -56,13 +56,15 @@ class Rows:
     """The rows of one parameter.
 
     ``data`` holds all, with ``value`` and ``value_se`` (on the scale of the model) and ``left_out``
-    (the reason, or nothing); ``used`` are those without a reason.
+    (the reason, or nothing); ``used`` are those without a reason. ``table`` is all that was
+    given.
     """
 
     parameter: str
     unit: str
     data: pd.DataFrame
     notes: list[str]
+    table: pd.DataFrame
 
     @property
     def used(self) -> pd.DataFrame:
@@ -117,7 +119,7 @@ def select(
             data["value"] = np.log(data["estimate"])
             data["value_se"] = data["se"] / data["estimate"].abs()
     notes = [f"{counted(n, 'row')} left out: {why}" for why, n in reasons.items()]
-    return Rows(parameter, units[0] if units else "", data, notes)
+    return Rows(parameter, units[0] if units else "", data, notes, table)
 
 
 def _candidates(table: pd.DataFrame, parameter: str, outlying: str) -> pd.DataFrame:
@@ -234,7 +236,7 @@ def variance_between_runs(values: np.ndarray, errors: np.ndarray, cell: np.ndarr
     def rest(w: np.ndarray) -> np.ndarray:
         return values - (np.bincount(cell, w * values) / np.bincount(cell, w))[cell]
 
-    return _paule_mandel(values, errors, rest, float(values.size - int(cell.max()) - 1))
+    return paule_mandel(values, errors, rest, float(values.size - int(cell.max()) - 1))
 
 
 def _variance_between_cells(
@@ -257,10 +259,15 @@ def _variance_between_cells(
         return values - design @ fit
 
     df = values.size - int(np.linalg.matrix_rank(design))
-    return _paule_mandel(values, errors, rest, max(df - np.sqrt(2.0 * df), 0.5 * df))
+    return paule_mandel(values, errors, rest, cautious(df))
 
 
-def _paule_mandel(
+def cautious(df: int) -> float:
+    """Degrees of freedom less a standard deviation of their χ²: with them a variance is large."""
+    return max(df - float(np.sqrt(2.0 * df)), 0.5 * df)
+
+
+def paule_mandel(
     values: np.ndarray,
     errors: np.ndarray,
     rest: Callable[[np.ndarray], np.ndarray],

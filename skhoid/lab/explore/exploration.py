@@ -118,6 +118,22 @@ class Exploration:
         here = self.here
         return self.models.moved(here.effects, here.train, here.moved)
 
+    def at_result(self) -> Exploration:
+        """The same, gone on to the model that the search found; undo leads back to the start."""
+        effects = self.with_found()
+        if new := effects.names[len(self.here.effects) :]:
+            words = f"Add {' and '.join(map(title_of, new))}"
+            self._go(self.here.with_changes(words, effects=effects), {})
+        return self
+
+    def with_found(self) -> Effects:
+        """The present effects, and behind them those of the best model of the search."""
+        effects = self.here.effects
+        for _, kind, _ in self.found.effects:
+            if kind in self.own and kind not in {e.name for _, e in effects}:
+                effects = effects + self.found.effect(kind, self.own)
+        return effects
+
     def act(self, name: str, args: Mapping[str, Any]) -> dict[str, Any]:
         """Do what was asked in the component; returns what it is told.
 
@@ -162,14 +178,6 @@ class Exploration:
             self.found = Found.of(search, self.here.train if train is None else train)
             self._progress = None
             self._changed()
-
-    def with_found(self) -> Effects:
-        """The present effects, and behind them those that the search found beside."""
-        effects = self.here.effects
-        for kind in self.found.named:
-            if kind in self.own and kind not in {e.name for _, e in effects}:
-                effects = effects + self.found.effect(kind, self.own)
-        return effects
 
     def searching(self, progress: Mapping[str, Any] | None) -> None:
         """Say how far a search is: share (0 to 1) and words; None where none is running."""
@@ -246,6 +254,7 @@ class Exploration:
             "cards": [{**card, "ready": True} for card in cards],
             "cards_of": cards_of,
             **self._verdict(here),
+            "to_add": self._to_add(here),
             "findings": self.figures.findings(here, self.found),
             "limits": self.found.limits if self.found.is_of(here.train) else [],
             "search": self._progress,
@@ -260,6 +269,12 @@ class Exploration:
         of = ", ".join(names[:MOST_NAMED]) + (", ..." if len(names) > MOST_NAMED else "")
         said = f"The search was on other runs ({of}). There: {found.verdict}"
         return {"verdict": said, "verdict_kind": ""}
+
+    def _to_add(self, here: Position) -> list[str]:
+        """What the verdict names and the model does not have yet."""
+        present = {e.name for _, e in here.effects}
+        named = self.found.named if self.found.is_of(here.train) else []
+        return [kind for kind in named if kind in self.own and kind not in present]
 
     def _first_uses(self) -> tuple[str, ...]:
         """All runs are fitted, but of several people only those of the first: each is another."""
@@ -376,11 +391,16 @@ class Exploration:
 
 
 def added(of: Exploration, args: Mapping[str, Any]) -> Position:
-    """One more effect, by its id."""
-    here, effect = of.here, of.effect(str(args["effect"]))
-    if effect.name in {e.name for _, e in here.effects}:
-        raise ValueError(f"The model has the effect {title_of(effect.name)} already.")
-    return here.with_changes(f"Add {title_of(effect.name)}", effects=here.effects + effect)
+    """One more effect, by its id, or several."""
+    here, asked = of.here, args["effect"]
+    effects, titles = here.effects, []
+    for kind in asked if isinstance(asked, list) else [asked]:
+        effect = of.effect(str(kind))
+        titles.append(title_of(effect.name))
+        if effect.name in {e.name for _, e in effects}:
+            raise ValueError(f"The model has the effect {titles[-1]} already.")
+        effects = effects + effect
+    return here.with_changes(f"Add {' and '.join(titles)}", effects=effects)
 
 
 def removed(of: Exploration, args: Mapping[str, Any]) -> Position:

@@ -25,13 +25,14 @@ from ...effects import Effects
 from ...model import GreyBox
 from ...runs import RunLayout, read_layout, run_name
 from .exploration import ACTIONS, Exploration
-from .models import TRAIN, History, Position, own_values
+from .models import History, Position, own_values
 from .script import plain
 
 MOST_SUBSETS_OF = 4  # effects; of more only those that a search went through
 MOST_VALUES = 600_000  # in a page
 LEAST_RATE = 25.0  # Hz, to which rows are thinned at most
 SHOWN_CHANNELS = 4
+OPENS_ON = 15.0  # s of a run: of a whole one at 50 Hz or more the lines cannot be told apart
 ALIGNED = 8  # bytes
 LEVELS = 65_533  # of a compact array, in which one more stands for NaN
 MISSING = -32_768
@@ -48,9 +49,7 @@ def payload_of(
     if search is None or not isinstance(search.best_estimator_, GreyBox):
         return None if comparison is None else payload_of_comparison(comparison)
     fitted = [search.baseline_, search.best_estimator_]
-    exploration = Exploration(search.estimator, X, y, search=search, fitted=fitted)
-    uses = (TRAIN,) * exploration.runs.n
-    exploration.history = History(Position(uses, Effects.of(search.best_estimator_.effects)))
+    exploration = Exploration(search.estimator, X, y, search=search, fitted=fitted).at_result()
     payload = payload_of_exploration(exploration, Effects.of(search.baseline_.effects).names)
     for state in payload["states"].values():  # the page around it says these
         state |= {"verdict": "", "verdict_kind": "", "limits": []}
@@ -77,7 +76,7 @@ def payload_of_exploration(exploration: Exploration, kept: Sequence[str] = ()) -
         state["cards"] = [card for card in state["cards"] if card["id"] in ready]
         state |= {"ceiling_pending": False, "findings": [], "search": None}
         key = ",".join(sorted(chosen))
-        states[key] = state
+        states[key] = {**state, "to_add": []}
         predictions[key] = exploration.models.prediction(effects, here.train, moved)
     view = exploration.view()
     start = ",".join(sorted(n for n in here.effects.names if n not in kept))
@@ -118,6 +117,7 @@ def payload_of_comparison(found: Comparison) -> dict[str, Any]:
         "verdict_kind": "",
         "findings": [{"what": f.title, "why": f.meaning} for f in found.findings],
         "limits": [],
+        "to_add": [],
         "search": None,
     }
     view = {
@@ -188,7 +188,8 @@ class _Traces:
 
     def payload(self, view: dict[str, Any], start: str, states: Any) -> dict[str, Any]:
         notes = [note for note in (view["note"], self.note) if note]
-        view = {**view, "note": " ".join(notes) or None, "shown": min(self.kept)}
+        more = {"note": " ".join(notes) or None, "shown": min(self.kept), "opens_on": OPENS_ON}
+        view = {**view, **more}
         view["dt"] = self.layout.dt * self.every
         traces = [self._of_run(run) for run in range(len(self.layout.labels))]
         return {"view": view, "start": start, "states": states, "traces": traces}

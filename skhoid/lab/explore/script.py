@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from sklearn.base import clone
 
+import skhoid
+
 from ...effects import Effects
 from .models import Position, Runs, own_values
 
-READERS = ("read_runs", "resample_runs", "select_runs")
 GIVEN = ["# X and y: the runs of this exploration, as they were given to it."]
 
 
@@ -23,14 +25,7 @@ def write_script(
     figures: Mapping[str, float | None],
 ) -> str:
     """The script of a position; ``figures`` are what it will print, by the runs they are of."""
-    kind = type(estimator).__name__
-    names = {kind, "VAFScorer"}
-    given = list(source or GIVEN)
-    imports = [line for line in given if line.startswith(("from ", "import "))]
-    reading = [line for line in given if line not in imports]
-    while reading and not reading[0]:
-        reading = reading[1:]
-    body = [*reading, *_lost(runs)]
+    body = [*(source or GIVEN), *_lost(runs)]
     fitted, lines = _part("fitted", runs, position.train)
     body += lines
     held, lines = _part("held_out", runs, position.hold) if position.hold else ("", [])
@@ -47,12 +42,11 @@ def write_script(
         if rows.get(words):
             body += [f'print("VAF, runs {words}:", vaf(model, {rows[words]}))  # {figure!r}']
     body += ["print(model.parameters_.to_string())"]
-    head = [*_imports(names, position.effects, "\n".join(body)), *imports]
-    return "\n".join([*head, "", *body, ""])
+    return "\n".join([*_imports(position.effects, "\n".join(body)), "", *body, ""])
 
 
-def _imports(names: set[str], effects: Effects, body: str) -> list[str]:
-    names |= {name for name in READERS if f"{name}(" in body}
+def _imports(effects: Effects, body: str) -> list[str]:
+    names = set(re.findall(r"\b\w+(?=\()", body)) & {*dir(skhoid)}
     lines = ["import numpy as np", ""] if "np." in body else []
     lines += [f"from skhoid import {', '.join(sorted(names))}"]
     classes = {type(e) for _, e in effects}

@@ -17,7 +17,15 @@ from ... import EffectSearchCV, compare
 from ...effects import Effect, Effects, title_of
 from ...effects import effect as effect_of
 from ...model import ModelParameter, effect_curves
-from ...search import Reason, Status, limits_table, tell_headline, with_effects
+from ...search import (
+    Reason,
+    Status,
+    limits_table,
+    tell_headline,
+    tell_limit,
+    tell_verdict,
+    with_effects,
+)
 from ...text import as_sentence
 from .models import Models, Position
 
@@ -162,8 +170,8 @@ class Found:
     """What a search found, as far as an exploration needs it; all of it may go to JSON.
 
     ``effects`` are those of the best model (name, id and choices), ``named`` the ids that the
-    verdict names; ``vaf`` is its VAF on the rows fitted, those of ``runs``; ``limits`` are headings
-    and rows of what these runs allow.
+    verdict names; ``vaf`` is its VAF on the rows fitted, those of ``runs``; ``notes`` begin with
+    the verdict and its figures; ``limits`` are headings and rows of what these runs allow.
     """
 
     verdict: str = ""
@@ -180,9 +188,11 @@ class Found:
     @classmethod
     def of(cls, search: EffectSearchCV, runs: Sequence[int]) -> Found:
         """What a fitted search says."""
+        allowed = search.limits_.dropna(subset=["limit"]).set_index("effect")
+        limit = {str(name): tell_limit(row, "limit") for name, row in allowed.iterrows()}
         steps = [
             SearchStepKept(
-                table["beside"].iloc[0], [_card(row, search) for _, row in table.iterrows()]
+                table["beside"].iloc[0], [_card(row, search, limit) for _, row in table.iterrows()]
             )
             for _, table in search.ranking_.groupby("step")
         ]
@@ -190,7 +200,7 @@ class Found:
         best = Effects.of(search.best_estimator_.effects)
         limits = limits_table(search.result_)
         return cls(
-            verdict=tell_headline(search.result_),
+            verdict=f"{tell_verdict(search.result_)}.",
             kind=search.verdict_.kind,
             named=list(search.best_effects_),
             effects=[[name, e.name, e.get_params()] for name, e in best],
@@ -198,7 +208,7 @@ class Found:
             ceiling=ceiling if np.isfinite(ceiling) else None,
             vaf=float(search.error_path_["vaf_train"].iloc[-1]),
             runs=list(runs),
-            notes=[str(note) for note in search.notes_],
+            notes=[tell_headline(search.result_), *map(str, search.notes_)],
             limits=[] if limits is None else [list(row) for row in (limits.header, *limits.rows)],
         )
 
@@ -235,10 +245,10 @@ class Found:
             return cards, NOT_SEARCHED
         own = self.is_of(here.train)
         cards = [card if own else _elsewhere(card) for card in step.cards if card["id"] not in ids]
-        cards.sort(key=lambda card: (ORDER.index(card["status"]), -(card["gain"] or 0.0)))
+        cards.sort(key=lambda card: ORDER.index(card["status"]))  # else as the search ranks them
         exact = Counter(step.parent) == ids
         to = f"the model {with_effects(step.parent)}" if step.parent else "the baseline"
-        words = f"Gains in the search, on held-out rows, added to {to}"
+        words = f"Ranked by evidence. Gains are on held-out rows, of each added to {to}"
         if not own:
             words += ", of other runs than are fitted now"
         again = "" if exact and own else ". Search again for the present model and runs"
@@ -257,7 +267,7 @@ def _elsewhere(card: dict[str, Any]) -> dict[str, Any]:
     return {**card, "status": HELPS, "reason": "Named for other runs than are fitted now."}
 
 
-def _card(row: Any, search: EffectSearchCV) -> dict[str, Any]:
+def _card(row: Any, search: EffectSearchCV, limits: Mapping[str, str]) -> dict[str, Any]:
     if row["status"] == Status.REFUSED:
         status = REFUSED
     elif row["effect"] in search.best_effects_:
@@ -276,9 +286,11 @@ def _card(row: Any, search: EffectSearchCV) -> dict[str, Any]:
         "form": row["form"],
         "words": as_sentence(row["words"]),
         "gain": _number(row["vaf_gain"]),
-        "delta_bic": _number(row["delta_bic"]),
+        "evidence": _number(row["evidence"]),
+        "probability": _number(row["probability"]),
         "status": status,
         "reason": reason,
+        "limit": "" if status == FOUND else limits.get(row["effect"], ""),
         "parameters": row["parameters"],
     }
 
@@ -290,9 +302,11 @@ def _untried(effect: Effect, domain: str | None) -> dict[str, Any]:
         "form": "",
         "words": effect.physics_in(domain or "human"),
         "gain": None,
-        "delta_bic": None,
+        "evidence": None,
+        "probability": None,
         "status": UNTRIED,
         "reason": "",
+        "limit": "",
         "parameters": "",
     }
 

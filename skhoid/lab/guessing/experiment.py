@@ -398,6 +398,7 @@ _ARRAYS = (".mat", ".npz")
     time=[str, None],
     units=[Mapping, None],
     dt=DT,
+    some=[bool],
 )
 def read_experiment(
     paths: Any,
@@ -411,6 +412,7 @@ def read_experiment(
     units: Mapping[str, str] | None = None,
     dt: float | None = None,
     dims: Sequence[str] | Mapping[str, Sequence[Any] | None] | None = None,
+    some: bool = False,
 ) -> tuple[pd.DataFrame, pd.Series]:
     """Read the recordings of an experiment: several people, conditions and runs.
 
@@ -438,6 +440,9 @@ def read_experiment(
         "subject")``; a dict also gives labels, ``{"time": None, "run": None, "subject": ["anna",
         "ben"]}``, which else count from ``"1"``. None means samples x runs, samples x runs x
         people, or samples x runs x conditions x people.
+    some : bool, default=False
+        Whether a pattern may leave out other files of the same kind below its folder. If not, an
+        error says how many it matches.
 
     Returns
     -------
@@ -497,7 +502,7 @@ def read_experiment(
     levels = {level: column for level, column in named.items() if column is not None}
     asked = Asked(inputs, output, time, units, dt, levels)
     shape = checked_dims(dims)
-    sources = find_sources(paths)
+    sources = find_sources(paths, some=some)
     _check_fields(sources, asked, shape)
     return _read(sources, asked, shape)
 

@@ -62,28 +62,18 @@ def has_fields(text: str) -> bool:
     return bool(_FIELD.search(text)) and not os.path.exists(text)
 
 
-def match_pattern(text: str) -> tuple[list[Path], list[dict[str, str]]]:
-    """The files that match a pattern, and the labels that their names give."""
+class SomeFilesError(ValueError):
+    """A pattern matches some of the files that are there, and nobody said that these are meant."""
+
+
+def match_pattern(text: str, *, some: bool) -> tuple[list[Path], list[dict[str, str]], str]:
+    """The files that match a pattern, the labels that their names give, and a remark.
+
+    The others below the pattern's fixed folder, of the same kind, are counted: unless ``some``
+    are wanted, all must match.
+    """
     text = os.path.expanduser(text)
-    fields = _FIELD.findall(text)
-    unknown = [name for name in fields if name not in FIELDS]
-    if unknown:
-        raise ValueError(
-            f"The pattern {text!r} has the field {{{unknown[0]}}}; fields are "
-            f"{', '.join(f'{{{name}}}' for name in FIELDS)}. Write * for a part that varies and "
-            "means nothing."
-        )
-    pieces = _FIELD.split(text)
-    search, expression, seen = "", "", set[str]()
-    for number, piece in enumerate(pieces):
-        if number % 2 == 0:
-            search += "".join(c if c in "*?" else glob.escape(c) for c in piece)
-            expression += "".join(_wild(c) for c in piece)
-        else:
-            search += "*"
-            expression += f"(?P={piece})" if piece in seen else f"(?P<{piece}>[^/]+?)"
-            seen.add(piece)
-    form = re.compile(expression.replace(re.escape(os.sep), "/"))
+    form, search = _compiled(text)
     found = []
     for name in glob.glob(search):
         match = form.fullmatch(name.replace(os.sep, "/"))
@@ -93,7 +83,48 @@ def match_pattern(text: str) -> tuple[list[Path], list[dict[str, str]]]:
         raise FileNotFoundError(
             f"No file matches the pattern {text!r} (working folder: {Path.cwd()}).{_near(text)}"
         )
-    return [path for path, _ in found], [labels for _, labels in found]
+    files = [path for path, _ in found]
+    others = sorted(_beside(text, files), key=natural)
+    remark = f"{len(files)} of {len(files) + len(others)} files match the pattern"
+    if others and not some:
+        raise SomeFilesError(
+            f"{remark} {text!r}; the others are such as {shown(others[0])}. Give a pattern that "
+            "matches all of them, or say that some are meant: --some in the command, some=True "
+            "in Python."
+        )
+    labels = [labels for _, labels in found]
+    return files, labels, f"{remark}, the others are not read" if others else ""
+
+
+def _beside(text: str, files: Sequence[Path]) -> set[Path]:
+    """Recordings of the same kind below the folder where a pattern begins, that it leaves out."""
+    folder = Path(re.split(r"[*?{]", text, maxsplit=1)[0] + "_").parent
+    suffixes = {path.suffix for path in files}
+    try:
+        return {path for path in find_files(folder)[0] if path.suffix in suffixes} - {*files}
+    except (ValueError, FileNotFoundError):  # of several kinds: the pattern says which are meant
+        return set()
+
+
+def _compiled(text: str) -> tuple[re.Pattern[str], str]:
+    """A pattern as an expression for names with slashes, and as a glob pattern."""
+    unknown = [name for name in _FIELD.findall(text) if name not in FIELDS]
+    if unknown:
+        raise ValueError(
+            f"The pattern {text!r} has the field {{{unknown[0]}}}; fields are "
+            f"{', '.join(f'{{{name}}}' for name in FIELDS)}. Write * for a part that varies and "
+            "means nothing."
+        )
+    search, expression, seen = "", "", set[str]()
+    for number, piece in enumerate(_FIELD.split(text)):
+        if number % 2 == 0:
+            search += "".join(c if c in "*?" else glob.escape(c) for c in piece)
+            expression += "".join(_wild(c) for c in piece)
+        else:
+            search += "*"
+            expression += f"(?P={piece})" if piece in seen else f"(?P<{piece}>[^/]+?)"
+            seen.add(piece)
+    return re.compile(expression.replace(re.escape(os.sep), "/")), search
 
 
 def _wild(character: str) -> str:
@@ -122,11 +153,15 @@ class UnclearNamesError(ValueError):
 
 @dataclass(frozen=True)
 class _Token:
-    """A part of a name: ``before`` is the text since the last label, ``level`` "" if not said."""
+    """A part of a name: ``before`` is the text since the last label, ``level`` "" if not said.
+
+    ``joined`` says that it was put together from several.
+    """
 
     before: str
     label: str
     level: str
+    joined: bool = False
 
 
 def names_guess(
@@ -134,38 +169,74 @@ def names_guess(
 ) -> tuple[list[dict[str, str]], str]:
     """Labels of the files for the wanted levels, and the pattern of the first of them.
 
-    Parts that are the same in all names and of no known key are no labels.
+    Parts that are the same in all names and of no known key are no labels. Where single words do
+    not say what is what, those of a folder, or beside each other in a name, are one label:
+    ``fast_tired`` and ``no_motion`` are conditions, beside ``fast`` and ``motion``.
     """
-    rows = [_tokens(path, root) for path in files]
-    keyed = [_keyed(row, path) for row, path in zip(rows, files, strict=True)]
-    open_rows = [[token for token in row if not token.level] for row in rows]
-    counts = [len(row) for row in open_rows]
-    usual = max(set(counts), key=counts.count)
-    if len(set(counts)) > 1:
-        odd = next(k for k, count in enumerate(counts) if count != usual)
-        fine = counts.index(usual)
-        alike = [row for row in open_rows if len(row) == usual]
-        varying = [k for k in range(usual) if len({row[k].label for row in alike}) > 1]
-        said = {level for labels in keyed for level in labels}
-        names = [level for level in LEVELS if level not in said]
-        example = _example(rows[fine], dict(zip(varying, names, strict=False)), files[fine])
-        raise UnclearNamesError(
-            f"Names of files are built differently: {_relative(files[fine], root)!r} and "
-            f"{_relative(files[odd], root)!r}. Give the pattern, such as {str(root / example)!r}, "
-            "or a list of files."
-        )
-    varying = [k for k in range(usual) if len({row[k].label for row in open_rows}) > 1]
-    known = {level for labels in keyed for level in labels}
-    missing = [level for level in LEVELS if level in wanted and level not in known]
-    given = _assign(varying, missing, open_rows, usual, bool(known))
-    if given is None:
-        raise _unclear(files, root, rows, open_rows, varying, missing)
+    words = [_tokens(path, root) for path in files]
+    keyed = [_keyed(row, path) for row, path in zip(words, files, strict=True)]
+    for rows in (words, whole := list(map(_join, words))):
+        given = _levels_of(rows, wanted)
+        if given is not None:
+            break
+    else:
+        raise _unclear(files, root, words, whole, keyed[0], wanted)
+    if rows is whole:
+        keyed = [_keyed(row, path) for row, path in zip(whole, files, strict=True)]
     labels = [
         {level: label for level, label in own.items() if level in wanted or level not in LEVELS}
-        | {level: row[k].label for k, level in given.items()}
-        for own, row in zip(keyed, open_rows, strict=True)
+        | {level: _open(row)[k].label for k, level in given.items()}
+        for own, row in zip(keyed, rows, strict=True)
     ]
     return labels, _example(rows[0], given, files[0], wanted)
+
+
+def _open(row: list[_Token]) -> list[_Token]:
+    """The parts whose level is not said."""
+    return [token for token in row if not token.level]
+
+
+def _levels_of(rows: list[list[_Token]], wanted: Sequence[str]) -> dict[int, str] | None:
+    """Which of the parts without a key is which level; None if that is not clear."""
+    open_rows = list(map(_open, rows))
+    if len({len(row) for row in open_rows}) > 1:
+        return None
+    varying = _varying(rows)
+    known = {token.level for row in rows for token in row if token.level}
+    missing = [level for level in LEVELS if level in wanted and level not in known]
+    given = _assign(varying, missing, open_rows, len(open_rows[0]), bool(known))
+    joined = {level: any(row[k].joined for row in open_rows) for k, level in (given or {}).items()}
+    for k, level in (given or {}).items():
+        tokens = [row[k] for row in open_rows]
+        beside = k and all("/" not in token.before for token in tokens)
+        words = all(len(t.label) > 1 and not any(map(str.isdigit, t.label)) for t in tokens)
+        # fast_tired.csv is no run "tired" of the condition "fast".
+        if level == "run" and ((beside and words) or joined["run"]):
+            return None
+        # Whether anna_fast or fast_tired is a person, nobody knows.
+        if level == "subject" and joined["subject"] and not joined.get("condition"):
+            return None
+    return given
+
+
+def _join(row: list[_Token]) -> list[_Token]:
+    """Parts beside each other that say no level, or that of a condition, as one.
+
+    A number at the end of a name stays alone, and so does the first part of a name without folders:
+    they are the run and the person.
+    """
+    person = any(token.level == "subject" or "/" in token.before for token in row)
+    found: list[_Token] = []
+    for number, token in enumerate(row):
+        alone = number + 1 == len(row) and token.label.isdecimal()
+        alone |= not person and number == 1
+        both = {token.level, found[-1].level if found else "run"}
+        if found and "/" not in token.before and not alone and both <= {"", "condition"}:
+            last = found.pop()
+            label = last.label + token.before + token.label
+            token = _Token(last.before, label, max(both), joined=True)
+        found.append(token)
+    return found
 
 
 def levels_in_names(files: Sequence[Path], root: Path) -> set[str]:
@@ -291,25 +362,53 @@ def _example(
 def _unclear(
     files: Sequence[Path],
     root: Path,
-    rows: list[list[_Token]],
-    open_rows: list[list[_Token]],
-    varying: list[int],
-    missing: list[str],
+    words: list[list[_Token]],
+    whole: list[list[_Token]],
+    keyed: dict[str, str],
+    wanted: Sequence[str],
 ) -> UnclearNamesError:
-    seen = []
-    for number, k in enumerate(varying, 1):
-        labels = list(dict.fromkeys(row[k].label for row in open_rows))
-        more = f" and {len(labels) - _LISTED} more" if len(labels) > _LISTED else ""
-        seen.append(f"part {number} is {', '.join(map(repr, labels[:_LISTED]))}{more}")
-    names = (missing or list(LEVELS)) + ["*"] * len(varying)
-    given = dict(zip(varying, names, strict=False))
-    example = _example(rows[0], given, files[0]).replace("{*}", "*")
+    """What the parts of the names are, and the pattern that matches the most of them."""
+    missing = [level for level in LEVELS if level in wanted and level not in keyed]
     what = " and ".join(missing) if missing else "subject, condition and run, which are known"
+    counts = [len(_open(row)) for row in words]
+    if len(set(counts)) > 1:
+        odd = next(k for k, count in enumerate(counts) if count != counts[0])
+        said = (
+            f"Names of files are built differently: {_relative(files[0], root)!r} and "
+            f"{_relative(files[odd], root)!r}."
+        )
+    else:
+        seen = []
+        for number, k in enumerate(_varying(words), 1):
+            labels = list(dict.fromkeys(_open(row)[k].label for row in words))
+            more = f" and {len(labels) - _LISTED} more" if len(labels) > _LISTED else ""
+            seen.append(f"part {number} is {', '.join(map(repr, labels[:_LISTED]))}{more}")
+        said = (
+            f"Names of files, such as {_relative(files[0], root)!r}, do not say which part is the "
+            f"{what}: {'; '.join(seen)}."
+        )
+    tried = {}
+    for rows in (words, whole):
+        for row, path in zip(rows, files, strict=True):
+            varying = _varying([other for other in rows if len(_open(other)) == len(_open(row))])
+            names = (missing or list(LEVELS)) + ["*"] * len(varying)
+            given = dict(zip(varying, names, strict=False))
+            text = str(root / _example(row, given, path).replace("{*}", "*"))
+            if text not in tried:
+                form, _ = _compiled(text)
+                tried[text] = sum(bool(form.fullmatch(one.as_posix())) for one in files)
+    best = max(tried, key=lambda text: tried[text])
+    how_many = "all" if tried[best] == len(files) else f"{tried[best]} of {len(files)}"
     return UnclearNamesError(
-        f"Names of files, such as {_relative(files[0], root)!r}, do not say which part is the "
-        f"{what}: {'; '.join(seen)}. Give the pattern, such as "
-        f"{str(root / example)!r}."
+        f"{said} Give the pattern, such as {best!r}, which matches {how_many} files, or a list of "
+        "files."
     )
+
+
+def _varying(rows: list[list[_Token]]) -> list[int]:
+    """Places of the parts without a key that are not the same in all rows, which are as long."""
+    kinds = zip(*map(_open, rows), strict=False)
+    return [k for k, tokens in enumerate(kinds) if len({token.label for token in tokens}) > 1]
 
 
 @dataclass(frozen=True)
@@ -326,13 +425,13 @@ class Sources:
     remark: str = ""
 
 
-def find_sources(paths: Any) -> Sources:
-    """The files that a user names."""
+def find_sources(paths: Any, *, some: bool) -> Sources:
+    """The files that a user names; with ``some``, a pattern may leave out others beside them."""
     if isinstance(paths, str | os.PathLike):
         text = os.fspath(paths)
         if has_fields(text):
-            files, labels = match_pattern(text)
-            return Sources(files, Path(), labels)
+            files, labels, remark = match_pattern(text, some=some)
+            return Sources(files, Path(), labels, remark=remark)
         folder = Path(text).expanduser()
         if folder.is_dir():
             return _of_folder(folder)

@@ -206,6 +206,7 @@ _OFTEN = 0.01  # share of the steps of a clock
 _TICK_ERROR = 1e-3  # of a tick, by which floats may miss whole ones
 _WHOLE = 0.6  # share of the times that are written no finer; of few digits, not all are
 _FEWEST_TICKS, _HALF = 2.0, 0.6  # in a row, and by which a clock that is rounded misses
+_FEWEST_ROWS = 10  # of a run; a line through few rows fits any clock
 _TICKS = 3.5  # in a row at least: a lost row is then more than rounding
 _ROUNDED = 1.5  # ticks, by which a clock that is read late and rounded misses an even one
 _SIGNAL = "a signal that never changes tells nothing"
@@ -225,7 +226,7 @@ def even_times(index: pd.MultiIndex) -> tuple[np.ndarray, str] | None:
     even, uneven, steps = ticks.copy(), 0.0, []
     for start, stop in zip(starts, np.append(starts[1:], time.size), strict=True):
         rows, own = np.arange(stop - start), ticks[start:stop]
-        step = np.polyfit(rows, own, 1)[0] if rows.size > 2 else 0.0
+        step = np.polyfit(rows, own, 1)[0] if rows.size >= _FEWEST_ROWS else 0.0
         if step < _FEWEST_TICKS:
             return None
         rest = own - step * rows

@@ -42,6 +42,7 @@ from .problems import (
     time=[str, None],
     units=[Mapping, None],
     dt=DT,
+    levels=[Mapping, None],
 )
 def read_runs(
     paths: Paths,
@@ -52,6 +53,7 @@ def read_runs(
     run: str | None = None,
     units: Mapping[str, str] | None = None,
     dt: float | None = None,
+    levels: Mapping[str, str] | None = None,
 ) -> tuple[pd.DataFrame, pd.Series]:
     """Read recorded runs from text, Excel, Parquet, MATLAB, NumPy or XDF files.
 
@@ -59,8 +61,9 @@ def read_runs(
     was taken for what. Name inputs, output, and time or `dt`, and nothing is guessed.
 
     Nothing is resampled, sorted or left out, but for signals of one run in files with other clocks:
-    rows are as in the files, and missing values are NaN (no measurement). The clock is checked when
-    a model is fitted; :func:`skhoid.resample_runs` puts irregularly sampled runs onto a grid.
+    rows are as in the files, and missing values are NaN (no measurement). A clock that is even but
+    for its rounding is taken as even. The clock is checked when a model is fitted;
+    :func:`skhoid.resample_runs` puts irregularly sampled runs onto a grid.
 
     Parameters
     ----------
@@ -94,6 +97,10 @@ def read_runs(
         those of the headers. Only the time is ever converted.
     dt : float or None, default=None
         Sampling time in seconds of files without a time column; every run then starts at 0.
+    levels : dict or None, default=None
+        Columns whose labels are outer levels of the index, ``{column: level}``, such as
+        ``{"person": "subject"}``; a run then also begins where time restarts in a file. None is
+        guessed if anything is.
 
     Returns
     -------
@@ -155,7 +162,7 @@ def read_runs(
             'one and join them: pd.concat({"S1": X1, "S2": X2}, names=["subject"]).'
         )
     if inputs is None or output is None or (time is None and dt is None):
-        return _guessed(paths, inputs, output, time, run, units, dt)
+        return _guessed(paths, inputs, output, time, run, units, dt, levels)
     files = expand_paths(paths)
     channels = [*wanted_channels(inputs, "inputs"), *wanted_channels(output, "output")]
     if all(path.suffix.lower() in DOTTED for path in files):
@@ -163,14 +170,15 @@ def read_runs(
     check_names(channels)
     clock = checked_clock(time, dt)
     given = checked_units(units or {}, channels, time)
-    X, y = read_named(each_table(files), channels, clock, given, run)
+    X, y = read_named(each_table(files), channels, clock, given, run, levels)
     slow = np.median(np.diff(X.index.get_level_values(TIME))) >= 1 if len(X) > 2 else False
     if time is not None and "time" not in given and slow:
         guess = make_guess(first_table(files), paths, output=output, time=time, signals=False)
         if guess.time_remark:
             print(f"{quoted(time)}: {guess.time_remark}")
         given |= {key: unit for key, unit in guess.units.items() if key == "time"}
-        return read_named(each_table(files), channels, clock, given, run)
+        X, y = read_named(each_table(files), channels, clock, given, run, levels)
+    _even_out(X, y)
     return X, y
 
 
@@ -182,6 +190,7 @@ def _guessed(
     run: str | None,
     units: Mapping[str, str] | None,
     dt: float | None,
+    levels: Mapping[str, str] | None,
 ) -> tuple[pd.DataFrame, pd.Series]:
     """Read with a guess for what is not named, and print it."""
     named = {} if inputs is None else {c.asked: c.name for c in wanted_channels(inputs, "inputs")}
@@ -191,6 +200,8 @@ def _guessed(
     guess = make_guess(table, paths, **given, units=units, dt=dt, signals=inputs is None)
     if inputs is not None:
         guess.channels = {asked: name for asked, name in named.items() if asked in guess.channels}
+    if levels is not None:
+        guess.levels = dict(levels)
     X, y = read_guessed(guess, table)
     print(guess)
     return X, y
@@ -209,7 +220,7 @@ def read_guessed(
     if not guess.problems:
         try:
             X, y = _read_guess(guess, opened)
-            _even_out(X, y, guess)
+            guess.remarks += _even_out(X, y)
             of_runs = problems_of_runs(X, y, irregular=irregular)
             if not of_runs:
                 return X, y
@@ -225,15 +236,15 @@ def read_guessed(
     ) from failure
 
 
-def _even_out(X: pd.DataFrame, y: pd.Series, guess: ColumnGuess) -> None:
-    """Take a clock that only rounds its times as the even one that it reads."""
+def _even_out(X: pd.DataFrame, y: pd.Series) -> list[str]:
+    """Take a clock that only rounds its times as the even one that it reads, and say so."""
     found = even_times(X.index)
-    if found is not None:
-        even, remark = found
-        arrays = [X.index.get_level_values(name) for name in X.index.names if name != TIME]
-        X.index = pd.MultiIndex.from_arrays([*arrays, even], names=X.index.names)
-        y.index = X.index
-        guess.remarks.append(remark)
+    if found is None:
+        return []
+    even, remark = found
+    arrays = [X.index.get_level_values(name) for name in X.index.names if name != TIME]
+    X.index = y.index = pd.MultiIndex.from_arrays([*arrays, even], names=X.index.names)
+    return [remark]
 
 
 def add_error(X: pd.DataFrame, guess: ColumnGuess) -> None:

@@ -57,14 +57,15 @@ SECTIONS = {
     "steps": "The error, step by step",
     "explore": "Look for yourself",
     "shape": "The shape of what has no name",
-    "data": "Data",
-    "model": "Model",
-    "comparison": "Comparison with the measurement",
-    "ranking": "Ranking, with reasons",
     "parameters": "Parameters",
     "next": "What to do next",
+    "ranking": "Ranking, with reasons",
+    "comparison": "Comparison with the measurement",
+    "data": "Data",
+    "model": "Model",
     "made": "How this was made",
 }
+FOLDED = ("ranking", "comparison", "data", "model", "made")  # of a search, whose result is first
 # Findings of a comparison that are settled by a search of the whole catalogue.
 ANSWERED = (
     "asymmetry",
@@ -151,7 +152,8 @@ def read_content(
         "rankings": [] if search is None else list(_rankings(search)),
         "limits": None if search is None else limits_table(search.result_),
         "no_search": results.no_search,
-        "criteria": {"delta_bic": f"{2 * THRESHOLD:g}", "gain": f"{LEAST_GAIN:g}"},
+        "criteria": {"evidence": f"{THRESHOLD:g}", "gain": f"{LEAST_GAIN:g}"},
+        "folded": FOLDED if search is not None else (),
         "parameters": _parameters(baseline, final),
         "with_before": final is not None,
         "effects": [] if final is None else gallery.effects(final, X, y),

@@ -100,7 +100,7 @@ def report(
         Effects to try on a model that can take them, by an :class:`EffectSearchCV` with its
         other settings at their defaults; None does not search. A search as ``model`` has its own.
     title : str or None, default=None
-        Title of the page; None names the model and the output.
+        Title of the page; None says what was found.
     source : str or None, default=None
         Where the data are from, in a sentence.
     made_with : dict of str or None, default=None
@@ -163,6 +163,7 @@ def report(
     )
     payload = payload or payload_of(search, comparison, X, y)
     content = read_content(X, y, results, payload, source=source, made_with=made_with)
+    content["found_title"] = title is None and (search is not None or comparison is not None)
     if title is None:
         title = f"{type(taken_apart(baseline)[1]).__name__} against measured {output_name(y)}"
     return Report(title, content, search, comparison, after)

@@ -14,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from ...effects import title_of, titles_of
 from ...recordings import ExperimentCheck
 from ...text import DASH, VAF_RULE, TextTable, as_sentence, counted, p_number
+from ..experiment.factors import Factors
 from ..experiment.group import (
     GroupEffectSearch,
     contrast_lines,
@@ -22,8 +23,11 @@ from ..experiment.group import (
     leaves_unknown,
     notes,
     single_lines,
+    tell_limit,
 )
 from ..experiment.groups import ALL, Group, read_groups
+from ..experiment.mending import Mended
+from ..experiment.mixed import tell_changes
 from ..experiment.people import PeopleResult
 from .experiment_parts import parameters_section, people_section, people_text, sure_text
 from .page import Page, advise, provenance
@@ -52,6 +56,7 @@ class Experiment:
     group: GroupEffectSearch | None
     people: PeopleResult
     own_people: bool
+    mended: Mended | None = None
 
     @cached_property
     def subjects(self) -> list[Any]:
@@ -69,6 +74,11 @@ class Experiment:
             tables.append(self.group.identified_.outlying)
         return pd.concat(tables, ignore_index=True).drop_duplicates([*KEY, "run", "kind"])
 
+    @property
+    def changed(self) -> list[str]:
+        """What was changed in the recordings, in sentences."""
+        return [] if self.mended is None else self.mended.sentences
+
     @cached_property
     def failures(self) -> pd.DataFrame:
         tables = [self.people.failures]
@@ -84,6 +94,7 @@ def experiment_content(
     *,
     check: ExperimentCheck | None,
     reference: Any,
+    factors: Factors | None,
     source: str | None,
     made_with: dict[str, str] | None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -92,12 +103,12 @@ def experiment_content(
     names = [*given.subjects, *given.conditions, *given.people.runs["run"].unique()]
     gallery = ExperimentGallery(map(str, names))
     anchors = {who: f"person-{number}" for number, who in enumerate(given.subjects, 1)}
-    parameters, statistics = parameters_section(given, reference, gallery)
+    parameters, statistics = parameters_section(given, reference, factors, gallery)
     content = {
         "in_short": _in_short(given),
         "sections": {k: title for k, title in SECTIONS.items() if k != "effects" or given.group},
         "vaf_rule": VAF_RULE,
-        "verdict": _verdict(given),
+        "verdict": _verdict(given, tell_changes(statistics.values(), given.people.meanings)),
         "facts": list(_facts(given)),
         "source": source,
         "data": _data(given, groups, check, anchors),
@@ -146,32 +157,36 @@ def _counts(given: Experiment) -> str:
     return f"{people_text(len(given.subjects))}{several}"
 
 
-def _verdict(given: Experiment) -> dict[str, Any]:
+def _verdict(given: Experiment, changes: list[str]) -> dict[str, Any]:
+    """What conditions change, then what the group has, and who is wrong."""
     group = given.group
     people = given.people.groups.drop_duplicates(KEY)
     vaf = people["vaf"].dropna()
+    said = [_upper(text) for text in changes]
     if group is None:
         text = f"{_counts(given)}, identified by {_name_class(given.people.estimator)}"
         if len(vaf):
             text += f": VAF {vaf.min():.0f} to {vaf.max():.0f} %, median {vaf.median():.0f} %"
-        sentences = ["Which effects the models miss has not been asked."]
-        return {"kind": "none", "headline": f"{text}.", "sentences": [*sentences, *_odd(given)]}
-    single = list(single_lines(group))
-    sentences = [_upper(line) for line in (*group_lines(group), *single[:SINGLE])]
-    if len(single) > SINGLE:
-        sentences.append(f"And {len(single) - SINGLE} more effects of single people.")
-    unknown = sum(leaves_unknown(group.people_))
-    if unknown:
-        sentences.append(
-            f"Something without a name is still missing in {unknown} of {len(group.people_)} "
-            "searches."
-        )
-    kind = "found" if group.group_effects_ else "none" if single else "nothing"
-    return {
-        "kind": kind,
-        "headline": headline(group),
-        "sentences": [*sentences, *_odd(given)],
-    }
+        said.append(f"{text}.")
+        kind, rest = "none", ["Which effects the models miss has not been asked."]
+    else:
+        single = list(single_lines(group))
+        kind = "found" if group.group_effects_ else "none" if single else "nothing"
+        said.append(headline(group))
+        rest = [_upper(line) for line in (*contrast_lines(group), *group_lines(group))]
+        rest += map(_upper, single[:SINGLE])
+        if len(single) > SINGLE:
+            rest.append(f"And {len(single) - SINGLE} more effects of single people.")
+        unknown = sum(leaves_unknown(group.people_))
+        if unknown:
+            rest.append(
+                f"Something without a name is still missing in {unknown} of {len(group.people_)} "
+                "searches."
+            )
+    if not changes and len([c for c in given.conditions if c != ALL]) > 1:
+        rest.append("No parameter differs between conditions beyond chance.")
+    sentences = [*said[1:], *rest, *_odd(given)]
+    return {"kind": "found" if changes else kind, "headline": said[0], "sentences": sentences}
 
 
 def _upper(text: str) -> str:
@@ -184,10 +199,11 @@ def _name_class(estimator: str) -> str:
 
 def _odd(given: Experiment) -> Iterator[str]:
     """Whether anybody looks wrong, or could not be fitted."""
+    yield from (f"{_upper(text)}." for text in given.changed)
     who = list(dict.fromkeys(given.outlying["subject"]))
     if who:
-        verb = "looks" if len(who) == 1 else "look"
-        yield f"{_some(who)} {verb} wrong, or a run does; nothing was left out."
+        verb, count = ("looks", "counts") if len(who) == 1 else ("look", "count")
+        yield f"{_some(who)} {verb} wrong, or a run does, and {count} all the same."
     failed = list(dict.fromkeys(given.failures["subject"]))
     if failed:
         yield f"Not all could be fitted: {_some(failed)}."
@@ -273,6 +289,7 @@ def _data(
             for row in findings[:MOST]
         ],
         "notes": [*given.people.notes][:MOST],
+        "mended": given.mended.document().html() if given.changed else "",  # type: ignore[union-attr]
     }
 
 
@@ -312,11 +329,17 @@ def _effects(group: GroupEffectSearch, gallery: ExperimentGallery) -> dict[str, 
             f"{100 * row['low']:.0f} to {100 * row['high']:.0f}",
             f"{100 * row['p_group']:.1f}",
             _told(row["with_it"], row["without"]),
-            _told(row["without"], row["with_it"]),
+            _told(row["without"], row["with_it"])
+            + tell_limit(
+                group,
+                row["effect"],
+                row["without"],
+                None if row["condition"] == ALL else [row["condition"]],
+            ),
         ]
         for row in table.to_dict("records")
     ]
-    left = ["effect", "condition", "of the group", "who has it", "who has it not"]
+    left = ["effect", "condition", "of the group", "shown in", "not shown in"]
     numbers = ["people", "prevalence, %", "95 % interval", "probability, %"]
     nobodys = [name for name in dict.fromkeys(whole["effect"]) if name not in had]
     contrasts = [
@@ -391,9 +414,12 @@ def _unlike_the_group(group: GroupEffectSearch) -> Iterator[tuple[Any, str]]:
         where = "" if len(unlike) == len(rows) else f" in {_some(list(unlike['condition']))}"
         ends = dict.fromkeys(sure_text(edge) for edge in np.quantile(unlike["probability"], [0, 1]))
         sure = " to ".join(ends)
-        verb = "Has not" if of_group else "Has"
-        rest = ", which the group has" if of_group else ", which is not the group's"
-        yield who, f"{verb} {title}{where}{rest} (probability of having it: {sure})."
+        if of_group:
+            limit = tell_limit(group, str(effect), [who], list(unlike["condition"]))
+            said = f"{_upper(title)}, which the group has, is not shown{where}{limit}"
+        else:
+            said = f"{_upper(title)}, which is not the group's, is shown{where}"
+        yield who, f"{said}; probability of having it: {sure}."
 
 
 def _next_steps(given: Experiment, check: ExperimentCheck | None) -> Iterator[dict[str, str]]:
@@ -413,7 +439,8 @@ def _next_steps(given: Experiment, check: ExperimentCheck | None) -> Iterator[di
     if len(given.outlying):
         yield advise(
             "Look at who and what looks wrong, before believing the means",
-            "Nothing was left out. Look at the person's part of this page and at the recording; "
+            "They count in all that is told. Look at the person's part of this page and at the "
+            "recording; --leave-out leaves them out, and "
             'outlying="leave_out" in skhoid.lab.experiment.mixed_model shows what depends on it.',
         )
     if given.group is None:
@@ -496,7 +523,9 @@ def report_experiment(
     *,
     people: PeopleResult | None = None,
     check: ExperimentCheck | None = None,
+    mended: Mended | None = None,
     reference: Any = None,
+    factors: Factors | None = None,
     title: str | None = None,
     source: str | None = None,
     made_with: dict[str, str] | None = None,
@@ -517,8 +546,12 @@ def report_experiment(
         are then compared between conditions in place of those of the search.
     check : ExperimentCheck or None, default=None
         What :func:`skhoid.check_experiment` found.
+    mended : Mended or None, default=None
+        What :func:`skhoid.lab.experiment.mend_recordings` changed in the recordings before.
     reference : label or None, default=None
         Condition against which the others are compared; None compares all pairs.
+    factors : dict, sequence of str or None, default=None
+        What conditions are combinations of, as in :func:`skhoid.lab.experiment.mixed_model`.
     title : str or None, default=None
         Title of the page.
     source : str or None, default=None
@@ -552,9 +585,10 @@ def report_experiment(
     """
     if isinstance(experiment, GroupEffectSearch):
         check_is_fitted(experiment, "prevalence_")
-        given = Experiment(experiment, people or experiment.identified_, people is not None)
+        own = people and people.of_members(experiment.members_)
+        given = Experiment(experiment, own or experiment.identified_, people is not None, mended)
     elif isinstance(experiment, PeopleResult):
-        given = Experiment(None, experiment, True)
+        given = Experiment(None, experiment, True, mended)
     else:
         raise TypeError(
             "report_experiment takes a fitted GroupEffectSearch, or the PeopleResult of "
@@ -572,6 +606,7 @@ def report_experiment(
         y,
         check=check,
         reference=reference,
+        factors=factors,
         source=source,
         made_with=made_with,
     )

@@ -12,6 +12,7 @@ import pandas as pd
 from ...effects import title_of, titles_of
 from ...pipelines import by_likelihood, prediction_from
 from ...text import DASH, TextTable, number
+from ..experiment.factors import Factors, find_factors
 from ..experiment.groups import ALL, Group
 from ..experiment.mixed import MixedModelResult, mixed_model
 from .plots import ExperimentGallery, Plot, Stretch
@@ -25,7 +26,7 @@ Z = 1.96
 
 
 def parameters_section(
-    given: Experiment, reference: Any, gallery: ExperimentGallery
+    given: Experiment, reference: Any, factors: Factors | None, gallery: ExperimentGallery
 ) -> tuple[dict[str, Any], dict[str, MixedModelResult]]:
     """What the page says of each parameter, and the mixed models."""
     parts, statistics = [], {}
@@ -38,7 +39,7 @@ def parameters_section(
                 raise ValueError(f"known of {people_text(known)} only.")
             # The reference counts for parameters that are known there.
             against = reference if reference in set(table["condition"]) else None
-            result = mixed_model(table, name, reference=against)
+            result = mixed_model(table, name, reference=against, factors=factors)
         except ValueError as error:
             part |= {"why": str(error), "means": _plain_means(table)}
         else:
@@ -49,7 +50,13 @@ def parameters_section(
                 "influence": _influential(result),
             }
         parts.append(part)
-    section = {"by": _by(given), "parts": parts, "left": list(map(named, list(tables)[MOST:]))}
+    known = list(find_factors(given.conditions) if factors is None else factors)
+    section: dict[str, Any] = {
+        "by": _by(given),
+        "factors": " and ".join(known),
+        "parts": parts,
+        "left": list(map(named, list(tables)[MOST:])),
+    }
     return section, statistics
 
 

@@ -78,18 +78,19 @@ class Page:
         The whole page.
     """
 
-    template = "report"  # the names of the template, its styles and its script
+    template = "report"
 
     def __init__(self, title: str, content: dict[str, Any]):
         self.title = title
-        self._content = content
+        self._content = {"found_title": False, "folded": (), **content}
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.title!r}: {self._content['in_short']}>"
 
     @cached_property
     def html(self) -> str:
-        script, style = _text(f"{self.template}.js"), _text("report.css")
+        script = _text("page.js") + (_text("report.js") if self.template == "report" else "")
+        style = _text("report.css")
         if self._content.get("payload"):
             script, style = component.script() + script, f"{style}\n{component.style()}"
         return rendered(

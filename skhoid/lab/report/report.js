@@ -41,7 +41,8 @@
       select(Math.min(Math.max(to[event.key], 0), tabs.length - 1), list.contains(at));
     });
     const asked = () => panels.findIndex((panel) => `#${panel.id}` === location.hash);
-    select(Math.max(asked(), 0), false);
+    // The result first; the way to it is a click away.
+    select(asked() < 0 ? tabs.length - 1 : asked(), false);
     window.addEventListener("hashchange", () => {
       if (asked() >= 0) select(asked(), false);
       if (asked() >= 0) panels[asked()].scrollIntoView();
@@ -57,11 +58,4 @@
         host.textContent = "This browser cannot show this part. The pictures below show the same.";
       });
   }
-  // Paper has nothing to click: all steps and details are printed.
-  let opened = [];
-  window.addEventListener("beforeprint", () => {
-    opened = [...document.querySelectorAll("details:not([open])")];
-    opened.forEach((details) => (details.open = true));
-  });
-  window.addEventListener("afterprint", () => opened.forEach((details) => (details.open = false)));
 })();

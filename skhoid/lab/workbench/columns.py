@@ -77,6 +77,7 @@ class Choices:
     max_effects: int | None = None
     lost_control: str = "leave_out"
     time_limit: float | None = None
+    exhaustive: bool = False
 
     @property
     def clock(self) -> float | None:
@@ -339,7 +340,7 @@ def read(paths: list[Path], columns: Columns, choices: Choices) -> Recorded:
         for one in findings
     ]
     return Recorded(
-        X, y, guess.inputs, guess.roles, _words(X), said, _source(paths, columns, choices)
+        X, y, guess.inputs, guess.roles, _words(X), said, _source(paths, columns, choices, X)
     )
 
 
@@ -352,6 +353,7 @@ def search_settings(choices: Choices) -> dict[str, Any]:
         "max_effects",
         "lost_control",
         "time_limit",
+        "exhaustive",
     )
     settings = {name: getattr(choices, name) for name in names}
     settings["controlled_element"] = read_element(choices.controlled_element)
@@ -374,18 +376,28 @@ def _words(X: Any) -> str:
     )
 
 
-def _source(paths: list[Path], columns: Columns, choices: Choices) -> list[str]:
-    """Lines of Python that make X and y as they were made here; the script imports readers."""
+def _source(paths: list[Path], columns: Columns, choices: Choices, X: Any) -> list[str]:
+    """Lines of Python that make X and y as they were made here; the script imports the names."""
     names = [str(path) for path in paths]
     listed = pprint.pformat(names[0] if len(names) == 1 else names, width=WIDTH - 4)
     if not columns.asked and not choices.resample:
         return [f"X, y = read_runs({listed})", *_worked_on(choices)]
-    options = [f"    {name}={value!r}," for name, value in columns.asked.items()]
-    lines = ["from skhoid.lab.guessing import guess_columns, read_guessed", ""]
-    lines += ["columns = guess_columns(", f"    {listed},", *options, ")"]
-    for name in ("levels", "error_from"):
-        lines += [f"columns.{name} = {getattr(columns.guess, name)!r}"]
-    lines += [f"X, y = read_guessed(columns{', irregular=True' if choices.resample else ''})"]
+    guess = columns.guess
+    assert guess.output is not None
+    said: dict[str, Any] = {"inputs": guess.channels, "output": dict([guess.output])}
+    said |= {name: getattr(guess, name) for name in ("time", "run", "units", "dt")}
+    said = {name: value for name, value in said.items() if value}
+    if guess.levels or (guess.run is None and len(read_layout(X).labels) > len(paths)):
+        said["levels"] = guess.levels  # without any they say that runs begin where time restarts
+    lines = ["X, y = read_runs(", f"    {listed},"]
+    lines += [*(f"    {name}={value!r}," for name, value in said.items()), ")"]
+    if guess.error_from == "-e":
+        lines += ['X["e"] = -X["e"]']
+    elif guess.error_from:
+        x, f_t = (next(n for n in X if role_of(n, guess.roles) == role) for role in ("x", "f_t"))
+        lines += [f'X.insert(0, "e", X[{f_t!r}] - X[{x!r}])']
+        if unit := X.attrs["units"].get("e"):
+            lines += [f'X.attrs["units"]["e"] = {unit!r}']
     return lines + _worked_on(choices)
 
 
@@ -402,10 +414,7 @@ def _worked_on(choices: Choices) -> list[str]:
     if choices.resample:
         lines += [f"X, y = resample_runs(X, y, dt={choices.dt})"]
     if choices.run_in:
-        lines += [
-            "from skhoid import RunInTrimmer",
-            f"X = RunInTrimmer(run_in={choices.run_in!r}).fit_transform(X)",
-        ]
+        lines += [f"X = RunInTrimmer(run_in={choices.run_in!r}).fit_transform(X)"]
     if choices.remove_means:
         lines += [
             "units = X.attrs, y.attrs",

@@ -1,5 +1,6 @@
 """The command ``skhoid compare``."""
 
+import re
 from pathlib import Path
 
 import joblib
@@ -67,7 +68,7 @@ def test_text_names_what_each_vaf_is(files, capsys):
     assert main(words(files, "--domain", "machine")) == 0
     printed = capsys.readouterr().out
     assert "VAF, free run" in printed
-    assert "VAF is about zero and not clipped unless it says otherwise." in printed
+    assert "VAF compares with zero, not with the mean" in printed
 
 
 @pytest.mark.slow
@@ -83,7 +84,7 @@ def test_picture_and_page_are_written(files, capsys):
 @pytest.mark.parametrize(
     ("model", "more", "said"),
     [
-        ("nothing.joblib", [], "is no file"),
+        ("nothing.joblib", [], "is no file. First name what `skhoid identify --save FILE`"),
         ("other.joblib", [], "predicts nothing"),
         ("text.joblib", [], "holds no model"),
         ("model.joblib", ["--input", "e", "x"], "fitted on the columns e"),
@@ -100,3 +101,48 @@ def test_what_is_wrong_is_said(files, capsys, model, more, said):
 def test_without_recordings_there_is_nothing_to_compare(files, capsys):
     assert main(["compare", str(files[0] / "model.joblib")]) == 2
     assert "recordings" in capsys.readouterr().err
+
+
+KEPT = ["--no-pictures", "--save"]
+PYTHON = re.compile(r"\w\(|\bNaN\b|\bFalse\b|Regressor|CV\b")
+
+
+def test_a_linear_model_that_was_kept_is_compared(files, run_json, capsys):
+    folder = files[0]
+    old, new = str(folder / "old.csv"), str(folder / "new.csv")
+    given = ["identify", new, "--nk", "15", "--na", "2", *KEPT]
+    assert run_json(*given, "one.joblib")["model"] == "one.joblib"
+    assert main([*given, "one.joblib"]) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert main(["identify", new, "--nk", "9", "--na", "2", *KEPT, "two.joblib"]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "take it only from people you trust" in printed
+    assert f"skhoid compare two.joblib {new}" in printed
+    assert Path("two.joblib").stat().st_size < 8 * len(files[2]) / 3  # no channel of a run is in it
+    alone = run_json("compare", "one.joblib", old)
+    found = run_json("compare", "two.joblib", "one.joblib", old)["models"]
+    assert [one["model"] for one in found] == ["one.joblib", "two.joblib"]  # the better one first
+    assert found[0]["vaf"] == alone["vaf"] > found[1]["vaf"]
+    assert main(["compare", "one.joblib", "two.joblib", old]) == 0
+    printed = capsys.readouterr().out
+    assert "2 models against measured u" in printed
+    assert not PYTHON.search(printed)
+
+
+@pytest.mark.slow
+def test_a_model_with_effects_that_was_kept_is_compared(files, run_json, capsys):
+    folder = files[0]
+    old, new = str(folder / "old.csv"), str(folder / "new.csv")
+    assert main(["diagnose", new, "--effects", "bias", "--exhaustive", *KEPT, "model.joblib"]) == 0
+    assert f"skhoid compare model.joblib {new}" in capsys.readouterr().out
+    assert Path("model.joblib").stat().st_size < 16 * len(files[2]) / 3
+    X, y = select_runs(*files[2:], runs=[0])
+    model = joblib.load("model.joblib")
+    twin = compare(model, X[list(model.feature_names_in_)], y)
+    np.testing.assert_allclose(run_json("compare", "model.joblib", old)["vaf"], twin.vaf, rtol=1e-4)
+
+
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+def test_a_model_is_kept_in_a_file_that_compare_knows(files, capsys, command):
+    assert main([command, str(files[0] / "new.csv"), "--save", "model.csv"]) == 2
+    assert "such as model.joblib; got model.csv" in capsys.readouterr().err

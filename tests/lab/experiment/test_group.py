@@ -69,6 +69,9 @@ def test_it_names_the_effect_in_the_condition_in_which_people_have_it(found):
     assert list(table["group"])[:2] == [True, False]
     assert "bias in A: 2 of 3 people" in found.summary()
     assert "bias in B: 0 of 3 people" in found.summary()
+    limits = found.limits_.set_index(["subject", "condition"])
+    assert set(limits.index) == {("S1", "A"), *((f"S{n}", "B") for n in (1, 2, 3))}
+    assert f"not shown in S1 (up to {limits.loc[('S1', 'A'), 'limit']:.2g}" in found.summary()
 
 
 @pytest.mark.slow

@@ -101,6 +101,8 @@ def test_a_person_far_from_the_others():
     assert flag[:4] == ("P7", "A", "all", "parameter")
     assert flag.reason.startswith("tau_e is 3 s, ")
     assert flags(groups_table(tau_e=[*PEOPLE, 1.3])).empty
+    # Who has not an effect has its parameter at a bound, and is not wrong.
+    assert flags(groups_table(dead_zone__width=[*PEOPLE, 0.01])).empty
     assert flags(groups_table(tau_e=[*PEOPLE[:3], 3.0])).empty  # too few people to say
     uncertain = groups_table(tau_e=[*PEOPLE, 3.0]).assign(se=1.0)
     assert flags(uncertain).empty

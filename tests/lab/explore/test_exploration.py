@@ -39,12 +39,31 @@ def test_begins_with_the_baseline_and_the_cards_of_the_search(exploration, searc
     state = exploration.state()
     assert titles(state) == ["baseline"]
     assert state["vaf"]["train"] == vaf(OperatorRegressor().fit(*runs), *runs)
-    assert state["verdict"] in search.summary().replace("\n", " ")
+    summary = search.summary().replace("\n", " ")
+    assert state["verdict"].rstrip(".") in summary
+    assert state["findings"][0]["what"] in summary  # the verdict with its figures
     assert state["verdict_kind"] == "found"
     assert {c["id"] for c in state["cards"] if c["status"] == "found"} == {"bias", "dead_zone"}
     first = search.ranking_[search.ranking_["step"] == 1].set_index("effect")["vaf_gain"]
     assert {c["id"]: c["gain"] for c in state["cards"]} == first.to_dict()
-    assert state["cards_of"] == "Gains in the search, on held-out rows, added to the baseline."
+    assert state["cards_of"].endswith("Gains are on held-out rows, of each added to the baseline.")
+    assert [c["id"] for c in state["cards"]] == ["bias", "dead_zone", "saturation"]  # as ranked
+    assert all(c["probability"] > 0.75 for c in state["cards"][:2])
+    assert "deg" in state["cards"][2]["limit"]
+
+
+def test_the_result_is_one_step_from_the_baseline(exploration, search):
+    assert exploration.state()["to_add"] == ["bias", "dead_zone"]
+    exploration.act("add", {"effect": ["bias", "dead_zone"]})
+    added = exploration.state()
+    assert added["to_add"] == []
+    assert added["undo"] == "Add bias and dead zone"
+    exploration.act("undo", {})
+    opened = exploration.at_result().state()
+    assert titles(opened) == ["baseline", "bias", "dead zone"]
+    assert opened["vaf"] == added["vaf"]
+    with pytest.raises(ValueError, match="has the effect bias already"):
+        exploration.act("add", {"effect": ["bias"]})
 
 
 def test_adding_is_fitting(exploration, runs):

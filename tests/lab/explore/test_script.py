@@ -1,10 +1,12 @@
 """The script of an exploration: run on its own, it prints the exploration's numbers."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from skhoid import OperatorRegressor, SimulatedARX
+from skhoid import ControlledElement, OperatorRegressor, SimulatedARX
 from skhoid.effects import Bias, DeadZone
 from skhoid.lab.explore import Exploration
 
@@ -12,7 +14,8 @@ pytestmark = pytest.mark.slow  # fits again what the script fits
 
 
 def printed(script, X, y, capsys):
-    """What the script prints as VAF, by runs."""
+    """What the script, which uses public names alone, prints as VAF, by runs."""
+    assert set(re.findall(r"\bskhoid[\w.]*", script)) <= {"skhoid", "skhoid.effects"}
     capsys.readouterr()
     exec(compile(script, "script", "exec"), {"X": X, "y": y})
     lines = capsys.readouterr().out.splitlines()
@@ -44,6 +47,13 @@ def test_prints_the_same_numbers(runs, search, way, capsys):
     found = printed(exploration.act("script", {})["text"], *runs, capsys)
     assert found.pop("fitted") == vaf["train"]
     assert found == ({} if vaf["hold"] is None else {"held out": vaf["hold"]})
+
+
+def test_names_of_what_the_model_was_given_are_imported(runs, capsys):
+    model = OperatorRegressor(controlled_element=ControlledElement(1.0, 1.0))
+    script = Exploration(model, *runs).script()
+    assert script.startswith("from skhoid import ControlledElement, OperatorRegressor, VAFScorer\n")
+    printed(script, *runs, capsys)
 
 
 def test_reads_as_people_write(runs, search):

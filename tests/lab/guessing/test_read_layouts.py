@@ -65,8 +65,8 @@ def write_csvs(folder, truth, name, **options):
 def test_csv_by_pattern(tmp_path, truth, written, pattern, capsys):
     write_csvs(tmp_path, truth, written)
     (tmp_path / "notes.csv").write_text("not, a recording\n")
-    assert_same(read_experiment(f"{tmp_path}/{pattern}", **NAMED), truth)
-    assert capsys.readouterr().out == ""
+    assert_same(read_experiment(f"{tmp_path}/{pattern}", **NAMED, some=True), truth)
+    assert "12 of 13 files match" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -89,6 +89,48 @@ def test_csv_in_a_folder_by_names(tmp_path, truth, written, capsys):
     assert "{condition}" in line
     assert "{run}" in line
     assert 'time "t"' in line
+
+
+@pytest.mark.parametrize(
+    "conditions",
+    [
+        ("fast", "fast_tired"),
+        ("motion", "no_motion"),
+        ("C1_low", "C1_high"),
+        ("fast_rested", "slow_tired", "slow_rested", "fast_tired"),
+        ("low-2 Hz", "no low-2 Hz"),
+    ],
+)
+@pytest.mark.parametrize("form", ["{s}/{c}/run{r}", "{s}/{c}_{r}", "{s}_{c}_r{r}", "{c}/{s}/{r}"])
+@pytest.mark.parametrize("people", [("P01", "P02"), ("anna", "ben")])
+def test_conditions_of_several_words(tmp_path, conditions, form, people):
+    """Whole names of folders, and neighbours in a name, are one condition."""
+    keys = {(s, c, r) for s in people for c in conditions for r in "12"}
+    for s, c, r in keys:
+        write_rows(tmp_path / (form.format(s=s, c=c, r=r) + ".csv"))
+    if form.startswith("{c}/") and people[0] == "anna" and "C1_low" not in conditions:
+        with pytest.raises(ValueError, match=r"Give the pattern, such as .*, which matches all"):
+            read_experiment(tmp_path, **NAMED)  # which of the folders are people?
+        return
+    X, _ = read_experiment(tmp_path, **NAMED)
+    assert {(s, c, r.lstrip("r")) for s, c, r, _ in X.index} == keys
+
+
+def write_rows(path):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("t,e,u\n0,1,2\n0.01,1.5,2.5\n0.02,1,3\n")
+
+
+def test_a_pattern_that_matches_some_of_the_files_is_asked_about(tmp_path, capsys):
+    for c in ("fast", "fast_tired", "slow"):
+        write_rows(tmp_path / "P1" / c / "run1.csv")
+    write_rows(tmp_path / "participants.csv")  # which is no recording
+    pattern = f"{tmp_path}/{{subject}}/{{condition}}_*/run{{run}}.csv"
+    with pytest.raises(ValueError, match=r"1 of 3 files match .*fast/run1.csv.*--some"):
+        read_experiment(pattern, **NAMED)
+    X, _ = read_experiment(pattern, **NAMED, some=True)
+    assert list(X.index.unique("condition")) == ["fast"]
+    assert "1 of 3 files match the pattern, the others are not read" in capsys.readouterr().out
 
 
 def test_names_and_a_column_say_the_same(tmp_path, truth):

@@ -138,7 +138,7 @@ def test_parameters_with_units_and_intervals(made: Report, page: Node) -> None:
 def test_comparison_before_and_after(made: Report, page: Node) -> None:
     compared = section(page, "comparison")
     second, first = (dict(t.rows) for t in compared.all("table"))  # what was before is folded
-    assert "Before the search" in compared.one("details").one("summary").text
+    assert "Before the search" in compared.one("details", class_="before").one("summary").text
     assert first["VAF, free run"] == f"{made.comparison.vaf:.1f} %"
     assert second["VAF, free run"] == f"{made.final_comparison.vaf:.1f} %"
     assert made.final_comparison.vaf > made.comparison.vaf + 10
@@ -149,7 +149,7 @@ def test_comparison_before_and_after(made: Report, page: Node) -> None:
     left = {finding.name for finding in made.final_comparison.findings}
     gone = [finding for finding in made.comparison.findings if finding.name not in left]
     assert gone
-    before = compared.one("details").text
+    before = compared.one("details", class_="before").text
     assert before.count("Explained by bias and dead zone.") == len(gone)
     assert 'with_effect("bias")' not in text  # it is there
     for finding in made.final_comparison.findings:
@@ -165,7 +165,7 @@ def test_data_verdict_and_how_it_was_made(
     made: Report, page: Node, runs: tuple[pd.DataFrame, pd.Series]
 ) -> None:
     X, y = runs
-    headline = page.one("p", class_="headline").text
+    headline = page.one("h1", class_="headline").text
     assert re.match(
         r"Missing: bias( \(\d+ %\))? and dead zone( \(\d+ %\))?; with them the", headline
     )
@@ -254,7 +254,7 @@ def test_a_model_without_a_search_gets_the_sections_that_apply(
     targets = {section.attributes["id"] for section in page.all("section")}
     assert {f"#{name}" for name in targets} == {a.attributes["href"] for a in page.all("a")}
     assert "has not been asked" in section(page, "next").all("li")[0].text
-    assert page.one("p", class_="headline").text.startswith(f"VAF {made.comparison.vaf:.1f} %")
+    assert page.one("h1", class_="headline").text.startswith(f"VAF {made.comparison.vaf:.1f} %")
     rows, last = section(page, "parameters").one("table").rows, pipeline[-1]
     assert [row[0] for row in rows] == list(last.parameter_names_)
     for row, value, sd in zip(rows, last.coef_, last.standard_errors_, strict=True):
@@ -286,7 +286,7 @@ def test_what_no_effect_tried_explains_is_said() -> None:
     page = parse(made.html)
     assert made.search.best_effects_[-1] == "unknown"
     headline = "Something is missing that the only effect tried does not explain: held-out VAF"
-    assert page.one("p", class_="headline").text.startswith(headline)
+    assert page.one("h1", class_="headline").text.startswith(headline)
     advice = section(page, "next").text
     assert 'effects="all"' in advice
     assert "an effect of your own" not in advice

@@ -62,7 +62,9 @@ def test_the_page_says_who_has_what(page: Node) -> None:
     assert rows[0][:4] == ["Saturation", "C1", "yes", "2 of 3"]
     assert rows[0][-2:] == ["S1, S2", "S3"]
     differs = section(page, "differs").text
-    assert "Has not saturation, which the group has (probability of having it: 3 %)." in differs
+    assert (
+        "Saturation, which the group has, is not shown; probability of having it: 3 %." in differs
+    )
     assert "C1, run 1: VAF 3 %, other runs 80 %." in differs
     assert "C2: no fit: ValueError: no <rows>." in differs
 
@@ -76,6 +78,20 @@ def test_conditions_are_compared(page: Node) -> None:
     assert named == ["K_e", "tau_e, s", "saturation: limit, deg"]
     text = section(page, "parameters").text
     assert "Not compared: known of 2 people only." in text
+
+
+def test_what_factors_change_stands_first(undrawn: None) -> None:
+    conditions = ("fast_rested", "fast_tired", "slow_rested", "slow_tired")
+    people = made_up_people([f"S{n}" for n in range(6)], conditions)
+    verdict = parse(report_experiment(made_up_group(people), people=people).html).one(
+        "div", class_="verdict found"
+    )
+    first, second, third = (p.text for p in verdict.all("p")[:3])
+    assert re.fullmatch(r"Slow against fast: tau_e \+0\.10\d+ s \(0\.09\d+ to 0\.1\d+\)\.", first)
+    assert re.match(r"Tired against rested: tau_e \+0\.0[45]", second)
+    assert third == "The group has saturation."
+    factors = report_experiment(people, factors=()).statistics["tau_e"].factors
+    assert factors.empty
 
 
 def test_links_lead_to_people(page: Node) -> None:

@@ -1,8 +1,10 @@
 """Columns as guessed, and as corrected."""
 
+import numpy as np
 import pandas as pd
 import pytest
 
+import skhoid
 from skhoid import OperatorRegressor
 from skhoid.lab.workbench.columns import Choices, look, read, search_settings
 
@@ -76,12 +78,29 @@ def test_columns_are_corrected(table, written):
 
 
 def test_the_script_reads_the_same(table, written):
-    paths = [written(table)]
-    for choices in (Choices(), Choices(kinds={"pitch [deg]": "other"}, remove_means=True)):
+    plain = [written(table)]
+    numbered = written(
+        pd.concat([table, table]).assign(who=["S1"] * ROWS + ["S2"] * ROWS), "people.csv"
+    )
+    restarting = written(pd.concat([table, table]), "two.csv")
+    signs = written(table.assign(error=-table["error"]), "signs.csv")
+    rounded = written(table.assign(**{"t [s]": (np.arange(ROWS) * 0.0204).round(2)}), "ticks.csv")
+    swapped = {"pitch [deg]": "other"}
+    for paths, choices in (
+        (plain, Choices()),
+        (plain, Choices(kinds=swapped, remove_means=True)),
+        (plain, Choices(kinds={"error": "", "pitch [deg]": "x"}, units={"target": "deg"})),
+        (plain, Choices(kinds={"t [s]": ""}, dt=0.02, run_in=1.0)),
+        (plain, Choices(resample=True, dt=0.04)),
+        ([numbered], Choices(kinds={"who": "subject"}, subject="S2")),
+        ([restarting], Choices(kinds=swapped)),
+        ([signs], Choices(resample=True, dt=0.02)),
+        ([rounded], Choices(kinds=swapped)),
+    ):
         recorded = read(paths, look(paths, choices), choices)
-        names = {}
-        lines = ["from skhoid import read_runs", *recorded.source]
-        exec("\n".join(lines), names)
+        assert "guess" not in "".join(recorded.source)  # public names alone
+        names = {name: getattr(skhoid, name) for name in skhoid.__all__}
+        exec("\n".join(recorded.source), names)
         pd.testing.assert_frame_equal(names["X"], recorded.X)
         pd.testing.assert_series_equal(names["y"], recorded.y)
         assert names["X"].attrs == recorded.X.attrs
@@ -151,7 +170,7 @@ def test_what_the_page_sends_is_checked(asked, said):
 
 
 def test_the_search_is_what_was_chosen():
-    assert search_settings(Choices()) == {"lost_control": "leave_out"}
+    assert search_settings(Choices()) == {"lost_control": "leave_out", "exhaustive": False}
     chosen = Choices(display="pursuit", effects=["bias"], controlled_element="1/(s(s+1))")
     settings = search_settings(chosen)
     assert settings["effects"] == ["bias"]
@@ -177,7 +196,7 @@ def test_an_irregular_clock_is_brought_onto_a_grid(runs, tmp_path):
     choices = Choices(resample=True, dt=0.02)
     recorded = read([path], look([path], choices), choices)
     names = {}
-    exec("\n".join(["from skhoid import resample_runs", *recorded.source]), names)
+    exec("\n".join(["from skhoid import read_runs, resample_runs", *recorded.source]), names)
     assert names["X"].equals(recorded.X)
     assert names["y"].equals(recorded.y)
 

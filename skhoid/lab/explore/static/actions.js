@@ -103,14 +103,30 @@ async function showRun(bench, run) {
       bench.simulated = trace.simulated;
     }
     if (!bench.record || bench.record.run !== run) {
+      const first = !bench.record;
       bench.record = recordOf(trace, run);
-      bench.time = bench.zoom = null;
+      if (first && bench.view.opens_on) bench.zoom = beginningOf(bench);
+      bench.time = withinRun(bench, bench.time);
+      bench.zoom = withinRun(bench, bench.zoom);
     }
     simulate(bench, bench.simulated);
     if (other) bench.say(`${upperFirst(isolated(runName(bench.view.runs[run].label)))} is shown.`);
   } catch (error) {
     if (!bench.gone) fail(bench, error);
   }
+}
+
+// The first seconds that count.
+function beginningOf({ record, view }) {
+  const start = record.t[record.first];
+  return start + view.opens_on < record.until ? [start, start + view.opens_on] : null;
+}
+
+// Window and zoom stay from run to run, as far as the run has these seconds.
+function withinRun({ record }, range) {
+  if (!range) return null;
+  const [low, high] = range.map((t) => clamp(t, [record.since, record.until]));
+  return high > low ? [low, high] : null;
 }
 
 // Only the newest value waits while one is on its way.
@@ -270,5 +286,5 @@ function previewer(bench) {
 
 function previewInWords({ preview, state }) {
   if (!preview) return "";
-  return `With ${isolated(preview.title)}, runs fitted: ${fromTo(state.vaf.train, preview.vaf)}`;
+  return `${fromTo(state.vaf.train, preview.vaf)} on the runs fitted, with ${isolated(preview.title)}`;
 }

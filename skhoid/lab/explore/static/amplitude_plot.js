@@ -30,10 +30,12 @@ function amplitudePlot(bench) {
       series: [
         {},
         lineOf(bench, "residual", {
+          label: "mean of the residual",
           width: 2,
+          dots: true,
           points: { ...dots, fill: () => bench.colours.residual },
         }),
-        lineOf(bench, "ink", { width: 1.5, dash: [5, 4] }),
+        lineOf(bench, "ink", { label: "rms", width: 1.5, dash: [5, 4] }),
       ],
     },
   });

@@ -20,6 +20,8 @@ function brushOn(bench, { frame, plot }, brush) {
     brush.set(range);
     place();
   };
+  // Scales are committed later than data are given: the shade follows when all is drawn.
+  plot.hooks.draw = [...(plot.hooks.draw ?? []), place];
   brushByPointer(plot, brush, set, wide);
   frame.addEventListener("keydown", (event) => {
     if (event.altKey || event.ctrlKey || event.metaKey) return;
@@ -126,7 +128,6 @@ function brushedFigure(bench, figureMade, keys, brush, draw, inWords) {
     tell,
     draw: () => {
       draw(figureMade.plot);
-      place();
       tell();
     },
   };

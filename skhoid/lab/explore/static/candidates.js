@@ -1,9 +1,9 @@
-// Effects that could be added, best first: hover or focus shows what each would do.
+// Effects that could be added, as the search ranks them: hover or focus shows what each would do.
 
 const WAIT = 150;
 const GROUPS = [
   ["named", "Named by the search", ["found"]],
-  ["gains", "Gain too, but were not named", ["helps"]],
+  ["gains", "Gain too, but are not named", ["helps"]],
   ["untried", "Not tried yet", ["untried"]],
   ["no", "Tried, and not named", ["no"]],
   ["refused", "Do not apply here", ["refused"]],
@@ -31,6 +31,7 @@ function candidatesPart(bench) {
     search.node,
     ...groups.map((group) => group.node),
     limits.node,
+    csvButton(bench, "effects to try", () => columnsOfCards(bench.state)),
   );
   let before = "";
   const update = () => {
@@ -47,6 +48,20 @@ function candidatesPart(bench) {
     limits.update(bench.state.limits);
   };
   return { node, update };
+}
+
+function columnsOfCards({ cards }) {
+  const column = (heading, key) => [heading, cards.map((card) => card[key])];
+  return [
+    column("effect", "title"),
+    column("outcome", "status"),
+    column("gain, points", "gain"),
+    column("evidence, nats", "evidence"),
+    column("probability", "probability"),
+    column("allowed (95 %)", "limit"),
+    column("parameters", "parameters"),
+    column("reason", "reason"),
+  ];
 }
 
 // What brings nothing stays folded.
@@ -111,7 +126,8 @@ function candidateCard(bench, card) {
   const node = el(
     "div",
     { class: "sk-card sk-candidate", role: "group", "aria-label": card.title },
-    el("div", { class: "sk-head" }, el("h4", {}, named(card.title)), gain, add),
+    el("div", { class: "sk-head" }, el("h4", {}, named(card.title)), add),
+    gain,
     bar,
     about,
     form,
@@ -121,7 +137,7 @@ function candidateCard(bench, card) {
   const update = (now, most) => {
     const usable = bench.view.can.change && (now.ready || bench.view.can.any);
     add.hidden = !usable || now.status === "refused";
-    setText(gain, now.gain === null ? "" : `${points(now.gain)} points`);
+    setText(gain, figuresInWords(now));
     bar.hidden = !(now.gain > 0);
     bar.style.width = `${(100 * Math.max(now.gain ?? 0, 0)) / most}%`;
     setText(about, now.words);
@@ -134,10 +150,31 @@ function candidateCard(bench, card) {
   return { node, update };
 }
 
-function reasonInWords({ reason, parameters, delta_bic: bic, gain }) {
-  const said = bic === null || gain === null || reason.includes("ΔBIC");
-  const evidence = said ? "" : `ΔBIC ${points(bic)}.`;
-  return [parameters && `${parameters}.`, evidence, reason].filter(Boolean).join(" ");
+function figuresInWords({ gain, probability }) {
+  if (gain === null) return "";
+  const chance = probability >= 0.005 ? `, ${Math.round(100 * probability)} % probable` : "";
+  return `${points(gain)} points${chance}`;
+}
+
+function reasonInWords({ reason, parameters, evidence, limit }) {
+  const parts = [
+    parameters && `${parameters}.`,
+    evidence !== null && `Evidence ${Math.round(evidence).toString().replace("-", "−")} nats.`,
+    reason,
+    limit && `If it is there, ${limit}.`,
+  ];
+  return parts.filter(Boolean).join(" ");
+}
+
+// All that the verdict names, as one step.
+function addNamed(bench) {
+  const added = bench.state.to_add;
+  const words = added.length === 1 ? "It is added" : "They are added";
+  bench.act(
+    "add",
+    { effect: added },
+    (before, after) => `${words}: ${fromTo(before.vaf.train, after.vaf.train)}`,
+  );
 }
 
 function addEffect(bench, { id, title }) {
@@ -184,8 +221,11 @@ function searchRow(bench) {
   const words = el("span", { class: "sk-soft" });
   const running = el("div", { class: "sk-row sk-running" }, bar, words, stop);
   const node = el("div", {}, can.search ? go : null, running);
+  let ran = null; // the search that was running when this was last drawn
   const update = () => {
     const { search } = bench.state;
+    if (ran && !search) bench.say("The search has ended.");
+    ran = search;
     go.hidden = Boolean(search);
     running.hidden = !search;
     if (!search) return;

@@ -4,6 +4,8 @@ const LETTERS = '13px system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans
 const MARGIN = 58;
 
 const COLOURS = [
+  "paper",
+  "brush",
   "ink",
   "soft",
   "line",
@@ -13,6 +15,10 @@ const COLOURS = [
   "residual",
   "misfit",
   "shade",
+  "line-1",
+  "line-2",
+  "line-3",
+  "line-4",
 ];
 
 function coloursOf(root) {
@@ -42,6 +48,7 @@ function axisOf(bench, given = {}) {
 
 function lineOf(bench, colour, given = {}) {
   return {
+    label: colour,
     stroke: () => bench.colours[colour],
     width: 1.5,
     points: { show: false },

@@ -12,9 +12,10 @@ function plotsPart(bench) {
   const ranges = rangesOf(bench);
   const zooms = zoomButtons(bench);
   const head = runHead(bench);
-  bench.readOut = el("span", { class: "sk-readout", "aria-hidden": "true" });
+  bench.readOut = el("span", { class: "sk-readout sk-reserved", "aria-hidden": "true" });
   const filteredKey = keyOf("ink", "within the band");
   const previewKey = keyOf("preview", "");
+  previewKey.classList.add("sk-reserved");
   previewKey.setAttribute("aria-live", "polite");
   const node = el(
     "div",
@@ -22,15 +23,24 @@ function plotsPart(bench) {
     head.node,
     texts.away,
     el(
-      "p",
+      "div",
       { class: "sk-legend" },
       keyOf("measured", "measured"),
       keyOf("simulated", "simulated"),
       previewKey,
+      saveMenu(bench, "output over time", times.upper, () => columnsOverTime(bench)),
     ),
     times.upper.frame,
-    el("p", { class: "sk-legend" }, keyOf("residual", "residual"), filteredKey, bench.readOut),
+    el(
+      "div",
+      { class: "sk-legend" },
+      keyOf("residual", "residual"),
+      filteredKey,
+      bench.readOut,
+      saveMenu(bench, "residual over time", times.lower, () => columnsOverTime(bench)),
+    ),
     times.lower.frame,
+    ...(bench.view.channels.length ? [inputsKey(bench, times.inputs), times.inputs.frame] : []),
     el("div", { class: "sk-row sk-window-row" }, ranges.time.node, zooms.node),
     texts.time,
     times.keys,
@@ -42,10 +52,11 @@ function plotsPart(bench) {
         {},
         el("h4", {}, "Spectrum"),
         el(
-          "p",
+          "div",
           { class: "sk-legend" },
           keyOf("measured", "measured"),
           keyOf("residual", "residual"),
+          saveMenu(bench, "spectrum", spectrum, () => columnsDrawn(spectrum.plot)),
         ),
         spectrum.frame,
         spectrum.keys,
@@ -57,10 +68,11 @@ function plotsPart(bench) {
         {},
         el("h4", {}, channel.node),
         el(
-          "p",
+          "div",
           { class: "sk-legend" },
           keyOf("residual", "mean of the residual"),
           keyOf("rms", "rms"),
+          saveMenu(bench, "residual over amplitude", amplitude, () => columnsDrawn(amplitude.plot)),
         ),
         amplitude.frame,
         amplitude.keys,
@@ -78,7 +90,7 @@ function plotsPart(bench) {
   };
   return {
     node,
-    figures: [times.upper, times.lower, spectrum, amplitude],
+    figures: [times.upper, times.lower, times.inputs, spectrum, amplitude],
     update: head.update,
     resize: () => {
       times.resize();
@@ -86,6 +98,31 @@ function plotsPart(bench) {
       amplitude.resize();
     },
   };
+}
+
+// A key whose lines can be put out one by one.
+function inputsKey(bench, inputs) {
+  const buttons = bench.view.channels.slice(0, LINES).map(({ name }, i) => {
+    const node = el(
+      "button",
+      {
+        type: "button",
+        class: "sk-key sk-toggle",
+        "aria-pressed": "true",
+        "data-sk-key": `input ${i}`,
+        onclick: () => {
+          const on = node.getAttribute("aria-pressed") !== "true";
+          node.setAttribute("aria-pressed", String(on));
+          inputs.plot.setSeries(i + 1, { show: on });
+        },
+      },
+      el("span", { class: `sk-swatch sk-is-line-${i + 1}` }),
+      named(shortened(name, 24)),
+    );
+    return node;
+  });
+  const save = saveMenu(bench, "inputs over time", inputs, () => columnsOverTime(bench));
+  return el("div", { class: "sk-legend" }, ...buttons, save);
 }
 
 function runHead(bench) {
@@ -249,13 +286,13 @@ function placeSmall({ spectrum, amplitude }) {
 }
 
 function repaint({ times, spectrum, amplitude }) {
-  for (const { plot } of [times.upper, times.lower, spectrum, amplitude]) plot.redraw(false);
+  for (const { plot } of [...times.figures, spectrum, amplitude]) plot.redraw(false);
 }
 
 function drawRun(bench, { times, filteredKey, previewKey }, linesOnly = false) {
   bench.filtered = linesOnly ? null : filteredOf(bench);
   bench.rows = linesOnly ? null : amplitudeRows(bench);
-  filteredKey.hidden = !bench.filtered;
+  filteredKey.classList.toggle("sk-unseen", !bench.filtered);
   previewKey.classList.toggle("sk-off", !bench.preview);
   setText(previewKey.lastChild, previewInWords(bench));
   times.draw();
@@ -305,6 +342,7 @@ function writeTexts(bench, { texts, ranges, zooms, times }) {
   times.upper.describe(
     `Measured and simulated ${isolated(bench.view.output.name)} over time. ${about}`,
   );
+  times.inputs.describe(`Inputs over time. ${about}`);
   times.lower.describe(`Residual over time. ${about}`);
 }
 

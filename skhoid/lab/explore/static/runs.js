@@ -43,6 +43,7 @@ function runsPart(bench) {
     summary,
     title,
     list,
+    csvButton(bench, "runs", () => columnsOfRuns(bench)),
   );
   const update = () => {
     const { uses } = bench.state;
@@ -52,6 +53,16 @@ function runsPart(bench) {
     setText(summary, usesInWords(uses));
   };
   return { node, update };
+}
+
+function columnsOfRuns({ view, state }) {
+  return [
+    ["run", view.runs.map(({ label }) => label)],
+    ["person", view.runs.map(({ person }) => person)],
+    ["rows", view.runs.map(({ n }) => n)],
+    ["use", state.uses.map((use) => USED[use] ?? "")],
+    ["VAF, %", state.run_vaf],
+  ];
 }
 
 // Of a comparison it is not known what its rows were used for.

@@ -15,7 +15,6 @@ function stairPart(bench) {
   );
   const key = el("p", { class: "sk-legend" }, keyOf("noise", "noise ceiling"));
   const title = el("h3", { id: `${bench.id}-stair` }, "Error that remains");
-  const unwell = el("p", { class: "sk-warning" });
   const node = el(
     "div",
     { class: "sk-stair sk-part", role: "group", "aria-labelledby": title.id },
@@ -25,14 +24,14 @@ function stairPart(bench) {
     steps,
     held,
     about,
-    unwell,
   );
   const where = bench.view.state.uses.some(Boolean) ? "On the runs fitted: " : "";
   const update = () => {
     const { stair, vaf } = { ...bench.state, ...bench.live };
     const { ceiling, ceiling_pending: pending, impossible } = { ...bench.state, ...bench.live };
-    setText(sentence, where + stairInWords(stair, ceiling, pending));
-    key.hidden = !ceiling;
+    setText(sentence, impossible ?? where + stairInWords(stair, ceiling, pending));
+    sentence.classList.toggle("sk-warning", Boolean(impossible));
+    key.classList.toggle("sk-unseen", !ceiling);
     const most = topOf(stair, ceiling);
     arrange(
       steps,
@@ -42,9 +41,7 @@ function stairPart(bench) {
     setText(held, vaf.hold === null ? "" : `On held-out runs: VAF ${percent(vaf.hold)}.`);
     held.hidden = vaf.hold === null;
     setText(note, ceiling && ceiling.note ? ceiling.note : "");
-    about.hidden = !note.textContent;
-    setText(unwell, impossible ?? "");
-    unwell.hidden = !impossible;
+    about.classList.toggle("sk-unseen", !note.textContent);
   };
   return { node, update };
 }

@@ -1,4 +1,7 @@
-// Measured and simulated over time, and below it, on the same axis, the residual.
+// Measured and simulated over time, and below it, on the same axis, the residual and the inputs.
+
+const TIME = "time in the run, s";
+const LINES = 4; // colours of inputs, or of models
 
 function timePlots(bench) {
   const keys = el(
@@ -28,33 +31,39 @@ function timePlots(bench) {
   const lower = plotFigure(bench, {
     key: "plot residual",
     help: keys,
-    height: () => (bench.narrow ? 160 : 164),
+    height: () => (bench.narrow || bench.view.channels.length ? 132 : 164),
     options: residualOptions(bench, x, hooks),
   });
+  const inputs = plotFigure(bench, {
+    key: "plot inputs",
+    help: keys,
+    height: () => 150,
+    options: inputsOptions(bench, x, hooks),
+  });
+  const figures = bench.view.channels.length ? [upper, lower, inputs] : [upper, lower];
   const brush = {
     get: () => bench.time,
     set: (range) => bench.brush("time", range),
     limits: () => [bench.record.since, bench.record.until],
   };
-  const places = [upper, lower].map((figure) => brushOn(bench, figure, brush));
-  for (const { frame, plot } of [upper, lower]) {
+  const places = figures.map((figure) => brushOn(bench, figure, brush));
+  for (const { frame, plot } of figures) {
     frame.addEventListener("keydown", (event) => zoomByKey(bench, event));
     plot.over.addEventListener("wheel", (event) => zoomByWheel(bench, plot, event), {
       passive: false,
     });
   }
-  const resize = () => [upper, lower].forEach((figure) => figure.resize());
+  const resize = () => figures.forEach((figure) => figure.resize());
   const place = () => places.forEach((f) => f());
   return {
     upper,
     lower,
+    inputs,
+    figures,
     keys,
     resize,
     place,
-    draw: () => {
-      drawTime(bench, state, upper.plot, lower.plot);
-      place();
-    },
+    draw: () => drawTime(bench, state, figures),
   };
 }
 
@@ -64,7 +73,7 @@ function timeOptions(bench, x, hooks) {
     scales: { x, y: { range: () => aroundMeasured(bench) } },
     cursor: cursorOf(bench),
     axes: [
-      axisOf(bench, { size: 10, values: (plot, splits) => splits.map(() => "") }),
+      bareAxisOf(bench),
       axisOf(bench, { size: MARGIN, space: 30, label: labelOf(output.name, output.unit) }),
     ],
     series: [
@@ -82,16 +91,50 @@ function residualOptions(bench, x, hooks) {
     scales: { x, y: { range: () => aroundZero(bench) } },
     cursor: cursorOf(bench),
     axes: [
-      axisOf(bench, { size: 30, label: "time in the run, s" }),
+      bench.view.channels.length ? bareAxisOf(bench) : timeAxisOf(bench),
       axisOf(bench, {
         size: MARGIN,
         space: 26,
         label: labelOf("residual", bench.view.output.unit),
       }),
     ],
-    series: [{}, lineOf(bench, "residual", { width: 1.25 }), lineOf(bench, "ink", { width: 1.75 })],
+    series: [
+      {},
+      lineOf(bench, "residual", { width: 1.25 }),
+      lineOf(bench, "ink", { width: 1.75, label: "within the band" }),
+    ],
     hooks,
   };
+}
+
+// What the operator has seen: the channels, on the same axis of time.
+function inputsOptions(bench, x, hooks) {
+  const { channels } = bench.view;
+  const units = new Set(channels.map(({ unit }) => unit));
+  const unit = units.size === 1 ? channels[0].unit : null;
+  return {
+    scales: { x, y: { range: (plot, low, high) => (low < high ? [low, high] : [-1, 1]) } },
+    cursor: cursorOf(bench),
+    axes: [
+      timeAxisOf(bench),
+      axisOf(bench, { size: MARGIN, space: 26, label: labelOf("inputs", unit) }),
+    ],
+    series: [
+      {},
+      ...channels
+        .slice(0, LINES)
+        .map(({ name }, i) => lineOf(bench, `line-${i + 1}`, { label: shortened(name, 24) })),
+    ],
+    hooks,
+  };
+}
+
+function bareAxisOf(bench) {
+  return axisOf(bench, { size: 10, said: TIME, values: (plot, splits) => splits.map(() => "") });
+}
+
+function timeAxisOf(bench) {
+  return axisOf(bench, { size: 30, label: TIME });
 }
 
 function cursorOf(bench) {
@@ -125,7 +168,8 @@ function aroundZero({ model }) {
   return [-reach, reach];
 }
 
-function drawTime(bench, state, upper, lower) {
+function drawTime(bench, state, figures) {
+  const [upper, lower, inputs] = figures.map(({ plot }) => plot);
   const { record, model, preview } = bench;
   const columns = columnsOf(record.t, ...seenOf(bench), pixelsOf(upper));
   const [low, high] = aroundMeasured(bench);
@@ -147,6 +191,21 @@ function drawTime(bench, state, upper, lower) {
     drawn(model.residual),
     bench.filtered ? drawn(bench.filtered.band) : nothing(),
   ]);
+  if (!inputs) return;
+  const seen = bench.view.channels.slice(0, LINES).map(({ name }) => record.channels[name]);
+  const all = (y) => (y ? valuesOf(y, columns, -Infinity, Infinity) : nothing());
+  inputs.setData([times, ...seen.map(all)]);
+}
+
+// Of the run that is shown, all rows of it.
+function columnsOverTime({ record, model, view }) {
+  return [
+    ["time, s", record.t],
+    [`measured ${view.output.name}`, record.measured],
+    ["simulated", model.simulated],
+    ["residual", model.residual],
+    ...Object.entries(record.channels),
+  ];
 }
 
 function readOut(bench, plot) {

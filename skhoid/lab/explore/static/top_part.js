@@ -1,7 +1,12 @@
 // The title, the verdict, what went wrong, and what was done last.
 
 function topPart(bench) {
-  const verdict = el("p", { class: "sk-verdict" });
+  const words = el("span");
+  const add = button("", () => isUsable(add) && addNamed(bench), {
+    class: "sk-button sk-primary",
+    "data-sk-key": "add named",
+  });
+  const verdict = el("div", { class: "sk-verdict sk-head" }, words, add);
   const list = el("ul", { class: "sk-findings" });
   const summary = el("summary", { "data-sk-key": "findings" });
   const findings = el("details", {}, summary, list);
@@ -47,10 +52,12 @@ function topPart(bench) {
     };
   };
   const update = () => {
-    const { verdict: words, verdict_kind: kind, findings: found } = bench.state;
-    setText(verdict, words);
-    verdict.hidden = !words;
+    const { verdict: told, verdict_kind: kind, findings: found, to_add: left } = bench.state;
+    setText(words, told);
+    verdict.hidden = !told;
     verdict.dataset.kind = kind;
+    add.hidden = left.length === 0 || !bench.view.can.any;
+    setText(add, ["", "Add it", "Add both"][left.length] ?? `Add all ${left.length}`);
     findings.hidden = found.length === 0;
     setText(summary, `Findings (${found.length})`);
     list.replaceChildren(
@@ -58,6 +65,18 @@ function topPart(bench) {
     );
   };
   return { node, update };
+}
+
+function columnsOfParameters({ model, effects }) {
+  const all = [...model, ...effects.flatMap((effect) => effect.parameters)];
+  const column = (heading, key) => [heading, all.map((one) => one[key])];
+  return [
+    column("parameter", "name"),
+    column("value", "value"),
+    column("standard error", "sd"),
+    column("unit", "unit"),
+    column("meaning", "meaning"),
+  ];
 }
 
 // The other parameters, as numbers.
@@ -71,6 +90,7 @@ function modelPart(bench) {
     summary,
     title,
     list,
+    csvButton(bench, "parameters", () => columnsOfParameters(bench.state)),
   );
   const update = () => {
     const { model } = bench.state;

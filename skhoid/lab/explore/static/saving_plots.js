@@ -1,0 +1,198 @@
+// Plots as SVG and PNG, and what they and the tables hold as CSV.
+
+const ABOVE = 24; // px, for the key to the lines
+const BELOW = 46; // px, for the axis
+const ASIDE = 14; // px, for its label
+const LETTER = 6.8; // px, of which a letter of the key has about so many
+const SHARP = 2; // pixels of a PNG for one of the screen
+
+function saveMenu(bench, what, figureMade, columns) {
+  const { plot } = figureMade;
+  const name = () => `${runName(bench.view.runs[bench.run].label)} ${what}`;
+  const size = () => [ASIDE + plot.width, heightOf(plot)];
+  const kinds = {
+    SVG: async () => download(`${name()}.svg`, svgOf(bench, plot), "image/svg+xml"),
+    PNG: async () => download(`${name()}.png`, await pngOf(svgOf(bench, plot), ...size())),
+    CSV: async () => download(`${name()}.csv`, csvOf(columns()), "text/csv"),
+  };
+  const save = async (kind) => {
+    node.open = false;
+    summary.focus();
+    await kinds[kind]();
+    bench.say(`${upperFirst(isolated(name()))} is saved as ${kind}.`);
+  };
+  const summary = el("summary", { "data-sk-key": `save ${what}`, "aria-label": `Save ${what}` }, "Save");
+  const buttons = Object.keys(kinds).map((kind) =>
+    button(kind, () => save(kind), {
+      class: "sk-button sk-small",
+      "aria-label": `Save ${what} as ${kind}`,
+    }),
+  );
+  const node = el("details", { class: "sk-save" }, summary, el("div", {}, ...buttons));
+  node.addEventListener("keydown", (event) => {
+    if (event.key !== "Escape" || !node.open) return;
+    node.open = false;
+    summary.focus();
+  });
+  node.addEventListener("focusout", (event) => {
+    if (!node.contains(event.relatedTarget)) node.open = false;
+  });
+  return node;
+}
+
+function csvButton(bench, what, columns) {
+  return button(
+    "CSV",
+    () => {
+      download(`${what}.csv`, csvOf(columns()), "text/csv");
+      bench.say(`The ${what} are saved as CSV.`);
+    },
+    { class: "sk-button sk-small sk-csv", "aria-label": `Save the ${what} as CSV`, "data-sk-key": `csv ${what}` },
+  );
+}
+
+function download(name, content, type) {
+  const href = URL.createObjectURL(new Blob([content], { type: type ?? content.type }));
+  const safe = name.replace(/[^\p{L}\p{N}.-]+/gu, "-").replace(/^[-.]+/, "");
+  el("a", { href, download: safe }).click();
+  setTimeout(() => URL.revokeObjectURL(href), 1000);
+}
+
+// Columns: names with their values, which may differ in number.
+function csvOf(columns) {
+  const cell = (value) => {
+    if (value === null || value === undefined || Number.isNaN(value)) return "";
+    return typeof value === "number" ? String(value) : `"${String(value).replaceAll('"', '""')}"`;
+  };
+  const n = Math.max(...columns.map(([, values]) => values.length));
+  const rows = [columns.map(([name]) => cell(name)).join(",")];
+  for (let i = 0; i < n; i++) rows.push(columns.map(([, values]) => cell(values[i])).join(","));
+  return `${rows.join("\r\n")}\r\n`;
+}
+
+// The lines that a plot draws, with what they are called.
+function columnsDrawn(plot) {
+  return plot.series.flatMap((series, i) =>
+    i === 0 || isDrawn(plot, i) ? [[series.label ?? plot.axes[0].label, [...plot.data[i]]]] : [],
+  );
+}
+
+function isDrawn({ data, series }, i) {
+  return series[i].show && data[i].some((y) => y !== null && y !== undefined);
+}
+
+function heightOf({ bbox }) {
+  return ABOVE + (bbox.top + bbox.height) / uPlot.pxRatio + BELOW;
+}
+
+// A plot as it is seen: drawn again, since a canvas has no lines to take.
+function svgOf(bench, plot) {
+  const { colours } = bench;
+  const [left, top, width, height] = ["left", "top", "width", "height"].map(
+    (side) => plot.bbox[side] / uPlot.pxRatio,
+  );
+  const svg = svgEl("svg", {
+    xmlns: SVG,
+    width: ASIDE + plot.width,
+    height: heightOf(plot),
+    "font-family": "system-ui, sans-serif",
+    "font-size": 12,
+  });
+  svg.append(svgEl("rect", { width: "100%", height: "100%", fill: colours.paper }));
+  svg.append(keyDrawn(bench, plot, ASIDE + left));
+  const inner = svgEl("g", { transform: `translate(${ASIDE + left} ${top + ABOVE})` });
+  svg.append(inner);
+  axesInto(inner, plot, colours, width, height);
+  const clip = svgEl("svg", { width, height, overflow: "hidden" });
+  inner.append(clip);
+  const shade = plot.over.querySelector(".sk-window:not([hidden])");
+  if (shade) {
+    const { left: from } = plot.over.getBoundingClientRect();
+    const box = shade.getBoundingClientRect();
+    clip.append(
+      svgEl("rect", { x: box.left - from, width: box.width, height, fill: colours.brush }),
+    );
+  }
+  plot.series.forEach((series, i) => {
+    if (i && isDrawn(plot, i)) clip.append(...lineDrawn(plot, series, i));
+  });
+  return new XMLSerializer().serializeToString(svg);
+}
+
+function textDrawn(text, given) {
+  const node = svgEl("text", given);
+  node.textContent = text;
+  return node;
+}
+
+function strokeOf(plot, series, i) {
+  return typeof series.stroke === "function" ? series.stroke(plot, i) : series.stroke;
+}
+
+function keyDrawn({ colours }, plot, left) {
+  const key = svgEl("g", {});
+  let at = left;
+  plot.series.forEach((series, i) => {
+    if (!i || !isDrawn(plot, i)) return;
+    const line = svgEl("path", { d: `M${at} 14h24`, stroke: strokeOf(plot, series, i) });
+    line.setAttribute("stroke-width", 3);
+    if (series.dash) line.setAttribute("stroke-dasharray", series.dash.join(" "));
+    key.append(line, textDrawn(series.label, { x: at + 30, y: 18, fill: colours.ink }));
+    at += 50 + LETTER * [...series.label].length;
+  });
+  return key;
+}
+
+function axesInto(inner, plot, colours, width, height) {
+  plot.axes.forEach((axis, k) => {
+    (axis._splits ?? []).forEach((value, i) => {
+      const at = plot.valToPos(value, k ? "y" : "x");
+      // In a column of plots only the last one has figures below.
+      const words = axis._values[i] === "" ? tick(value) : axis._values[i];
+      if (words === null || !(at >= -1 && at <= (k ? height : width) + 1)) return;
+      const d = k ? `M0 ${at}h${width}` : `M${at} 0v${height}`;
+      inner.append(svgEl("path", { d, stroke: colours.line }));
+      const where = k
+        ? { x: -8, y: at + 4, "text-anchor": "end" }
+        : { x: at, y: height + 18, "text-anchor": "middle" };
+      inner.append(textDrawn(words, { ...where, fill: colours.soft }));
+    });
+    const where = k
+      ? { transform: `translate(${-MARGIN} ${height / 2}) rotate(-90)` }
+      : { x: width / 2, y: height + 38 };
+    const label = axis.label ?? axis.said;
+    if (label) {
+      inner.append(textDrawn(label, { ...where, "text-anchor": "middle", fill: colours.soft }));
+    }
+  });
+}
+
+function lineDrawn(plot, series, i) {
+  const stroke = strokeOf(plot, series, i);
+  const points = [];
+  let d = "";
+  let pen = "M";
+  plot.data[0].forEach((x, k) => {
+    const y = plot.data[i][k];
+    if (y === null || y === undefined) {
+      pen = "M";
+      return;
+    }
+    const [a, b] = [plot.valToPos(x, "x"), plot.valToPos(y, "y")].map((at) => at.toFixed(1));
+    d += `${pen}${a} ${b}`;
+    pen = "L";
+    if (series.dots) points.push(svgEl("circle", { cx: a, cy: b, r: 3, fill: stroke }));
+  });
+  const path = svgEl("path", { d, fill: "none", stroke, "stroke-width": series.width });
+  if (series.dash) path.setAttribute("stroke-dasharray", series.dash.join(" "));
+  return [path, ...points];
+}
+
+async function pngOf(svg, width, height) {
+  const image = new Image();
+  image.src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(svg)}`;
+  await image.decode();
+  const canvas = el("canvas", { width: SHARP * width, height: SHARP * height });
+  canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
+  return new Promise((go) => canvas.toBlob(go, "image/png"));
+}
