@@ -696,11 +696,8 @@ class Quantised(StaticMap):
             return step * self._rounded(signal / step - offset)
         # Sines of once, twice and three times the angle make the steps, smoothed by the remnant.
         sines = np.exp(-2 * (np.pi * remnant * np.arange(1, 4)) ** 2) / np.pi
-        place = signal / step - offset
-        turn = 2 * np.pi * (place - np.round(place))
-        once, along = np.sin(turn), np.cos(turn)
-        steps = once * (sines[0] - sines[1] * along + sines[2] / 3 * (4 * along**2 - 1))
-        return step * (place - steps)
+        flat = _kernels.gate(signal).ravel()
+        return _kernels.greybox.stepped(flat, step, offset, sines).reshape(np.shape(signal))
 
     def _rounded(self, place: np.ndarray) -> np.ndarray:
         if not self.softness:
