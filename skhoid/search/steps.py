@@ -111,19 +111,17 @@ def unique_name(effect: Effect, effects: Effects) -> str:
 class SearchStep:
     """A parent, and all candidates for it, best first.
 
-    The parent is there twice: ``at_likelihood``, the largest under the noise model of the step, and
-    ``at_least_error`` of the simulation. ``refit`` is the held-out VAF of a model refitted for each
-    fold.
+    The parent is there twice: ``at_likelihood``, the largest under the noise model of the step,
+    which ``criterion`` has, and ``at_least_error`` of the simulation.
     """
 
+    search: Search
+    criterion: Criterion
     at_likelihood: Model
     at_least_error: Model
     vaf: float
     prediction: np.ndarray
     candidates: list[Candidate]
-    instruments: InstrumentJudge | None
-    refit: Callable[[Model], float]
-    follow: Callable[[SearchStep, list[Candidate]], None]
     other: list[Alternative] = field(default_factory=list)  # something else, if it was looked for
     vaf_loop: float = np.nan
     _joint: dict[int, JointParent] = field(default_factory=dict)
@@ -131,7 +129,7 @@ class SearchStep:
     @property
     def refitted_vaf(self) -> float:
         """Held-out VAF of the parent, refitted for each fold."""
-        return self.refit(self.at_least_error)
+        return self.search.refit(self.at_least_error)
 
     @property
     def best(self) -> Candidate | None:
@@ -183,10 +181,16 @@ class SearchStep:
             hopeful = [c for c in self.candidates if c.hoped > least]
             if not hopeful:
                 break
-            self.follow(self, hopeful[:1])
+            self.follow(hopeful[0])
         self.candidates = sorted(find_likeliest_alternatives(self.candidates), key=rank)
         self._put_special_first()
         mark_confused(self.candidates)
+
+    def follow(self, begun: Candidate) -> None:
+        """Fit a candidate that was only begun, and weigh it."""
+        begun.begun = False
+        self.search.finish(self.at_least_error, [begun])
+        self.search.weigh_fitted(self, [begun])
 
     def judge(self, candidate: Candidate) -> None:
         """Ask all judges of a candidate, until one of them is against it."""
@@ -211,7 +215,8 @@ class SearchStep:
         assert c.model is not None
         before = self.at_least_error if c.before is None else c.before[1]
         model, record = c.model, self.at_likelihood.simulator.record
-        gain = attempt(lambda: self.refit(model) - self.refit(before), record)
+        refit = self.search.refit
+        gain = attempt(lambda: refit(model) - refit(before), record)
         c.refit = True
         if isinstance(gain, Against):
             c.gain, c.refused = -np.inf, gain
@@ -224,9 +229,8 @@ class SearchStep:
         assert c.model is not None
         before = self.at_likelihood if c.before is None else c.before[0]
         if c.least > least and INSTRUMENTS not in c.evidence:
-            c.evidence[INSTRUMENTS] = (
-                np.nan if self.instruments is None else self.instruments.evidence(before, c.model)
-            )
+            judge = self.search.instruments
+            c.evidence[INSTRUMENTS] = np.nan if judge is None else judge.evidence(before, c.model)
         if c.least > least and LIKELIHOOD not in c.evidence:
             c.evidence[LIKELIHOOD] = self._by_own_noise(before, c.model)
 
@@ -245,7 +249,7 @@ class SearchStep:
             return
         for special in [c for c in self.candidates if general.effect.name in c.effect.within]:
             if special.begun:
-                self.follow(self, [special])
+                self.follow(special)
             if special.passes:
                 self.judge(special)
             more = general.gain - special.gain
@@ -389,10 +393,10 @@ class Search:
                 shown = c.effect.place == "output" and c.effect.name in self.traces
                 leads = c.explored is not None and c.explored.gain >= least
                 c.begun = not (self.exhaustive or shown or leads)
-            self._finish(parent, [c for c in tried if c.explored])
+            self.finish(parent, [c for c in tried if c.explored])
             return self.judge_candidates(parent, candidates)
 
-    def _finish(self, parent: Model, candidates: list[Candidate]) -> None:
+    def finish(self, parent: Model, candidates: list[Candidate]) -> None:
         """Fit candidates that were explored, unless they are only begun."""
         items = [(c.name, c.explored, c.begun) for c in candidates]
         for c, found in zip(candidates, self._each(self._finished, items, parent), strict=True):
@@ -465,38 +469,26 @@ class Search:
         models = [parent, *(c.model for c, before in pairs if c.model and before is parent)]
         criterion.set_noise(criterion.remnant_model(min(models, key=lambda m: m.sse).output))
         vaf_before, prediction_before = self._held_out(parent)
-
-        def follow(step: SearchStep, begun: list[Candidate]) -> None:
-            for c in begun:
-                c.begun = False
-            self._finish(parent, begun)
-            fitted = [c for c in begun if c.model is not None]
-            again = [self._alike(parent, c) for c in fitted]
-            self._weigh(step, fitted, again, criterion, len(tried))
-
         step = SearchStep(
+            search=self,
+            criterion=criterion,
             at_likelihood=parent.refined(criterion),
             at_least_error=parent,
             vaf=vaf_before,
             prediction=prediction_before,
             candidates=candidates,
-            instruments=self.instruments,
-            refit=self.refit,
-            follow=follow,
         )
-        self._weigh(step, tried, alike, criterion, len(tried))
+        self.weigh_fitted(step, candidates, alike)
         return step
 
-    def _weigh(
-        self,
-        step: SearchStep,
-        tried: list[Candidate],
-        alike: list[Model],
-        criterion: Criterion,
-        n_tried: int,
+    def weigh_fitted(
+        self, step: SearchStep, candidates: list[Candidate], alike: list[Model] | None = None
     ) -> None:
         """Refine candidates under the noise model of a step, and say what they have for them."""
-        parent, n = step.at_least_error, criterion.n
+        parent, criterion, n = step.at_least_error, step.criterion, step.criterion.n
+        tried = [c for c in candidates if c.model is not None]
+        n_tried = sum(c.model is not None for c in step.candidates)
+        alike = [self._alike(parent, c) for c in tried] if alike is None else alike
         pairs = list(zip(tried, alike, strict=True))
         for c in tried:
             shown = self.traces.get(c.effect.name) if c.effect.place == "output" else None
