@@ -24,8 +24,9 @@ from .columns import KINDS, Choices, Columns, Recorded, look, noted, read, searc
 from .jobs import SearchJob
 from .session import NotSaved, SessionFolder, make_digest
 
-HISTORY = frozenset(("add", "remove", "release", "refit", "free", "undo", "redo", "use"))
-READING = frozenset(("trace", "preview", "drag", "state", "script"))
+HISTORY = frozenset(("add", "remove", "release", "refit", "free", "undo", "redo", "use", "recall"))
+MODELS = frozenset(("keep", "drop"))
+READING = frozenset(("trace", "preview", "drag", "state", "script", "model"))
 UNFINISHED = (
     "The search was not finished when the workbench ended: nothing of it was kept. Start it again."
 )
@@ -445,10 +446,10 @@ class Workbench:
         if name in others:
             return others[name]()
         exploration = self._open_exploration()
-        if name not in HISTORY | READING:
+        if name not in HISTORY | MODELS | READING:
             raise ValueError(f"There is no action {name!r:.80}.")
         reply = exploration.act(name, args)
-        if name in HISTORY:
+        if name in HISTORY | MODELS:
             self.save()
             self.news.tell("state", by=by, revision=exploration.revision)
             self._judge_soon()

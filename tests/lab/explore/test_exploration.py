@@ -83,6 +83,35 @@ def test_adding_is_fitting(exploration, runs):
     assert values == model.parameters_["value"][list(values)].to_dict()
 
 
+def test_models_are_kept_side_by_side(exploration, search, runs):
+    exploration.act("keep", {})
+    with pytest.raises(ValueError, match="kept already, as model 1"):
+        exploration.act("keep", {})
+    exploration.act("add", {"effect": ["bias", "dead_zone"]})
+    state = exploration.act("keep", {"run": 1})["state"]
+    assert [one["title"] for one in state["models"]] == [
+        "bias and dead zone",
+        "baseline",
+        "bias and dead zone",
+    ]
+    stair = [step["vaf"] for step in state["stair"]]
+    assert [one["vaf"]["train"] for one in state["models"]] == [stair[-1], stair[0], stair[-1]]
+    X, _ = select_runs(*runs, runs=1)
+    baseline = OperatorRegressor().fit(*runs)
+    traced = exploration.act("model", {"model": 1, "run": 1})["simulated"]
+    np.testing.assert_array_equal(traced, baseline.predict(X))
+    values = {p["name"]: p["value"] for p in state["models"][1]["parameters"]}
+    assert values["K_e"] == baseline.parameters_["value"]["K_e"]
+    kept = Exploration(search.estimator, *runs, search=search, memory=exploration.memory())
+    assert [one["vaf"] for one in kept.state()["models"]] == [m["vaf"] for m in state["models"]]
+    recalled = exploration.act("recall", {"model": 1})["state"]
+    assert titles(recalled) == ["baseline"]
+    assert recalled["undo"] == "Go to model 1"
+    assert len(exploration.act("drop", {"model": 2})["state"]["models"]) == 2
+    with pytest.raises(ValueError, match="no model 2"):
+        exploration.act("recall", {"model": 2})
+
+
 def test_dragging_moves_the_simulation_and_leaves_no_step(exploration, runs):
     exploration.act("add", {"effect": "bias", "run": 0})
     before = exploration.state()

@@ -197,7 +197,7 @@ function parameterRow(bench, effect, first) {
 }
 
 function unitOf({ unit }) {
-  return unit ? named(shortened(unit, 14)) : "";
+  return unit && unit !== "-" ? named(shortened(unit, 14)) : "";
 }
 
 function sliderAt(slider, p, value) {
