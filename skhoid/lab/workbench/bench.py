@@ -343,8 +343,8 @@ class Workbench:
 
     def _finished(self, this: int, fit: bool, search: bool) -> None:
         with contextlib.suppress(_Overtaken):
+            self.save()  # before it is told: who is told may end the workbench at once
             self._now(this, doing="")
-            self.save()
             if fit:
                 self.news.tell("state")
                 self._judge_soon()
@@ -403,7 +403,7 @@ class Workbench:
             memory=memory,
         )
         exploration.state()
-        self._now(this, exploration=exploration, phase="bench", doing="")
+        self._now(this, exploration=exploration, phase="bench")
 
     def _unclear(self, this: int, error: UnclearColumnsError) -> None:
         with contextlib.suppress(_Overtaken):
