@@ -143,8 +143,7 @@ def payload_of_comparison(found: Comparison) -> dict[str, Any]:
 
 
 def _ceiling(found: Comparison) -> dict[str, Any]:
-    low, high = found.noise_ceiling_interval
-    return {"vaf": found.noise_ceiling, "low": low, "high": high, "note": found.ceiling_note}
+    return {"vaf": found.noise_ceiling, "note": found.ceiling_note}
 
 
 def _subsets(names: list[str]) -> list[tuple[str, ...]]:

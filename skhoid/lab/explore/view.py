@@ -372,8 +372,7 @@ class Figures:
         else:
             judged |= {"note": found.ceiling_note, "vaf": found.vaf}
             if np.isfinite(found.noise_ceiling):
-                low, high = found.noise_ceiling_interval
-                judged["ceiling"] = {"vaf": found.noise_ceiling, "low": low, "high": high}
+                judged["ceiling"] = {"vaf": found.noise_ceiling}
             judged["findings"] = [{"what": f.title, "why": f.meaning} for f in found.findings]
         self._judged[judged_key(here)] = judged
         return True
@@ -393,7 +392,7 @@ class Figures:
         best = max(known, key=lambda one: one["vaf"], default=None)
         of_search = found.ceiling is not None and tuple(found.runs) == here.train
         if of_search and (best is None or best["vaf"] < found.vaf - CLOSE):
-            ceiling = {"vaf": found.ceiling, "low": None, "high": None, "note": OF_SEARCH}
+            ceiling = {"vaf": found.ceiling, "note": OF_SEARCH}
         elif best is not None:
             ceiling = {**best["ceiling"], "note": as_sentence(best["note"])}
         else:

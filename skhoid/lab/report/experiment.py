@@ -231,7 +231,8 @@ def _facts(given: Experiment) -> Iterator[tuple[str, str, str]]:
         yield f"{vaf.median():.0f} %", "median VAF", remark
     if len(top):
         known = "" if len(top) == len(people) else f", known of {len(top)} of {len(people)} fits"
-        yield f"{top.median():.0f} %", "median noise ceiling", f"what any model could reach{known}"
+        remark = f"what a model could reach, judged by what these leave{known}"
+        yield f"at least {top.median():.0f} %", "median noise ceiling", remark
     group = given.group
     for name in [] if group is None else group.group_effects_[:3]:
         rows = group.prevalence_[group.prevalence_["effect"] == name]  # type: ignore[union-attr]

@@ -222,7 +222,7 @@ def _fits(given: Experiment, who: Any, conditions: list[Any]) -> TextTable:
     """VAF and ceiling of each condition."""
     people = _of(given.people.groups, who).drop_duplicates("condition").set_index("condition")
     runs = _of(given.people.runs, who)
-    header = ["condition", "runs", "all runs", "by run", "noise ceiling"]
+    header = ["condition", "runs", "all runs", "by run", "noise ceiling, at least"]
     header += ["held out", "held out, with effects"] if given.group is not None else []
     rows = []
     for condition in conditions:
