@@ -202,6 +202,21 @@ def test_from_a_csv_to_a_saved_report_and_the_same_numbers(serve, recorded, tmp_
     assert served.browser.console() == []
 
 
+def test_files_are_dropped_on_the_page(serve, recorded):
+    served = serve().open()
+    served.one("#chooser")
+    served.browser.js(
+        "const data = new DataTransfer();"
+        "data.items.add(new File([arguments[0]], 'subject 7.csv'));"
+        "for (const kind of ['dragover', 'drop']) document.querySelector('main').dispatchEvent("
+        "new DragEvent(kind, { dataTransfer: data, bubbles: true, cancelable: true }));",
+        recorded.read_text(encoding="utf-8"),
+    )
+    served.one("#fit")
+    assert "subject_7.csv" in served.one("#opened").text
+    assert served.browser.console() == []
+
+
 def focus_on(served, selector, most=80):
     """Press Tab until the focus is there."""
     for _ in range(most):

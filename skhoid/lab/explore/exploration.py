@@ -21,7 +21,15 @@ from ...model import simulated_model
 from ...runs import of_person
 from .models import OUT, TRAIN, USES, History, Models, Position, Runs, own_values
 from .script import write_script
-from .view import Figures, Found, judged_key, list_effects_found, list_others, make_curve
+from .view import (
+    Figures,
+    Found,
+    is_movable,
+    judged_key,
+    list_effects_found,
+    list_others,
+    make_curve,
+)
 
 MOST_NAMED = 3  # runs
 ACTIONS = ("change", "any", "drag", "split", "search", "script", "report", "session")
@@ -251,7 +259,7 @@ class Exploration:
             "revision": self.revision,
             "uses": list(here.uses),
             "effects": list_effects_found(model, here.moved, fitted, self.domain),
-            "model": list_others(model),
+            "model": list_others(model, here.moved, fitted),
             "stair": self.figures.stair(here),
             **self.figures.ceiling(here, self.found),
             "vaf": self.figures.vaf(prediction, here),
@@ -405,7 +413,7 @@ class Exploration:
         }
 
     def _drag(self, args: Mapping[str, Any]) -> dict[str, Any]:
-        to = moved(self, args)
+        to, name = moved(self, args), str(args["name"])
         model = self.models.moved(to.effects, to.train, to.moved)  # refuses what is not possible
         prediction = self.figures.prediction(to)
         return {
@@ -414,7 +422,7 @@ class Exploration:
             "run_vaf": self.runs.vaf_by_run(prediction),
             "stair": self.figures.stair(to),
             "impossible": self.figures.runs_away(prediction, to),
-            "curve": make_curve(model, str(args["name"]).split("__")[0]),
+            "curve": make_curve(model, name.split("__")[0]) if "__" in name else None,
             "settled": False,
         }
 
@@ -474,10 +482,10 @@ def removed(of: Exploration, args: Mapping[str, Any]) -> Position:
 
 
 def moved(of: Exploration, args: Mapping[str, Any]) -> Position:
-    """A parameter of an effect at another value, all others as they are."""
+    """A parameter at another value, all others as they are."""
     name, value, here = str(args["name"]), args["value"], of.here
-    if name.partition("__")[0] not in here.effects.names:
-        raise ValueError(f"{name!r} is no parameter of an effect of this model.")
+    if not is_movable(of.models.fitted(here.effects, here.train), name):
+        raise ValueError(f"{name!r} is no parameter of this model that can be moved.")
     if not isinstance(value, int | float) or isinstance(value, bool):
         raise ValueError(f"{name} must be a number; got {value!r}.")
     check_possible(of, name, float(value))
@@ -501,7 +509,7 @@ def check_possible(of: Exploration, name: str, value: float) -> None:
 
 
 def refitted(of: Exploration, args: Mapping[str, Any]) -> Position:
-    """All parameters fitted but those that were moved, which are kept as they are."""
+    """All parameters fitted but those of effects that were moved, which are kept as they are."""
     if not of.here.moved:
         raise ValueError("Nothing was moved: all parameters are those of the fit.")
     return of.here.with_changes("Refit the others", effects=with_moved(of), moved={})
@@ -559,4 +567,4 @@ def with_moved(of: Exploration) -> Effects:
 def _words(name: str) -> str:
     """A parameter of an effect for people: ``dead_zone__width`` as "dead zone: width"."""
     effect, _, key = name.partition("__")
-    return f"{title_of(effect)}: {key.replace('_', ' ')}"
+    return f"{title_of(effect)}: {key.replace('_', ' ')}" if key else name

@@ -125,6 +125,26 @@ def test_dragging_moves_the_simulation_and_leaves_no_step(exploration, runs):
     assert after["undo"] == "Add bias"
 
 
+def test_the_numbers_of_the_operator_can_be_moved_too(exploration, runs):
+    """What was moved of the operator is drawn and kept as a step; a refit estimates it again."""
+    exploration.act("add", {"effect": "bias"})
+    before = exploration.state()
+    movable = [p["name"] for p in before["model"] if p["movable"]]
+    assert movable == ["K_e", "K_edot", "omega_nm", "zeta_nm", "tau_e"]  # T_L follows
+    reply = exploration.act("drag", {"name": "K_e", "value": 0.05, "run": 0})
+    model = OperatorRegressor(effects=Bias()).fit(*runs).with_parameters({"K_e": 0.05})
+    assert reply["vaf"]["train"] == vaf(model, *runs)
+    assert reply["stair"][0] == before["stair"][0]
+    released = exploration.act("release", {"name": "K_e", "value": 0.05, "run": 0})["state"]
+    assert released["undo"] == "Move K_e"
+    assert next(p["value"] for p in released["model"] if p["name"] == "K_e") == 0.05
+    assert "with_parameters({'K_e': 0.05})" in exploration.script()
+    refitted = exploration.act("refit", {})["state"]
+    assert refitted["vaf"] == before["vaf"]
+    with pytest.raises(ValueError, match="'T_L' is no parameter of this model that can be moved"):
+        exploration.act("drag", {"name": "T_L", "value": 0.5, "run": 0})
+
+
 def test_releasing_is_a_step_and_refitting_keeps_what_was_moved(exploration, runs):
     exploration.act("add", {"effect": "bias", "run": 0})
     exploration.act("add", {"effect": "dead_zone", "run": 0})
@@ -200,7 +220,7 @@ def test_what_cannot_be_done_is_said_and_changes_nothing(exploration):
         ("add", {"effect": "backlash"}, "No effect is called 'backlash'"),
         ("add", {"effect": "bias"}, "has the effect bias already"),
         ("remove", {"effect": "dead_zone"}, "has no effect 'dead_zone'"),
-        ("drag", {"name": "K_x", "value": 1.0}, "'K_x' is no parameter of an effect of this"),
+        ("drag", {"name": "K_x", "value": 1.0}, "'K_x' is no parameter of this model"),
         ("drag", {"name": "bias__level", "value": "x"}, "bias__level must be a number; got 'x'"),
         ("drag", {"name": "bias__level", "value": 1e9}, "is beyond what is physically possible"),
         ("refit", {}, "Nothing was moved"),
