@@ -423,6 +423,11 @@ def number(value: float, sd: float = np.nan) -> str:
     return f"{value:.4g}"
 
 
+def ceiling_text(vaf: float) -> str:
+    """A noise ceiling as texts give it: a lower bound, as what is missing may look like noise."""
+    return f"{'at least ' if vaf < 99.95 else ''}{vaf:.1f} %"
+
+
 def quantity(value: float, unit: str | None) -> str:
     return number(value) + (f" {unit}" if unit else "")
 

@@ -1,14 +1,14 @@
-"""Record the workbench at work, for README.md and docs/workbench.md.
+"""Record the workbench at work, and the report that it saves, for the documentation.
 
     pip install -e ".[workbench,browser]" pillow
     python tools/record_workbench.py [--frames FOLDER]
 
 Run it after the page has changed, and look at the result: a file of four simulated runs is opened
 in ``skhoid workbench``, and a headless Chromium goes by mouse from its columns to the report. Takes
-some minutes, and writes ``docs/_static/workbench.webp``, the recording, and ``workbench.png``, its
-last picture. Pointer and rings are drawn by this script, the search is a time-lapse, and of folders
-of this machine nothing is shown; all else is the page itself. ``--frames`` also writes each picture
-into a folder.
+some minutes, and writes into ``docs/_static`` the recording, ``workbench.webp``, its last picture,
+``workbench.png``, and the top of the report, ``report.png``. Pointer and rings are drawn by this
+script, the search is a time-lapse, and of folders of this machine nothing is shown; all else is the
+page itself. ``--frames`` also writes each picture into a folder.
 """
 
 from __future__ import annotations
@@ -344,7 +344,7 @@ def try_effects(hand: Hand) -> None:
     """Rest on a card, and add both that were named."""
     hand.scroll(hand.top())
     hand.go(hand.middle(NAMED.format("bias"), 0.4, 0.85))
-    hand.wait("document.querySelector('.sk-plots').textContent.includes('With bias')")
+    hand.wait("document.querySelector('.sk-plots').textContent.includes('on the runs fitted')")
     hand.settle()
     hand.show(LOOK)
     for name, ms in {"bias": LOOK, "dead zone": READ}.items():
@@ -397,7 +397,17 @@ def save_report(hand: Hand) -> None:
 ACTS = (choose_columns, search, try_effects, look_at_a_window, move_a_slider, save_report)
 
 
-def recorded() -> Film:
+def picture_of_report(driver: Any, path: Path) -> Image.Image:
+    """The top of a report, in a window of 900 px, sharp."""
+    size = {"width": 900, "height": 1100, "deviceScaleFactor": 1.5, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    driver.get(path.as_uri())
+    time.sleep(1)
+    data = driver.execute_cdp_cmd("Page.captureScreenshot", {})["data"]
+    return Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB")
+
+
+def recorded() -> tuple[Film, Image.Image]:
     film = Film()
     with tempfile.TemporaryDirectory() as folder, chromium() as driver:
         path = Path(folder) / NAME
@@ -407,21 +417,24 @@ def recorded() -> Film:
             hand = Hand(driver, film)
             for act in ACTS:
                 act(hand)
-    return film
+        return film, picture_of_report(driver, path.parent / "session" / "report.html")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--frames", type=Path, help="also write each picture into this folder")
     frames = parser.parse_args().frames
-    film = recorded()
+    film, of_report = recorded()
     if frames is not None:
         film.save_each(frames)
-    moving, still = FOLDER / "workbench.webp", FOLDER / "workbench.png"
+    moving, still, report = (
+        FOLDER / name for name in ("workbench.webp", "workbench.png", "report.png")
+    )
     film.save(moving)
     in_few_colours(film.pictures[-1], COLOURS_STILL).save(still, optimize=True)
+    in_few_colours(of_report, COLOURS_STILL).save(report, optimize=True)
     print(f"{moving}: {len(film.times)} pictures, {sum(film.times) / 1000:.1f} s")
-    for path, most in ((moving, MOST), (still, MOST_STILL)):
+    for path, most in ((moving, MOST), (still, MOST_STILL), (report, MOST_STILL)):
         size = path.stat().st_size
         print(f"{path}: {size} bytes")
         if size > most:

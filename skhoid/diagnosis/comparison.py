@@ -19,7 +19,7 @@ from ..pipelines import taken_apart
 from ..preprocessing.base import as_fitted
 from ..recordings.channels import check_channels
 from ..recordings.recording import Finding
-from ..text import Document, Note, Told
+from ..text import Document, Note, Told, ceiling_text
 from .ceiling import Ceiling, Route, consistent_ceiling, noise_ceiling
 from .findings import WORDS, NextSteps, advise
 from .leaks import LEAST_DELAY, LeakTest, leak_test
@@ -80,14 +80,16 @@ class Figures:
 
 @dataclass(frozen=True)
 class NoiseCeiling:
-    """The highest VAF that any model driven by the measured signals could reach.
+    """The VAF that a model driven by the measured signals could reach, at least.
+
+    It is a lower bound: what is missing and does not repeat looks like noise.
 
     Parameters
     ----------
     value : float
         Between the VAF of the model and 100; NaN if it is not known.
     interval : (float, float)
-        Its 95 % confidence interval.
+        Its 95 % confidence interval if nothing is missing; a better model may exceed it.
     gap : float
         Estimated ceiling minus VAF, in VAF points.
     route : Route
@@ -101,11 +103,6 @@ class NoiseCeiling:
     gap: float
     route: Route
     note: Note
-
-    @property
-    def at_least(self) -> str:
-        """What to say before the value."""
-        return "at least " if self.route is Route.INPUTS else ""
 
 
 @dataclass(frozen=True)
@@ -219,7 +216,9 @@ class Comparison(Told):
     time_frequency = property(attrgetter("views.time_frequency"))
 
     def __repr__(self) -> str:
-        ceiling = "" if np.isnan(self.noise_ceiling) else f", ceiling {self.noise_ceiling:.1f} %"
+        ceiling = (
+            "" if np.isnan(self.noise_ceiling) else f", ceiling {ceiling_text(self.noise_ceiling)}"
+        )
         return f"<Comparison of {self.model_name}: VAF {self.vaf:.1f} %{ceiling}>"
 
     @property

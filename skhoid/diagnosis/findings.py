@@ -18,7 +18,7 @@ from ..pipelines import taken_apart
 from ..preprocessing.base import as_fitted
 from ..recordings.recording import Finding
 from ..runs.roles import is_external, role_of
-from ..text import Step, counted, gap_text, p_text, vaf_name
+from ..text import Step, ceiling_text, counted, gap_text, p_text, vaf_name
 from .ceiling import Route
 from .leaks import band_edge, can_have_learnt
 from .signals import Signals
@@ -669,15 +669,11 @@ class Advice:
             )
 
     def _both(self) -> str:
-        """VAF and noise ceiling with its interval."""
+        """VAF and noise ceiling."""
         c = self.c
-        values = c.vaf, c.noise_ceiling, *c.noise_ceiling_interval
-        vaf, ceiling, low, high = (c.about_mean(value) for value in values)
-        return (
-            f"{vaf_name(centered=c.mean_dominates)} {vaf:.1f} %, noise ceiling "
-            f"{c.ceiling.at_least}{ceiling:.1f} % "
-            f"(95 % interval {low:.1f} to {high:.1f} %)"
-        )
+        vaf, ceiling = (c.about_mean(value) for value in (c.vaf, c.noise_ceiling))
+        name = vaf_name(centered=c.mean_dominates)
+        return f"{name} {vaf:.1f} %, noise ceiling {ceiling_text(ceiling)}"
 
     def of_design(self) -> Iterator[Finding]:
         """What these runs cannot show."""

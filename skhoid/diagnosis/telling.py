@@ -17,6 +17,7 @@ from ..text import (
     Notes,
     Paragraph,
     TextTable,
+    ceiling_text,
     gap_text,
     number,
     vaf_name,
@@ -70,11 +71,11 @@ def tell_figures(c: Comparison) -> dict[str, str]:
     if np.isnan(c.noise_ceiling):
         told["Noise ceiling"] = f"not known: {c.ceiling.note}"
     else:
-        top, low, high = map(c.about_mean, (c.noise_ceiling, *c.noise_ceiling_interval))
-        top_text = f"{c.ceiling.at_least}{top:.1f} %{about}"
-        told["Noise ceiling"] = f"{top_text} ({low:.1f} to {high:.1f} %), {c.ceiling.note}"
+        top = ceiling_text(c.about_mean(c.noise_ceiling))
+        told["Noise ceiling"] = f"{top}{about}, {c.ceiling.note}"
         gap = gap_text(c.point_scale * c.explainable_gap)
-        told["Left to explain"] = c.ceiling.at_least + gap + (about if gap[0].isdigit() else "")
+        more = "" if c.ceiling.route.separates else "at least "
+        told["Left to explain"] = more + gap + (about if gap[0].isdigit() else "")
     if c.overfit is not None:
         told["Held out"] = (
             f"{'worse' if c.overfit else 'as good'}: squared error {c.overfit_ratio:.2f} times "

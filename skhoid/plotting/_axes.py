@@ -24,7 +24,7 @@ from matplotlib.ticker import (
     StrMethodFormatter,
 )
 
-from ._roles import background, dimmed, veil
+from ._roles import background, dimmed, scaled, veil
 
 LETTER = 0.523  # mean width of a letter, of the size of its font
 HANDLE = 9  # letters that a handle takes in a legend
@@ -149,6 +149,14 @@ def draw_band(
     """A band of this colour from ``low`` to ``high``, through which lines are seen."""
     look: dict[str, Any] = {"color": colour, "alpha": veil(0.25), "lw": 0, "label": label}
     return panel.fill_between(x, low, high, **(look | more))
+
+
+def draw_arrow(
+    panel: Axes, at: tuple[float, float], away: tuple[float, float], colour: Any
+) -> None:
+    """An arrow from a point (of the data) by some points of paper: a bound that is exceeded."""
+    look = {"arrowstyle": "<-", "color": colour, "lw": scaled(1.6), "shrinkA": 0, "shrinkB": 0}
+    panel.annotate("", at, away, textcoords="offset points", arrowprops=look)
 
 
 def find_limits(

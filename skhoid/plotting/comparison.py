@@ -15,8 +15,9 @@ from matplotlib.patches import Patch
 
 from ..diagnosis.comparison import Comparison, compare
 from ..runs import read_layout, run_name
+from ..text import ceiling_text
 from ._axes import (
-    draw_band,
+    draw_arrow,
     legend_entries,
     legend_inside,
     letters,
@@ -27,7 +28,7 @@ from ._axes import (
     wrapped,
 )
 from ._display import FittingLayout, add_lines, check_option, figure_size, letter_size
-from ._roles import GREY, ROLES, choose_readable, dimmed, foreground, scaled, sized, veil
+from ._roles import GREY, ROLES, choose_readable, dimmed, foreground, scaled, sized
 from .residual import (
     ResidualPanels,
     beyond,
@@ -81,7 +82,7 @@ class ComparisonDisplay(ResidualPanels):
         and the mean residual over the channel with the clearest nonlinearity.
     ceiling
         The measured output as a bar: what the model explains (its VAF), what a better model could
-        explain beyond it, up to the noise ceiling with its 95 % interval, and the remnant.
+        explain beyond it, up to the noise ceiling (an arrow: it is a lower bound), and the remnant.
     runs
         VAF by run, in validation and estimation. Runs whose residual power exceeds chance are
         ringed; one far below zero is named at the lower edge.
@@ -360,22 +361,15 @@ class ComparisonDisplay(ResidualPanels):
         panel.set_xlabel("\n".join([*below, note] if note else below), fontsize="small")
 
     def _draw_ceiling_line(self, panel: Axes) -> None:
-        """The ceiling as a line across the bar, named above it, and its interval."""
+        """The ceiling as a line across the bar, named above it, with an arrow to what is more."""
         ceiling, role = self.comparison.noise_ceiling, ROLES["ceiling"]
         if np.isnan(ceiling):
             _write_above(panel, 100.0, "noise ceiling not known")
             return
         at = float(np.clip(ceiling, 0.0, 100.0))
         panel.plot([at, at], [-0.5, 0.62], **role.style(2.4), solid_capstyle="butt", zorder=3)
-        low, high = np.clip(self.comparison.noise_ceiling_interval, 0.0, 100.0)
-        text = f"{role.word} {self.comparison.ceiling.at_least}{percent(ceiling)}"
-        if np.isfinite([low, high]).all():
-            text += f" (95 % interval {low:.1f} to {high:.1f} %)"
-            inside = float(np.clip(at, low, high))
-            ends = [[inside - low], [high - inside]]
-            look: dict[str, Any] = {"lw": scaled(1.4), "capsize": 3, "capthick": scaled(1.4)}
-            panel.errorbar(inside, 0.52, xerr=ends, color=foreground(), **look)
-        _write_above(panel, at, text)
+        draw_arrow(panel, (at, 0.52), (16.0, 0.0), role.colour)
+        _write_above(panel, at, f"{role.word} {ceiling_text(ceiling)}")
 
     # The runs
 
@@ -408,12 +402,9 @@ class ComparisonDisplay(ResidualPanels):
         span, role = np.array([-0.5, n_validation - 0.5]), ROLES["ceiling"]
         ceiling, vaf = self.comparison.noise_ceiling, self.comparison.vaf
         if not np.isnan(ceiling):
-            low, high = self.comparison.noise_ceiling_interval
-            if np.isfinite([low, high]).all():
-                draw_band(self.ax_, span, low, high, role.colour, alpha=veil(0.2))
-            at_least = self.comparison.ceiling.at_least
-            label = f"noise ceiling {at_least}{percent(ceiling)}, 95 % interval"
+            label = f"{role.word} {ceiling_text(ceiling)}"
             self.ax_.plot(span, [ceiling] * 2, **role.style(1.6), label=label)
+            draw_arrow(self.ax_, (float(span.mean()), ceiling), (0.0, 14.0), role.colour)
         look: dict[str, Any] = {"color": ROLES["simulated"].colour, "lw": scaled(1.2), "ls": "--"}
         label = f"validation runs together {percent(vaf)}"
         self.ax_.plot(span, [vaf] * 2, label=label, **look)
@@ -484,8 +475,7 @@ def _ceiling_text(comparison: Any) -> str:
         return f"{found}, noise ceiling not known"
     gap = comparison.explainable_gap
     left = f"{gap:.1f} points left to explain" if gap > 0 else "nothing left to explain"
-    at_least = comparison.ceiling.at_least
-    return f"{found}, noise ceiling {at_least}{percent(comparison.noise_ceiling)}: {left}"
+    return f"{found}, noise ceiling {ceiling_text(comparison.noise_ceiling)}: {left}"
 
 
 def _spans(comparison: Any) -> list[tuple[str, str, float, float, str]]:

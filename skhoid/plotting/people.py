@@ -21,6 +21,7 @@ from ..text import p_text
 from ._axes import (
     corner_note,
     cut,
+    draw_arrow,
     letters,
     parameter_symbol,
     say_instead,
@@ -62,9 +63,9 @@ class PeopleDisplay(Display):
 
     A panel for each person. Dots are runs, each with its own fit where there is one, else with the
     fit of all runs of the person in the condition, which is the line. The dotted line is the noise
-    ceiling: what any model could reach. What looks wrong is ringed in red, and so is the name of a
-    person of whom anything does; a cross at the lower edge is a fit that failed. A triangle there
-    is a run below the panel.
+    ceiling, a lower bound (an arrow) of what a model could reach. What looks wrong is ringed in
+    red, and so is the name of a person of whom anything does; a cross at the lower edge is a fit
+    that failed. A triangle there is a run below the panel.
 
     Make it with :meth:`from_result`, or with the method ``plot`` of the result.
 
@@ -182,6 +183,7 @@ class PeopleDisplay(Display):
             if np.isfinite(row["ceiling"]):
                 role = ROLES["ceiling"]
                 panel.plot(ends, [row["ceiling"]] * 2, label=role.word, **role.style(1.8))
+                draw_arrow(panel, (sum(ends) / 2, row["ceiling"]), (0.0, 10.0), role.colour)
             if row["failure"] != "":
                 at = low + 0.06 * (100.0 - low)
                 look = {"marker": "x", "ms": sized(6), "mew": scaled(1.6), "ls": "none"}

@@ -16,7 +16,8 @@ from ..effects.registry import title_of, titles_of
 from ..preprocessing.base import as_fitted
 from ..runs import RunLayout, read_layout, run_name
 from ..search import TRIED, EffectSearchCV, Status, with_effects
-from ._axes import cut, letters, letters_above, say_instead, with_unit, wrapped
+from ..text import ceiling_text
+from ._axes import cut, draw_arrow, letters, letters_above, say_instead, with_unit, wrapped
 from ._display import Display, check_option, check_search
 from ._roles import BLUE, ORANGE, ROLES, background, dimmed, faded, foreground, greyed, scaled
 from .residual import percent
@@ -170,6 +171,9 @@ class SearchDisplay(Display):
             self._write_value(i, value)
         if np.isfinite(ceiling).any():
             panel.stairs(ceiling, **stairs, **ROLES["ceiling"].style(2.2))
+            last = len(path) - 1
+            if np.isfinite(ceiling[last]):
+                draw_arrow(panel, (last + 0.4, ceiling[last]), (0.0, 14.0), ROLES["ceiling"].colour)
         if np.isfinite(in_loop).any():
             look = {"color": foreground(), "lw": scaled(1.0), "ls": ":"}
             self.lines_["vaf_loop"] = panel.stairs(
@@ -223,10 +227,8 @@ class SearchDisplay(Display):
         if np.isnan(ceiling):
             text, at, side = "noise ceiling not known", panel.get_ylim()[1], "top"
         else:
-            # Remnant that passes a nonlinearity lowers the ceiling seen by a model without it.
-            passed = (path["vaf"] > path["ceiling"] + SMALL_GAP).any()
             at, side = max(vaf, ceiling), "bottom"
-            text = f"noise ceiling {percent(ceiling)}{' (a lower bound)' if passed else ''}: "
+            text = f"noise ceiling {ceiling_text(ceiling)}: "
             if gap >= SMALL_GAP:
                 left = UNKNOWN in self.search.best_effects_
                 text += f"{gap:.1f} points left to explain{', not in the catalogue' * left}"

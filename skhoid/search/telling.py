@@ -27,6 +27,7 @@ from ..text import (
     Notes,
     Paragraph,
     TextTable,
+    ceiling_text,
     counted,
     estimates_table,
     gap_text,
@@ -101,7 +102,7 @@ def tell_headline(found: SearchResult) -> str:
     """The verdict in one sentence to quote, with the figures."""
     text = tell_verdict(found)
     first, last = found.error_path.iloc[0], found.error_path.iloc[-1]
-    top = f"noise ceiling {last['ceiling']:.1f} %" if np.isfinite(last["ceiling"]) else ""
+    top = f"noise ceiling {ceiling_text(last['ceiling'])}" if np.isfinite(last["ceiling"]) else ""
     if not found.added:
         return f"{text}: held-out VAF {last['vaf']:.1f} %{top and f', {top}'}."
     shown = "them" if len(found.added) > 1 else "it"
@@ -138,7 +139,9 @@ def list_equals(ranking: pd.DataFrame, added: pd.Series) -> list[str]:
 def tell_baseline(found: SearchResult) -> Paragraph:
     """How good the model without effects is, and how good any could be."""
     first = found.error_path.iloc[0]
-    top = f", noise ceiling {first['ceiling']:.1f} %" if np.isfinite(first["ceiling"]) else ""
+    top = (
+        f", noise ceiling {ceiling_text(first['ceiling'])}" if np.isfinite(first["ceiling"]) else ""
+    )
     text = f"Baseline: VAF {first['vaf']:.1f} % on held-out rows{top}{tell_in_loop(first)}."
     if found.ceiling_note:
         text += f" The noise ceiling is not known: {found.ceiling_note.rstrip('.')}."

@@ -160,15 +160,27 @@ def test_from_a_csv_to_a_saved_report_and_the_same_numbers(serve, recorded, tmp_
         ".filter((e) => e.checkVisibility()).map((e) => e.getBoundingClientRect().bottom)"
     )
     assert tops[0] <= 900  # of a window of 1400 x 900
+    served.one('[data-sk-key="keep"]').click()
     add = served.one('[data-sk-key="add named"]')
     assert add.text == "Add both"
     add.click()
     served.wait(lambda: {"Remove bias", "Remove dead zone"} <= {*served.labels()})
+    served.one('[data-sk-key="line 1"]').click()  # the model without, beside it
+    models = served.one(".sk-models").text
+    assert "this model: bias and dead zone" in models
+    assert "1: baseline" in models
+    served.browser.command(
+        "Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path)
+    )
+    served.one('[aria-label="Save output over time"]').click()
+    served.one('[aria-label="Save output over time as SVG"]').click()
+    drawn = served.wait(lambda: next(tmp_path.glob("*.svg"), None)).read_text(encoding="utf-8")
+    assert all(f">{name}<" in drawn for name in ("measured", "simulated", "model 1"))
     served.one('[data-sk-key="report"]').click()
     path = served.wait(
         lambda: re.search(r"report is saved: (\S.*report\.html)", served.text()) or None
     )[1]
-    assert served.browser.js("return window.clicks") + 1 <= 4
+    assert served.browser.js("return window.clicks") + 1 <= 8
     assert served.browser.js("return window.typed") == 0
     state = served.state()
     assert len(served.stair()) == 3
@@ -187,6 +199,21 @@ def test_from_a_csv_to_a_saved_report_and_the_same_numbers(serve, recorded, tmp_
     served.end()
     served.browser.open(tmp_path / path)
     assert "dead zone" in served.driver.find_element(By.CSS_SELECTOR, ".headline").text
+    assert served.browser.console() == []
+
+
+def test_files_are_dropped_on_the_page(serve, recorded):
+    served = serve().open()
+    served.one("#chooser")
+    served.browser.js(
+        "const data = new DataTransfer();"
+        "data.items.add(new File([arguments[0]], 'subject 7.csv'));"
+        "for (const kind of ['dragover', 'drop']) document.querySelector('main').dispatchEvent("
+        "new DragEvent(kind, { dataTransfer: data, bubbles: true, cancelable: true }));",
+        recorded.read_text(encoding="utf-8"),
+    )
+    served.one("#fit")
+    assert "subject_7.csv" in served.one("#opened").text
     assert served.browser.console() == []
 
 

@@ -156,7 +156,7 @@ def said(search):
 
 
 def test_staircase_tells_what_is_left():
-    assert said(SEARCHES["one"]) == "noise ceiling 88.0 %: 1.5 points left to explain"
+    assert said(SEARCHES["one"]) == "noise ceiling at least 88.0 %: 1.5 points left to explain"
     (gap,) = SearchDisplay.from_estimator(SEARCHES["one"]).ax_.lines
     np.testing.assert_allclose(gap.get_ydata(), [86.5, 88.0])
     assert same_color(gap.get_color(), ROLES["misfit"].colour)

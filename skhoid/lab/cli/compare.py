@@ -45,9 +45,9 @@ from .parser import (
 
 ABOUT = """\
 compare a fitted model with recordings: how good, where bad, how much is left
-Compare models that `skhoid identify --save` or `skhoid diagnose --save` has written with recorded
-runs: their free run, where it fails, the noise ceiling, and what to do next. Of several models the
-best is looked at, beside a table of all."""
+Compare models, which `skhoid identify --save` or `skhoid diagnose --save` wrote, with recorded
+runs: their free run, where it fails, the noise ceiling, and what to do next. Several models stand
+in one table, and the best of them is told in full."""
 EXAMPLES = """\
 examples:
   skhoid identify old*.csv --save linear.joblib
@@ -97,7 +97,10 @@ def compare(options: argparse.Namespace) -> int:
     options.files = [name for name in options.files if name not in models]
     options.asked.files = options.files
     if not options.files:
-        raise ValueError("Name the files of recordings to compare the model with, after the model.")
+        raise ValueError(
+            "Name a model, and after it the recordings to compare it with, such as: skhoid compare "
+            "model.joblib run*.csv"
+        )
     compared = [_compare(options, name) for name in dict.fromkeys(models)]
     compared.sort(key=lambda one: -one[0].vaf)
     found, model, X, y = compared[0]
@@ -183,10 +186,10 @@ def _load_model(name: str) -> Any:
     try:
         model = joblib.load(path)
     except Exception as error:
+        of = f" that can be read ({type(error).__name__}: {error})" if name.endswith(MODELS) else ""
         raise ValueError(
-            f"{path} holds no model that can be read ({type(error).__name__}: {error}). First name "
-            "what `skhoid identify --save FILE` or `skhoid diagnose --save FILE` wrote, with the "
-            "versions of the packages used here."
+            f"{path} holds no model{of}. First name what `skhoid identify --save FILE` or `skhoid "
+            "diagnose --save FILE` wrote, with the versions of the packages used here."
         ) from error
     if not hasattr(model, "predict"):
         raise ValueError(

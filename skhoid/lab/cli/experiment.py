@@ -65,7 +65,9 @@ def add_experiment(commands: Any) -> None:
     add("--time", metavar="NAME", help="time column, in seconds (default: guessed)")
     add("--dt", type=positive, metavar="S", help="sampling time of files without a time column")
     for level in ("subject", "condition", "run"):
-        add(f"--{level}", metavar="NAME", help=f"column with the {level} (default: by names)")
+        text = f"column with the {level} (default: by names)"
+        text += "; several are factors: pace state" * (level == "condition")
+        add(f"--{level}", nargs="+" if level == "condition" else None, metavar="NAME", help=text)
     add_unit(add)
     add_run_in(add)
     add_model_options(command.section("Model"), "people")

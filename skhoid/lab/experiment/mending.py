@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -68,6 +68,19 @@ class Mended(Told):
             found.append(f"{what}{where}: {why}")
         return found
 
+    @property
+    def other_version(self) -> list[str]:
+        """The mean of the first parameter with and without the changes, in a sentence."""
+        if self.versions is None or self.versions.empty:
+            return []
+        row = self.versions.iloc[0]
+        name, unit = row["parameter"], f" {row['unit']}".rstrip()
+        used, recorded, without = (_mean_text(row, version) for version in VERSIONS)
+        return [
+            f"As recorded, the mean of {name} over people would be {recorded}{unit} in place of "
+            f"{used}, and without them {without}."
+        ]
+
     def with_versions(
         self, people: PeopleResult, estimator: Any, folder: Any = None, n_jobs: int | None = None
     ) -> Mended:
@@ -115,11 +128,7 @@ class Mended(Told):
             rows = [
                 [
                     row["parameter"],
-                    *(
-                        f"{number(row[v], sd)} ± {number(sd, sd)} ({row[f'{v}_n']})"
-                        for v in VERSIONS
-                        for sd in [row[f"{v}_sd"]]
-                    ),
+                    *(f"{_mean_text(row, v)} ({row[f'{v}_n']})" for v in VERSIONS),
                     row["unit"],
                 ]
                 for row in self.versions.to_dict("records")
@@ -127,6 +136,12 @@ class Mended(Told):
             caption = "Means over people ± spread between them (and how many they are)"
             blocks.append(TextTable(caption, ["", *VERSIONS.values(), "unit"], rows))
         return Document("Changed in the recordings, before anything was identified", blocks)
+
+
+def _mean_text(row: Mapping[Any, Any] | pd.Series, version: str) -> str:
+    """Mean and spread of a version of the recordings."""
+    sd = row[f"{version}_sd"]
+    return f"{number(row[version], sd)} ± {number(sd, sd)}"
 
 
 def mend_recordings(

@@ -190,7 +190,7 @@ def _of_conditions(r: PeopleResult) -> list[Block]:
         )
         top = people["ceiling"].dropna()
         if len(top):
-            caption += f"; noise ceiling {top.median():.0f} % (median)"
+            caption += f"; noise ceiling at least {top.median():.0f} % (median)"
         rows = [
             _spread(name, of_one)
             for name, of_one in part[part["parameter"] != ""].groupby("parameter", sort=False)

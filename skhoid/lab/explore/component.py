@@ -76,7 +76,7 @@ def framed(payload: str, title: str) -> str:
     """The same in a frame, for notebooks without a kernel."""
     return (
         f'<iframe srcdoc="{escape(page(payload, title))}" title="{escape(title)}" '
-        f'sandbox="allow-scripts" loading="lazy" '
+        f'sandbox="allow-scripts allow-downloads" loading="lazy" '
         f'style="width: 100%; height: {HEIGHT}px; border: 1px solid #ccc"></iframe>'
     )
 
@@ -142,7 +142,7 @@ class _Answers:
         except (ValueError, OSError) as error:
             reply = {"error": str(error)}
         self._send(number, reply)
-        if name not in ("drag", "preview", "trace", "script"):
+        if name not in ("drag", "preview", "trace", "script", "model"):
             threading.Thread(target=self._judge, daemon=True).start()
 
     def _reply(self, name: str, args: dict[str, Any]) -> dict[str, Any]:

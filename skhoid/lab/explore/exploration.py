@@ -21,10 +21,19 @@ from ...model import simulated_model
 from ...runs import of_person
 from .models import OUT, TRAIN, USES, History, Models, Position, Runs, own_values
 from .script import write_script
-from .view import Figures, Found, list_effects_found, list_others, make_curve
+from .view import (
+    Figures,
+    Found,
+    is_movable,
+    judged_key,
+    list_effects_found,
+    list_others,
+    make_curve,
+)
 
 MOST_NAMED = 3  # runs
 ACTIONS = ("change", "any", "drag", "split", "search", "script", "report", "session")
+OPENS_ON = 15.0  # s of a run: over a whole one measured and simulated cannot be told apart
 USED = {"train": "Fit", "hold": "Hold out", "out": "Leave out"}
 
 
@@ -101,8 +110,10 @@ class Exploration:
         uses = self._first_uses() if search is None else (TRAIN,) * self.runs.n
         first = Position(uses, Effects.of(self.estimator.effects), {}, "Begin")
         self.history = History(first)
+        self.kept: dict[int, Position] = {}
         if memory is not None:
             self.history = History.of_dict(memory["history"])
+            self.kept = {int(n): Position.of_dict(one) for n, one in memory["kept"].items()}
             self.found = Found.of_dict(memory["found"])
         if search is not None:
             self.found = Found.of(search, range(self.runs.n))
@@ -144,6 +155,9 @@ class Exploration:
         actions: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
             "trace": self._trace,
             "preview": self._preview,
+            "model": self._model,
+            "keep": self._keep,
+            "drop": self._drop,
             "drag": self._drag,
             "state": self._shown,
             "script": lambda _: {"text": self.script()},
@@ -195,7 +209,9 @@ class Exploration:
     def memory(self) -> dict[str, Any]:
         """All that is needed to come back to this state, for JSON."""
         with self.lock:
-            return {"history": self.history.as_dict(), "found": self.found.as_dict()}
+            kept = {str(n): position.as_dict() for n, position in self.kept.items()}
+            history = self.history.as_dict()
+            return {"history": history, "kept": kept, "found": self.found.as_dict()}
 
     def view(self) -> dict[str, Any]:
         """What the component is told once."""
@@ -222,6 +238,7 @@ class Exploration:
                 for i, label in enumerate(runs.labels)
             ],
             "shown": 0,
+            "opens_on": OPENS_ON,
             "note": self._note(),
             "state": self.state(),
         }
@@ -242,7 +259,7 @@ class Exploration:
             "revision": self.revision,
             "uses": list(here.uses),
             "effects": list_effects_found(model, here.moved, fitted, self.domain),
-            "model": list_others(model),
+            "model": list_others(model, here.moved, fitted),
             "stair": self.figures.stair(here),
             **self.figures.ceiling(here, self.found),
             "vaf": self.figures.vaf(prediction, here),
@@ -255,6 +272,7 @@ class Exploration:
             "cards_of": cards_of,
             **self._verdict(here),
             "to_add": self._to_add(here),
+            "models": self._models(here),
             "findings": self.figures.findings(here, self.found),
             "limits": self.found.limits if self.found.is_of(here.train) else [],
             "search": self._progress,
@@ -351,8 +369,51 @@ class Exploration:
             "vaf": self.runs.vaf(prediction, here.train),
         }
 
+    # Models side by side.
+
+    def _keep(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        same = [n for n, one in self.kept.items() if judged_key(one) == judged_key(self.here)]
+        if same:
+            raise ValueError(f"This model is kept already, as model {same[0]}.")
+        self.kept[max(self.kept, default=0) + 1] = self.here
+        return self._shown(args, changed=True)
+
+    def _drop(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        del self.kept[self.number_of(args)]
+        return self._shown(args, changed=True)
+
+    def _model(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        one = self.kept[self.number_of(args)]
+        return {"simulated": self._of_run(self.figures.prediction(one), args)}
+
+    def number_of(self, args: Mapping[str, Any]) -> int:
+        """The number of the kept model that arguments name."""
+        number = args["model"]
+        if number not in self.kept:
+            raise ValueError(f"There is no model {number!r:.20}; kept are {[*self.kept]}.")
+        return int(number)
+
+    def _models(self, here: Position) -> list[dict[str, Any]]:
+        """The present model and those that were kept, all judged on the present runs."""
+        return [self._told(number, one, here) for number, one in [(0, here), *self.kept.items()]]
+
+    def _told(self, number: int, one: Position, here: Position) -> dict[str, Any]:
+        prediction = self.figures.prediction(one)
+        table = self.models.moved(one.effects, one.train, one.moved).parameter_table_
+        title = " and ".join(map(title_of, one.effects.names)) or "baseline"
+        return {
+            "id": number,
+            "title": title + (", moved by hand" if one.moved else ""),
+            "vaf": self.figures.vaf(prediction, here),
+            "other_runs": one.train != here.train,
+            "parameters": [
+                {"name": p.name, "value": p.value, "unit": p.unit, "free": p.free}
+                for p in table.values()
+            ],
+        }
+
     def _drag(self, args: Mapping[str, Any]) -> dict[str, Any]:
-        to = moved(self, args)
+        to, name = moved(self, args), str(args["name"])
         model = self.models.moved(to.effects, to.train, to.moved)  # refuses what is not possible
         prediction = self.figures.prediction(to)
         return {
@@ -361,7 +422,7 @@ class Exploration:
             "run_vaf": self.runs.vaf_by_run(prediction),
             "stair": self.figures.stair(to),
             "impossible": self.figures.runs_away(prediction, to),
-            "curve": make_curve(model, str(args["name"]).split("__")[0]),
+            "curve": make_curve(model, name.split("__")[0]) if "__" in name else None,
             "settled": False,
         }
 
@@ -390,6 +451,13 @@ class Exploration:
 # What each step leads to: the next position, or why there is none.
 
 
+def recalled(of: Exploration, args: Mapping[str, Any]) -> Position:
+    """A model that was kept."""
+    number = of.number_of(args)
+    one = of.kept[number]
+    return one.with_changes(f"Go to model {number}")
+
+
 def added(of: Exploration, args: Mapping[str, Any]) -> Position:
     """One more effect, by its id, or several."""
     here, asked = of.here, args["effect"]
@@ -414,10 +482,10 @@ def removed(of: Exploration, args: Mapping[str, Any]) -> Position:
 
 
 def moved(of: Exploration, args: Mapping[str, Any]) -> Position:
-    """A parameter of an effect at another value, all others as they are."""
+    """A parameter at another value, all others as they are."""
     name, value, here = str(args["name"]), args["value"], of.here
-    if name.partition("__")[0] not in here.effects.names:
-        raise ValueError(f"{name!r} is no parameter of an effect of this model.")
+    if not is_movable(of.models.fitted(here.effects, here.train), name):
+        raise ValueError(f"{name!r} is no parameter of this model that can be moved.")
     if not isinstance(value, int | float) or isinstance(value, bool):
         raise ValueError(f"{name} must be a number; got {value!r}.")
     check_possible(of, name, float(value))
@@ -441,7 +509,7 @@ def check_possible(of: Exploration, name: str, value: float) -> None:
 
 
 def refitted(of: Exploration, args: Mapping[str, Any]) -> Position:
-    """All parameters fitted but those that were moved, which are kept as they are."""
+    """All parameters fitted but those of effects that were moved, which are kept as they are."""
     if not of.here.moved:
         raise ValueError("Nothing was moved: all parameters are those of the fit.")
     return of.here.with_changes("Refit the others", effects=with_moved(of), moved={})
@@ -479,6 +547,7 @@ STEPS: dict[str, Callable[[Exploration, Mapping[str, Any]], Position]] = {
     "refit": refitted,
     "free": freed,
     "use": used,
+    "recall": recalled,
 }
 
 
@@ -498,4 +567,4 @@ def with_moved(of: Exploration) -> Effects:
 def _words(name: str) -> str:
     """A parameter of an effect for people: ``dead_zone__width`` as "dead zone: width"."""
     effect, _, key = name.partition("__")
-    return f"{title_of(effect)}: {key.replace('_', ' ')}"
+    return f"{title_of(effect)}: {key.replace('_', ' ')}" if key else name

@@ -311,5 +311,6 @@ def make_key(effects: Effects, train: tuple[int, ...]) -> tuple:
 
 
 def own_values(moved: Mapping[str, float], effects: Effects) -> dict[str, float]:
-    """Those of the effects that there are."""
-    return {name: v for name, v in moved.items() if name.split("__")[0] in effects.names}
+    """Those of the effects that there are, and of the operator itself."""
+    known = effects.names
+    return {k: v for k, v in moved.items() if "__" not in k or k.split("__")[0] in known}

@@ -24,7 +24,7 @@ from ... import Comparison, EffectSearchCV
 from ...effects import Effects
 from ...model import GreyBox
 from ...runs import RunLayout, read_layout, run_name
-from .exploration import ACTIONS, Exploration
+from .exploration import ACTIONS, OPENS_ON, Exploration
 from .models import History, Position, own_values
 from .script import plain
 
@@ -32,7 +32,6 @@ MOST_SUBSETS_OF = 4  # effects; of more only those that a search went through
 MOST_VALUES = 600_000  # in a page
 LEAST_RATE = 25.0  # Hz, to which rows are thinned at most
 SHOWN_CHANNELS = 4
-OPENS_ON = 15.0  # s of a run: of a whole one at 50 Hz or more the lines cannot be told apart
 ALIGNED = 8  # bytes
 LEVELS = 65_533  # of a compact array, in which one more stands for NaN
 MISSING = -32_768
@@ -76,7 +75,7 @@ def payload_of_exploration(exploration: Exploration, kept: Sequence[str] = ()) -
         state["cards"] = [card for card in state["cards"] if card["id"] in ready]
         state |= {"ceiling_pending": False, "findings": [], "search": None}
         key = ",".join(sorted(chosen))
-        states[key] = {**state, "to_add": []}
+        states[key] = {**state, "to_add": [], "models": []}
         predictions[key] = exploration.models.prediction(effects, here.train, moved)
     view = exploration.view()
     start = ",".join(sorted(n for n in here.effects.names if n not in kept))
@@ -118,6 +117,7 @@ def payload_of_comparison(found: Comparison) -> dict[str, Any]:
         "findings": [{"what": f.title, "why": f.meaning} for f in found.findings],
         "limits": [],
         "to_add": [],
+        "models": [],
         "search": None,
     }
     view = {
@@ -133,6 +133,7 @@ def payload_of_comparison(found: Comparison) -> dict[str, Any]:
             for label, n in zip(layout.labels, np.diff(layout.run_starts), strict=True)
         ],
         "shown": 0,
+        "opens_on": OPENS_ON,
         "note": None if np.isfinite(found.noise_ceiling) else note,
         "state": state,
     }
@@ -142,8 +143,7 @@ def payload_of_comparison(found: Comparison) -> dict[str, Any]:
 
 
 def _ceiling(found: Comparison) -> dict[str, Any]:
-    low, high = found.noise_ceiling_interval
-    return {"vaf": found.noise_ceiling, "low": low, "high": high, "note": found.ceiling_note}
+    return {"vaf": found.noise_ceiling, "note": found.ceiling_note}
 
 
 def _subsets(names: list[str]) -> list[tuple[str, ...]]:
@@ -188,7 +188,7 @@ class _Traces:
 
     def payload(self, view: dict[str, Any], start: str, states: Any) -> dict[str, Any]:
         notes = [note for note in (view["note"], self.note) if note]
-        more = {"note": " ".join(notes) or None, "shown": min(self.kept), "opens_on": OPENS_ON}
+        more = {"note": " ".join(notes) or None, "shown": min(self.kept)}
         view = {**view, **more}
         view["dt"] = self.layout.dt * self.every
         traces = [self._of_run(run) for run in range(len(self.layout.labels))]

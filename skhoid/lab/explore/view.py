@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ... import EffectSearchCV, compare
+from ... import EffectSearchCV, OperatorRegressor, compare
 from ...effects import Effect, Effects, title_of
 from ...effects import effect as effect_of
 from ...model import ModelParameter, effect_curves
@@ -65,18 +65,21 @@ def list_effects_found(
     ]
 
 
-def list_others(model: Any) -> list[dict[str, Any]]:
-    """The parameters that are not of an effect, as numbers."""
+def list_others(model: Any, moved: Mapping[str, float], fitted: Any) -> list[dict[str, Any]]:
+    """The parameters that are not of an effect."""
+    table = fitted.parameter_table_
     return [
-        {
-            "name": name,
-            **_numbers(one),
-            "unit": one.unit,
-            "meaning": one.meaning + _bound_in_words(one),
-        }
+        _parameter(one, one.name, table[name], moved) | {"movable": is_movable(fitted, name)}
         for name, one in model.parameter_table_.items()
         if "__" not in name
     ]
+
+
+def is_movable(fitted: Any, name: str) -> bool:
+    """Whether a parameter may be moved by hand: all of effects, and an operator's own estimates."""
+    one = fitted.parameter_table_.get(name)
+    own = isinstance(fitted, OperatorRegressor) and one is not None and one.free
+    return own or (one is not None and "__" in name)
 
 
 def make_curve(model: Any, name: str) -> dict[str, Any] | None:
@@ -114,28 +117,31 @@ def _parameters(
 ) -> list[dict[str, Any]]:
     if effect.free_form:
         return []  # coefficients of a curve
-    rows = []
-    for p in effect.parameters:
-        one = model.parameter_table_[f"{name}__{p.name}"]
-        rows.append(
-            {
-                "name": one.name,
-                "label": p.name.replace("_", " "),
-                "meaning": p.meaning + _bound_in_words(one),
-                "unit": one.unit,
-                **_numbers(one),
-                "low": one.min if np.isfinite(one.min) else None,
-                "high": one.max if np.isfinite(one.max) else None,
-                **_slider(fitted.parameter_table_[one.name]),
-                "fixed": not one.free,
-                "moved": one.name in moved,
-            }
-        )
-    return rows
+    table = fitted.parameter_table_
+    rows = [(p, model.parameter_table_[f"{name}__{p.name}"]) for p in effect.parameters]
+    return [
+        _parameter(one, p.name.replace("_", " "), table[one.name], moved) | {"fixed": not one.free}
+        for p, one in rows
+    ]
 
 
-def _numbers(one: ModelParameter) -> dict[str, float | None]:
-    return {"value": one.value, "sd": one.sd if np.isfinite(one.sd) and one.sd > 0 else None}
+def _parameter(
+    one: ModelParameter, label: str, fitted: ModelParameter, moved: Mapping[str, float]
+) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "label": label,
+        "meaning": one.meaning + _bound_in_words(one),
+        "unit": one.unit,
+        "value": one.value,
+        "sd": one.sd if np.isfinite(one.sd) and one.sd > 0 else None,
+        "low": one.min if np.isfinite(one.min) else None,
+        "high": one.max if np.isfinite(one.max) else None,
+        **_slider(fitted),
+        "fixed": False,
+        "movable": True,
+        "moved": one.name in moved,
+    }
 
 
 def _slider(one: ModelParameter) -> dict[str, float]:
@@ -327,8 +333,11 @@ class Figures:
 
     def prediction(self, here: Position, n: int | None = None) -> np.ndarray:
         """Free run on all runs with the first n effects, or all."""
-        effects = here.effects if n is None else Effects(here.effects.steps[:n])
-        return self.models.prediction(effects, here.train, here.moved)
+        if n is None or n == len(here.effects):
+            return self.models.prediction(here.effects, here.train, here.moved)
+        # The operator's own numbers were moved in the last model, not in those on the way to it.
+        moved = {name: value for name, value in here.moved.items() if "__" in name}
+        return self.models.prediction(Effects(here.effects.steps[:n]), here.train, moved)
 
     def vaf(self, prediction: np.ndarray, here: Position) -> dict[str, float | None]:
         """VAF of the runs that are fitted, and of those held out."""
@@ -372,8 +381,7 @@ class Figures:
         else:
             judged |= {"note": found.ceiling_note, "vaf": found.vaf}
             if np.isfinite(found.noise_ceiling):
-                low, high = found.noise_ceiling_interval
-                judged["ceiling"] = {"vaf": found.noise_ceiling, "low": low, "high": high}
+                judged["ceiling"] = {"vaf": found.noise_ceiling}
             judged["findings"] = [{"what": f.title, "why": f.meaning} for f in found.findings]
         self._judged[judged_key(here)] = judged
         return True
@@ -393,7 +401,7 @@ class Figures:
         best = max(known, key=lambda one: one["vaf"], default=None)
         of_search = found.ceiling is not None and tuple(found.runs) == here.train
         if of_search and (best is None or best["vaf"] < found.vaf - CLOSE):
-            ceiling = {"vaf": found.ceiling, "low": None, "high": None, "note": OF_SEARCH}
+            ceiling = {"vaf": found.ceiling, "note": OF_SEARCH}
         elif best is not None:
             ceiling = {**best["ceiling"], "note": as_sentence(best["note"])}
         else:

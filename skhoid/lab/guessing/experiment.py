@@ -64,7 +64,7 @@ class Asked:
     time: str | None
     units: Mapping[str, str] | None
     dt: float | None
-    levels: Mapping[str, str]  # level: column
+    levels: Mapping[str, str]  # column: level, of which several may be of the condition
 
     @property
     def channels(self) -> list[str] | None:
@@ -158,14 +158,14 @@ def find_columns(table: FileTable, paths: Any, asked: Asked) -> Columns:
     levels = dict(guess.levels)
     if guess.run is not None:
         levels[guess.run] = "run"
-    named = {table.names[table.find(column)]: level for level, column in asked.levels.items()}
+    named = {table.names[table.find(column)]: level for column, level in asked.levels.items()}
     levels = {
         name: level
         for name, level in levels.items()
         if level not in named.values() and name not in named
     }
     levels = named | levels
-    used = {*levels, *asked.levels.values()}
+    used = {*levels, *asked.levels}
     guess.unused = [name for name in guess.unused if name not in used]
     guess.run = next((name for name, level in levels.items() if level == "run"), None)
     guess.levels = {name: level for name, level in levels.items() if level != "run"}
@@ -201,14 +201,13 @@ def _guess(table: FileTable, paths: Any, asked: Asked) -> ColumnGuess:
         roles={column: role_of(name) for column, name in named.items()},
         output=asked.output,
         time=asked.time,
-        run=asked.levels.get("run"),
+        run=next((column for column, level in asked.levels.items() if level == "run"), None),
         units=asked.units,
         dt=asked.dt,
         signals=asked.inputs is None,
     )
-    for level in LEVELS[:2]:
-        column = asked.levels.get(level)
-        if column is not None:
+    for column, level in asked.levels.items():
+        if level in LEVELS[:2]:
             try:
                 table.find(column)
             except ValueError as error:
@@ -293,11 +292,10 @@ def _of_table(
     found = []
     for label, piece in _each(runs):
         inside = label if isinstance(label, tuple) else (label,)
-        labels: dict[str, Any] = (
-            dict(zip([*outer.values(), "run"], inside, strict=True))
-            if (len(inside) == len(outer) + 1)
-            else {"run": label}
-        )
+        labels: dict[str, Any] = {}
+        names = [*outer.values(), "run"] if len(inside) == len(outer) + 1 else ["run"]
+        for level, one in zip(names, inside if len(names) > 1 else [label], strict=True):
+            labels[level] = f"{labels[level]}_{one}" if level in labels else one
         if run is None:
             labels["run"] = "1" if len(runs.labels) == 1 or outer else str(labels["run"])
         labels |= given
@@ -393,7 +391,7 @@ _ARRAYS = (".mat", ".npz")
 @checked(
     paths=[str, os.PathLike, Iterable],
     subject=[str, None],
-    condition=[str, None],
+    condition=[str, Iterable, None],
     run=[str, None],
     time=[str, None],
     units=[Mapping, None],
@@ -404,7 +402,7 @@ def read_experiment(
     paths: Any,
     *,
     subject: str | None = None,
-    condition: str | None = None,
+    condition: str | Sequence[str] | None = None,
     run: str | None = None,
     inputs: str | Sequence[str] | Mapping[str, str] | None = None,
     output: str | Mapping[str, str] | None = None,
@@ -429,8 +427,10 @@ def read_experiment(
         a glob pattern; a list of files. Fields are subject, session, condition, block and run; a
         session is put before the label of the run. Formats are those of
         :func:`skhoid.read_runs`, and motion tables of BIDS (``sub-01_task-x_motion.tsv``).
-    subject, condition, run : str or None, default=None
+    subject, condition, run : str or None (condition: or sequence of str), default=None
         Columns with these labels. None takes them from names, or from columns that are called so.
+        Of several columns of the condition, ``["pace", "state"]``, labels are put together,
+        ``fast_tired``; :func:`skhoid.lab.experiment.mixed_model` takes them apart as factors.
     inputs, output, time, units, dt
         As in :func:`skhoid.read_runs`. In structs of people a channel goes by its own name,
         ``"e"``. For XDF, `dt` is the step (s) of the grid onto which all streams are interpolated;
@@ -498,8 +498,9 @@ def read_experiment(
     S2      lead      1   0.00  1.50
                           0.01  1.25
     """
-    named = {"subject": subject, "condition": condition, "run": run}
-    levels = {level: column for level, column in named.items() if column is not None}
+    several = [condition] if isinstance(condition, str) else list(condition or ())
+    named = [(subject, "subject"), *((one, "condition") for one in several), (run, "run")]
+    levels = {column: level for column, level in named if column is not None}
     asked = Asked(inputs, output, time, units, dt, levels)
     shape = checked_dims(dims)
     sources = find_sources(paths, some=some)
@@ -563,10 +564,10 @@ def _check_fields(sources: Sources, asked: Asked, dims: Dims | None) -> None:
             f"{sources.files[0]} has none."
         )
     for labels in (sources.labels or [])[:1]:
-        both = [level for level in asked.levels if level in labels]
+        both = [(level, column) for column, level in asked.levels.items() if level in labels]
         if both:
             raise ValueError(
-                f"The pattern has {{{both[0]}}}, and {both[0]}={asked.levels[both[0]]!r} names a "
+                f"The pattern has {{{both[0][0]}}}, and {both[0][0]}={both[0][1]!r} names a "
                 "column too: give one of them, and * in the pattern for the other."
             )
 
@@ -629,7 +630,7 @@ def _looked_at(
 def _leave_out(columns: Columns, known: set[str], asked: Asked) -> None:
     """Columns of labels that the names of files give already, unless a user named them."""
     for name, level in list(columns.levels.items()):
-        if level in known and level not in asked.levels:
+        if level in known and level not in asked.levels.values():
             del columns.levels[name]
             columns.guess.levels.pop(name, None)
             if columns.guess.run == name:

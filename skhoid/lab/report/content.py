@@ -41,6 +41,7 @@ from ...text import (
     Facts,
     TextTable,
     as_sentence,
+    ceiling_text,
     counted,
     gap_text,
     number,
@@ -203,8 +204,7 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
             return {"kind": "none", "headline": "The data", "sentences": []}
         first = comparison.findings[0].title if comparison.findings else "No findings"
         top = comparison.noise_ceiling
-        at_least = comparison.ceiling.at_least
-        ceiling = f", noise ceiling {at_least}{top:.1f} %" if np.isfinite(top) else ""
+        ceiling = f", noise ceiling {ceiling_text(top)}" if np.isfinite(top) else ""
         headline = f"VAF {comparison.vaf:.1f} %{ceiling}. {first}."
         return {"kind": "none", "headline": headline, "sentences": []}
     path = search.error_path_
@@ -266,8 +266,8 @@ def _facts(
             which = "the last model" if len(path) > 1 else "the baseline"
             yield f"{last['vaf_loop']:.1f} %", "VAF in the closed loop", f"held-out rows, {which}"
         if np.isfinite(last["ceiling"]):
-            top = "what any model could reach on held-out rows, judged after the last step"
-            yield f"{last['ceiling']:.1f} %", "noise ceiling", top
+            top = "what a model could reach on held-out rows, judged after the last step"
+            yield ceiling_text(float(last["ceiling"])), "noise ceiling", top
             left = gap_text(float(last["explainable_gap"])).replace(" VAF", "")
             yield left, "left to explain", "the rest is remnant"
         else:
@@ -275,9 +275,8 @@ def _facts(
     elif comparison is not None:
         yield f"{comparison.vaf:.1f} %", "VAF", f"free run, on {rows}"
         if np.isfinite(comparison.noise_ceiling):
-            top = "what any model could reach, judged by what this one leaves"
-            figure = f"{comparison.ceiling.at_least}{comparison.noise_ceiling:.1f} %"
-            yield figure, "noise ceiling", top
+            top = "what a model could reach, judged by what this one leaves"
+            yield ceiling_text(comparison.noise_ceiling), "noise ceiling", top
 
 
 def _data(

@@ -199,7 +199,9 @@ def _name_class(estimator: str) -> str:
 
 def _odd(given: Experiment) -> Iterator[str]:
     """Whether anybody looks wrong, or could not be fitted."""
-    yield from (f"{_upper(text)}." for text in given.changed)
+    yield from map(as_sentence, given.changed)
+    if given.mended is not None:
+        yield from given.mended.other_version
     who = list(dict.fromkeys(given.outlying["subject"]))
     if who:
         verb, count = ("looks", "counts") if len(who) == 1 else ("look", "count")
@@ -231,7 +233,8 @@ def _facts(given: Experiment) -> Iterator[tuple[str, str, str]]:
         yield f"{vaf.median():.0f} %", "median VAF", remark
     if len(top):
         known = "" if len(top) == len(people) else f", known of {len(top)} of {len(people)} fits"
-        yield f"{top.median():.0f} %", "median noise ceiling", f"what any model could reach{known}"
+        remark = f"what a model could reach, judged by what these leave{known}"
+        yield f"at least {top.median():.0f} %", "median noise ceiling", remark
     group = given.group
     for name in [] if group is None else group.group_effects_[:3]:
         rows = group.prevalence_[group.prevalence_["effect"] == name]  # type: ignore[union-attr]
@@ -261,7 +264,8 @@ def _data(
         for condition in given.conditions:
             n, n_rows = sizes.get((who, condition), (0, 0))
             cells.append(f"{counted(n, 'run')}, {n_rows:,} rows" if n else "no runs")
-        rows.append([str(who), *cells, "; ".join(_wrong(given, who)) or DASH])
+        wrong = [*_checked(check, who), *_wrong(given, who)]
+        rows.append([str(who), *cells, "; ".join(wrong) or DASH])
     names = ["runs" if c == ALL else str(c) for c in given.conditions]
     header = ["person", *names, "what looks wrong"]
     people = TextTable("People and conditions", header, rows, left=[header[0], header[-1]])
@@ -291,6 +295,19 @@ def _data(
         "notes": [*given.people.notes][:MOST],
         "mended": given.mended.document().html() if given.changed else "",  # type: ignore[union-attr]
     }
+
+
+def _checked(check: ExperimentCheck | None, who: Any) -> list[str]:
+    """What the check of the recordings calls wrong, and in which conditions, if not in all."""
+    if check is None:
+        return []
+    own = check.table[check.table["subject"] == who]
+    return [
+        str(wrong)
+        if len(rows) == len(own)
+        else f"{', '.join(map(str, rows['condition']))}: {wrong}"
+        for wrong, rows in own[own["wrong"] != ""].groupby("wrong", sort=False)
+    ]
 
 
 def _wrong(given: Experiment, who: Any) -> list[str]:

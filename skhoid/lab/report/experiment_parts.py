@@ -105,11 +105,11 @@ def _by(given: Experiment) -> str:
         each = "each run" if given.people.each_run else "all runs of a person in a condition"
         text = f"Fits of {each}, by {given.people.estimator}."
         if given.group is not None:
-            text += " Parameters of effects are of the search, where the effect is."
+            text += " Parameters of an effect are of those in whom it is shown."
             if _lacks_effects(given):
                 text += (
-                    " This model lacks effects that were found: where somebody has one, it bends "
-                    "the parameters here."
+                    " This model lacks effects that were found, whose parameters are of the "
+                    "search: where somebody has one, it bends the parameters here."
                 )
         return text
     return (
@@ -222,7 +222,7 @@ def _fits(given: Experiment, who: Any, conditions: list[Any]) -> TextTable:
     """VAF and ceiling of each condition."""
     people = _of(given.people.groups, who).drop_duplicates("condition").set_index("condition")
     runs = _of(given.people.runs, who)
-    header = ["condition", "runs", "all runs", "by run", "noise ceiling"]
+    header = ["condition", "runs", "all runs", "by run", "noise ceiling, at least"]
     header += ["held out", "held out, with effects"] if given.group is not None else []
     rows = []
     for condition in conditions:

@@ -140,7 +140,7 @@ class Page:
         # A frame of its own keeps the styles of page and notebook apart.
         return (
             f'<iframe srcdoc="{escape(self.html)}" title="{escape(self.title)}" '
-            f'sandbox="allow-scripts" loading="lazy" '
+            f'sandbox="allow-scripts allow-downloads" loading="lazy" '
             f'style="width: 100%; height: {HEIGHT}px; border: 1px solid #ccc"></iframe>'
         )
 

@@ -24,8 +24,9 @@ from .columns import KINDS, Choices, Columns, Recorded, look, noted, read, searc
 from .jobs import SearchJob
 from .session import NotSaved, SessionFolder, make_digest
 
-HISTORY = frozenset(("add", "remove", "release", "refit", "free", "undo", "redo", "use"))
-READING = frozenset(("trace", "preview", "drag", "state", "script"))
+HISTORY = frozenset(("add", "remove", "release", "refit", "free", "undo", "redo", "use", "recall"))
+MODELS = frozenset(("keep", "drop"))
+READING = frozenset(("trace", "preview", "drag", "state", "script", "model"))
 UNFINISHED = (
     "The search was not finished when the workbench ended: nothing of it was kept. Start it again."
 )
@@ -342,8 +343,8 @@ class Workbench:
 
     def _finished(self, this: int, fit: bool, search: bool) -> None:
         with contextlib.suppress(_Overtaken):
+            self.save()  # before it is told: who is told may end the workbench at once
             self._now(this, doing="")
-            self.save()
             if fit:
                 self.news.tell("state")
                 self._judge_soon()
@@ -402,7 +403,7 @@ class Workbench:
             memory=memory,
         )
         exploration.state()
-        self._now(this, exploration=exploration, phase="bench", doing="")
+        self._now(this, exploration=exploration, phase="bench")
 
     def _unclear(self, this: int, error: UnclearColumnsError) -> None:
         with contextlib.suppress(_Overtaken):
@@ -445,10 +446,10 @@ class Workbench:
         if name in others:
             return others[name]()
         exploration = self._open_exploration()
-        if name not in HISTORY | READING:
+        if name not in HISTORY | MODELS | READING:
             raise ValueError(f"There is no action {name!r:.80}.")
         reply = exploration.act(name, args)
-        if name in HISTORY:
+        if name in HISTORY | MODELS:
             self.save()
             self.news.tell("state", by=by, revision=exploration.revision)
             self._judge_soon()

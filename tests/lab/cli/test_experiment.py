@@ -58,6 +58,13 @@ def test_a_search_in_the_group_as_json(capsys, recordings):
     assert len(found["people"]) == 6
 
 
+def test_packages_are_asked_for_before_anything_is_read(capsys, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
+    words = ["nothing-here", "--tables", "tables", "--table-format", "parquet"]
+    assert main(["experiment", *words]) == 2
+    assert 'needs the package pyarrow: pip install "skhoid[io]"' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

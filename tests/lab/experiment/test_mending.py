@@ -76,6 +76,7 @@ def test_the_command_shows_numbers_with_and_without(wrong, tmp_path, monkeypatch
     page = (tmp_path / "experiment.html").read_text()
     assert "u of S2 is inverted: its correlations" in page
     assert "S4 is left out: as you asked" in page
+    assert "As recorded, the mean of a1 over people would be " in page
     assert main([*words, "--as-recorded"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert [row["done"] for row in found["changes"]] == ["left out"]

@@ -83,6 +83,35 @@ def test_adding_is_fitting(exploration, runs):
     assert values == model.parameters_["value"][list(values)].to_dict()
 
 
+def test_models_are_kept_side_by_side(exploration, search, runs):
+    exploration.act("keep", {})
+    with pytest.raises(ValueError, match="kept already, as model 1"):
+        exploration.act("keep", {})
+    exploration.act("add", {"effect": ["bias", "dead_zone"]})
+    state = exploration.act("keep", {"run": 1})["state"]
+    assert [one["title"] for one in state["models"]] == [
+        "bias and dead zone",
+        "baseline",
+        "bias and dead zone",
+    ]
+    stair = [step["vaf"] for step in state["stair"]]
+    assert [one["vaf"]["train"] for one in state["models"]] == [stair[-1], stair[0], stair[-1]]
+    X, _ = select_runs(*runs, runs=1)
+    baseline = OperatorRegressor().fit(*runs)
+    traced = exploration.act("model", {"model": 1, "run": 1})["simulated"]
+    np.testing.assert_array_equal(traced, baseline.predict(X))
+    values = {p["name"]: p["value"] for p in state["models"][1]["parameters"]}
+    assert values["K_e"] == baseline.parameters_["value"]["K_e"]
+    kept = Exploration(search.estimator, *runs, search=search, memory=exploration.memory())
+    assert [one["vaf"] for one in kept.state()["models"]] == [m["vaf"] for m in state["models"]]
+    recalled = exploration.act("recall", {"model": 1})["state"]
+    assert titles(recalled) == ["baseline"]
+    assert recalled["undo"] == "Go to model 1"
+    assert len(exploration.act("drop", {"model": 2})["state"]["models"]) == 2
+    with pytest.raises(ValueError, match="no model 2"):
+        exploration.act("recall", {"model": 2})
+
+
 def test_dragging_moves_the_simulation_and_leaves_no_step(exploration, runs):
     exploration.act("add", {"effect": "bias", "run": 0})
     before = exploration.state()
@@ -94,6 +123,26 @@ def test_dragging_moves_the_simulation_and_leaves_no_step(exploration, runs):
     after = exploration.state()
     assert after["stair"] == before["stair"]
     assert after["undo"] == "Add bias"
+
+
+def test_the_numbers_of_the_operator_can_be_moved_too(exploration, runs):
+    """What was moved of the operator is drawn and kept as a step; a refit estimates it again."""
+    exploration.act("add", {"effect": "bias"})
+    before = exploration.state()
+    movable = [p["name"] for p in before["model"] if p["movable"]]
+    assert movable == ["K_e", "K_edot", "omega_nm", "zeta_nm", "tau_e"]  # T_L follows
+    reply = exploration.act("drag", {"name": "K_e", "value": 0.05, "run": 0})
+    model = OperatorRegressor(effects=Bias()).fit(*runs).with_parameters({"K_e": 0.05})
+    assert reply["vaf"]["train"] == vaf(model, *runs)
+    assert reply["stair"][0] == before["stair"][0]
+    released = exploration.act("release", {"name": "K_e", "value": 0.05, "run": 0})["state"]
+    assert released["undo"] == "Move K_e"
+    assert next(p["value"] for p in released["model"] if p["name"] == "K_e") == 0.05
+    assert "with_parameters({'K_e': 0.05})" in exploration.script()
+    refitted = exploration.act("refit", {})["state"]
+    assert refitted["vaf"] == before["vaf"]
+    with pytest.raises(ValueError, match="'T_L' is no parameter of this model that can be moved"):
+        exploration.act("drag", {"name": "T_L", "value": 0.5, "run": 0})
 
 
 def test_releasing_is_a_step_and_refitting_keeps_what_was_moved(exploration, runs):
@@ -171,7 +220,7 @@ def test_what_cannot_be_done_is_said_and_changes_nothing(exploration):
         ("add", {"effect": "backlash"}, "No effect is called 'backlash'"),
         ("add", {"effect": "bias"}, "has the effect bias already"),
         ("remove", {"effect": "dead_zone"}, "has no effect 'dead_zone'"),
-        ("drag", {"name": "K_x", "value": 1.0}, "'K_x' is no parameter of an effect of this"),
+        ("drag", {"name": "K_x", "value": 1.0}, "'K_x' is no parameter of this model"),
         ("drag", {"name": "bias__level", "value": "x"}, "bias__level must be a number; got 'x'"),
         ("drag", {"name": "bias__level", "value": 1e9}, "is beyond what is physically possible"),
         ("refit", {}, "Nothing was moved"),
@@ -201,7 +250,6 @@ def test_the_ceiling_and_the_findings_come_with_judge(exploration):
     state = exploration.state()
     assert not state["ceiling_pending"]
     assert state["revision"] == revision + 1
-    assert state["ceiling"]["low"] <= state["ceiling"]["vaf"] <= state["ceiling"]["high"]
     assert state["vaf"]["train"] <= state["ceiling"]["vaf"]
 
 

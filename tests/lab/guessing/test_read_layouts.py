@@ -169,6 +169,15 @@ def long_table(truth, names):
     return pd.concat(rows, ignore_index=True)
 
 
+def test_columns_of_two_factors_are_one_condition(tmp_path):
+    table = long_table(experiment(conditions=("fast_rested", "slow_tired")), ["who", "c", "run"])
+    table["pace"], table["state"] = zip(*table.pop("c").str.split("_"), strict=True)
+    table.to_csv(tmp_path / "all.csv", index=False)
+    X, _ = read_experiment(tmp_path / "all.csv", subject="who", condition=["pace", "state"])
+    assert list(X.index.unique("condition")) == ["fast_rested", "slow_tired"]
+    assert X.index.droplevel("time").nunique() == 12
+
+
 def test_one_long_table(tmp_path, truth, capsys):
     path = tmp_path / "all.csv"
     long_table(truth, ["subject", "condition", "run"]).to_csv(path, index=False)

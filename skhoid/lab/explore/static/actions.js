@@ -90,6 +90,7 @@ async function showRun(bench, run) {
   if (other) {
     bench.simulated = null;
     bench.endPreview();
+    for (const id of bench.lines) if (id !== null) traceModel(bench, id);
   }
   bench.render();
   bench.order += 1;

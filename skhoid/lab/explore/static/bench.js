@@ -55,6 +55,8 @@ function newBench(view, backend) {
     zoom: null,
     filtered: null,
     rows: null,
+    lines: new Array(LINES).fill(null), // ids of the models that are drawn beside
+    traces: new Map(),
     over: overFirst(view),
     order: 0,
     simulatedBy: 0,
@@ -93,9 +95,11 @@ function partsOf(bench) {
   const effects = effectsPart(bench);
   const inner = [effects, candidatesPart(bench)];
   const side = { node: el("div", { class: "sk-side sk-part" }, ...inner.map((part) => part.node)) };
-  const data = { node: el("div", { class: "sk-data sk-part" }, runs.node, model.node) };
-  const folded = [runs.node, model.node];
-  const all = [top, runs, model, plots, stair, ...inner];
+  const models = modelsPart(bench);
+  const columns = [runs, models, model];
+  const folded = columns.map((part) => part.node);
+  const data = { node: el("div", { class: "sk-data sk-part" }, ...folded) };
+  const all = [top, ...columns, plots, stair, ...inner];
   return { top, data, folded, plots, stair, side, all, live: [runs, stair, effects] };
 }
 

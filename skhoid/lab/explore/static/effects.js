@@ -1,5 +1,8 @@
 // Effects that were added: each with its curve and its parameters.
 
+const ESTIMATED_AGAIN =
+  "A refit keeps the numbers of effects that you moved, and estimates those of the operator again.";
+
 function effectsPart(bench) {
   const title = el("h3", { id: `${bench.id}-effects`, tabindex: "-1" }, "Effects in the model");
   const list = el("div", { class: "sk-cards" });
@@ -53,11 +56,10 @@ function effectsPart(bench) {
     undo.update(bench.state.undo);
     redo.update(bench.state.redo);
     setUsable(refit, !settled);
-    refit.hidden = effects.every((effect) => !effect.parameters.length);
-    setText(
-      told,
-      settled ? "" : "Moved by hand: the other parameters are still those of the last fit.",
-    );
+    refit.hidden = settled && effects.every((effect) => !effect.parameters.length);
+    const own = bench.state.model.some((p) => p.moved);
+    const words = "Moved by hand: the other parameters are still those of the last fit.";
+    setText(told, settled ? "" : `${words}${own ? ` ${ESTIMATED_AGAIN}` : ""}`);
     told.hidden = settled;
   };
   return { node, update };
@@ -164,10 +166,11 @@ function parameterRow(bench, effect, first) {
   const about = el("p", { class: "sk-about", id: `${id}-about` });
   const beyond = el("p", { class: "sk-warning" });
   const figureOf = el("span", { class: "sk-value" });
-  const label = can.drag
+  const moves = can.drag && first.movable;
+  const label = moves
     ? el("label", { for: id }, named(first.label))
     : el("span", {}, named(first.label));
-  const controls = can.drag
+  const controls = moves
     ? el(
         "div",
         { class: "sk-controls" },
@@ -197,7 +200,7 @@ function parameterRow(bench, effect, first) {
 }
 
 function unitOf({ unit }) {
-  return unit ? named(shortened(unit, 14)) : "";
+  return unit && unit !== "-" ? named(shortened(unit, 14)) : "";
 }
 
 function sliderAt(slider, p, value) {

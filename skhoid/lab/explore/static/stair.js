@@ -59,19 +59,11 @@ function topOf(stair, ceiling) {
 function stepNode(old, step, before, most, ceiling) {
   const node = old ?? newStep();
   const error = errorOf(step.vaf);
-  const [bar, line, band] = ["bar", "ceiling", "ceiling-band"].map((name) =>
-    node.querySelector(`.sk-${name}`),
-  );
+  const [bar, line] = ["bar", "ceiling"].map((name) => node.querySelector(`.sk-${name}`));
   node.style.setProperty("--sk-size", `${(100 * error) / most}%`);
-  line.hidden = band.hidden = !ceiling;
+  line.hidden = !ceiling;
   if (ceiling) {
-    const [low, high] = [ceiling.high ?? ceiling.vaf, ceiling.low ?? ceiling.vaf].map(errorOf);
     node.style.setProperty("--sk-ceiling", `${(100 * errorOf(ceiling.vaf)) / most}%`);
-    node.style.setProperty("--sk-ceiling-low", `${(100 * low) / most}%`);
-    node.style.setProperty(
-      "--sk-ceiling-size",
-      `${(100 * Math.min(high - low, most - low)) / most}%`,
-    );
   }
   bar.classList.toggle("sk-beyond", !(100 - step.vaf <= 100));
   const [name, vaf, gain, held] = ["name", "vaf", "gain", "held"].map((part) =>
@@ -95,7 +87,6 @@ function newStep() {
     el(
       "span",
       { class: "sk-well", "aria-hidden": "true" },
-      el("span", { class: "sk-ceiling-band" }),
       el("span", { class: "sk-bar" }),
       el("span", { class: "sk-ceiling" }),
     ),
@@ -112,16 +103,13 @@ function stairInWords(stair, ceiling, pending) {
   if (!ceiling) {
     return `${gained}.${pending ? " The noise ceiling is being estimated …" : ""}`;
   }
-  const { vaf, low, high } = ceiling;
-  const known = Number.isFinite(low) && Number.isFinite(high);
-  const range = known ? ` (${low.toFixed(1)} to ${percent(high)})` : "";
-  const between = range || (pending ? " (range follows)" : "");
+  const { vaf } = ceiling;
   const left = vaf - last;
   const rest =
     left > 0.05
       ? `${left > 1000 ? "more than 1,000" : left.toFixed(1)} points are left to explain.`
       : left > -0.5
         ? "nothing is left that these runs show."
-        : "the model is above it, which was estimated from another model or by chance.";
-  return `${gained}. Noise ceiling ${percent(vaf)}${between}: ${rest}`;
+        : "the model is above it: it was estimated from a model that lacks more.";
+  return `${gained}. Noise ceiling at least ${percent(vaf)}: ${rest}`;
 }

@@ -81,6 +81,7 @@ function timeOptions(bench, x, hooks) {
       lineOf(bench, "measured", { width: 1.75 }),
       lineOf(bench, "simulated"),
       lineOf(bench, "preview", { dash: [7, 4], width: 2 }),
+      ...bench.lines.map((_, i) => lineOf(bench, `line-${i + 1}`, { label: `model ${i + 1}` })),
     ],
     hooks,
   };
@@ -185,7 +186,9 @@ function drawTime(bench, state, figures) {
     drawn(record.measured),
     drawn(model.simulated),
     preview ? drawn(preview.simulated) : nothing(),
+    ...tracesOf(bench).map((simulated) => (simulated ? drawn(simulated) : nothing())),
   ]);
+  bench.lines.forEach((id, i) => (upper.series[4 + i].label = `model ${id}`));
   lower.setData([
     times,
     drawn(model.residual),

@@ -79,10 +79,10 @@ function columnsOfParameters({ model, effects }) {
   ];
 }
 
-// The other parameters, as numbers.
+// The other parameters: those of an operator can be moved too.
 function modelPart(bench) {
   const title = el("h3", { id: `${bench.id}-model` }, "Other parameters");
-  const list = el("dl", { class: "sk-model" });
+  const list = el("div", { class: "sk-model" });
   const summary = el("summary", { class: "sk-summary", "data-sk-key": "model" });
   const node = el(
     "details",
@@ -92,20 +92,19 @@ function modelPart(bench) {
     list,
     csvButton(bench, "parameters", () => columnsOfParameters(bench.state)),
   );
+  const rows = new Map();
   const update = () => {
     const { model } = bench.state;
     node.hidden = model.length === 0;
     setText(summary, `Other parameters (${model.length})`);
-    list.replaceChildren(
-      ...model.map(({ name, value, sd, unit, meaning }) =>
-        el(
-          "div",
-          {},
-          el("dt", {}, named(name), el("span", { class: "sk-rows" }, meaning)),
-          el("dd", {}, withUnit(figure(value) + (sd === null ? "" : ` ± ${figure(sd, 2)}`), unit)),
-        ),
-      ),
+    for (const p of model) {
+      if (!rows.has(p.name)) rows.set(p.name, parameterRow(bench, { name: "", title: "the model" }, p));
+    }
+    arrange(
+      list,
+      model.map(({ name }) => rows.get(name).node),
     );
+    for (const p of model) rows.get(p.name).update(p);
   };
   return { node, update };
 }

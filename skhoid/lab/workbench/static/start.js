@@ -242,9 +242,23 @@
     tried(async () => show(await (await post("fit", { ...chosen(), search })).json()));
   }
 
-  async function upload(event) {
+  function chosenFiles(event) {
     const picked = [...event.target.files];
     event.target.value = "";
+    upload(picked);
+  }
+
+  // Files may be dropped anywhere on the page.
+  function dragged(event) {
+    if (![...event.dataTransfer.types].includes("Files")) return;
+    event.preventDefault();
+    const out = event.type === "dragleave" && event.relatedTarget !== null;
+    if (out) return;
+    document.body.classList.toggle("dropping", event.type === "dragover");
+    if (event.type === "drop") upload([...event.dataTransfer.files]);
+  }
+
+  async function upload(picked) {
     if (picked.length === 0) return;
     const words = "Other files begin anew: what this session holds of its old files is given up.";
     if (opening?.kept && !(await sure(words))) return;
@@ -366,7 +380,8 @@
     }
   }
 
-  at("chooser").addEventListener("change", upload);
+  at("chooser").addEventListener("change", chosenFiles);
+  for (const kind of ["dragover", "dragleave", "drop"]) document.addEventListener(kind, dragged);
   at("choices").addEventListener("submit", fit);
   at("check").addEventListener("click", check);
   at("back").addEventListener("click", back);
