@@ -38,7 +38,7 @@ from ..text import (
 )
 from .element import adopt_element, estimate_element
 from .extend import extended, refit_each_beside, refit_on_all_runs
-from .fitting import Criterion, RemnantModel, minimise, take_some_runs
+from .fitting import Criterion, RemnantModel, minimise, sse_at, take_some_runs
 from .initial import LASTING, begin_where_it_pays, find_error
 from .likelihood import collect_prior, likelihood_fit, make_criterion
 from .model import AT_BOUND, Model
@@ -61,6 +61,7 @@ from .prepared import (
 from .simulator import Simulator, list_parameters
 from .uncertainty import estimate_covariance, find_profile_intervals
 
+ANOTHER = 0.999  # times the squares of a minimum: another is lower, not only better reached
 SAME_VAF = 1.0  # point on the fitted rows, that predictions by the parameters shown may lose
 
 
@@ -170,15 +171,21 @@ class GreyBox(RunRegressor):
         {X, y, sample_weight}
         """
         prepared = self.prepare(X, y, sample_weight)
-        model = self.first_fit(prepared)
-        self._take_over(prepared, *likelihood_fit(model, Criterion(prepared.record)))
+        first = self.first_fit(prepared)
+        found = likelihood_fit(first, Criterion(prepared.record))
+        self._take_over(prepared, *found, first.theta)
         return self
 
-    def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
-        """Set the attributes of a fit."""
+    def _take_over(
+        self, prepared: Prepared, model: Model, noise: RemnantModel, least_error: np.ndarray
+    ) -> None:
+        """Set the attributes of a fit that began at parameters of the ``least_error``."""
         self._set_estimates(prepared, model, noise)
         criterion = Criterion(model.simulator.record)
         plain = model.refined(criterion)
+        # Where much is missing, the likeliest parameters may lie in another valley of the error.
+        if sse_at(model.simulator, criterion, least_error) < ANOTHER * plain.sse:
+            plain = model.at(least_error).refined(criterion)
         self.simulation_parameters_ = tabulate_least_error(plain, criterion, prepared)
         vaf = vaf_of_output(plain.simulator.record, plain.simulator.run_ahead(plain.theta))
         if vaf - self.vaf_ > SAME_VAF:
@@ -451,7 +458,9 @@ class GreyBox(RunRegressor):
         """
         return fit_first_model(prepared, Effects.of(self.effects))
 
-    def with_fit(self, prepared: Prepared, fitted: Model, noise: RemnantModel) -> Any:
+    def with_fit(
+        self, prepared: Prepared, fitted: Model, noise: RemnantModel, least_error: np.ndarray
+    ) -> Any:
         """A new estimator with the same settings that takes the given estimates.
 
         Parameters
@@ -462,10 +471,12 @@ class GreyBox(RunRegressor):
             Estimates of the core and of any effects.
         noise : RemnantModel
             Model of the remnant under which they were found.
+        least_error : ndarray
+            Parameters of the least simulation error, from which they were found.
         """
         taken = copy.copy(self).set_params(**clone(self).get_params(deep=False))
         taken.keep_parameters()
-        taken._take_over(prepared, fitted, noise)
+        taken._take_over(prepared, fitted, noise, least_error)
         return taken
 
     def free_run(self, prepared: Prepared) -> np.ndarray:

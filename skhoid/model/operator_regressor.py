@@ -188,8 +188,10 @@ class OperatorRegressor(GreyBox):
             doubt_long_delay(self.delay, self.recorded_dt, roles)
         return prepared
 
-    def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
-        super()._take_over(prepared, model, noise)
+    def _take_over(
+        self, prepared: Prepared, model: Model, noise: RemnantModel, least_error: np.ndarray
+    ) -> None:
+        super()._take_over(prepared, model, noise, least_error)
         self.controller_ = getattr(prepared.core, "form", None)
 
     def _simulated_core(self) -> SimulatedCore:

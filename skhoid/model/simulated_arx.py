@@ -177,7 +177,9 @@ class SimulatedARX(GreyBox, BaseARX):
             check=partial(check_lengths, orders=orders),
         )
 
-    def _take_over(self, prepared: Prepared, model: Model, noise: RemnantModel) -> None:
+    def _take_over(
+        self, prepared: Prepared, model: Model, noise: RemnantModel, least_error: np.ndarray
+    ) -> None:
         self._set_estimates(prepared, model, noise)
         self.n_rows_missing_ = prepared.n_missing
         self.orders_ = self._orders()

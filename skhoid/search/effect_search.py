@@ -637,13 +637,13 @@ def search_effects(
     return Found(ended.found, ended.ending, model.with_fit(prepared, *before), best, shape)
 
 
-def fit_likeliest(prepared: Prepared, fitted: Model) -> tuple[Model, RemnantModel]:
-    """A model at its largest likelihood on all rows."""
+def fit_likeliest(prepared: Prepared, fitted: Model) -> tuple[Model, RemnantModel, np.ndarray]:
+    """A model at its largest likelihood on all rows, its noise, and where its error is least."""
     start = refit_on_rows(prepared.record, fitted)
     # An ARX model has few rounds of noise models: it begins where its own ``fit`` does.
     if not start.simulator.core.kind.is_operator:
         start = output_error_fit(start)
-    return likelihood_fit(start, Criterion(prepared.record))
+    return *likelihood_fit(start, Criterion(prepared.record)), start.theta
 
 
 def name_if_sure(

@@ -410,7 +410,8 @@ def fit_shape(
     found = detailed(ended.search, ended.form)
     assert found.model is not None
     fitted = refit_on_rows(prepared.record, output_error_fit(found.model))
-    best = model.with_fit(prepared, *_unbiased(fitted, Criterion(prepared.record)))
+    found_again = _unbiased(fitted, Criterion(prepared.record))
+    best = model.with_fit(prepared, *found_again, fitted.theta)
     best.set_params(effects=found.model.effects)
     rest, _, _, _ = find_gap(best, prepared, measured)
     if not np.isfinite(rest):

@@ -5,7 +5,8 @@ from numpy.testing import assert_allclose
 from sklearn.pipeline import make_pipeline
 from support.person_in_loop import pursued
 
-from skhoid import OperatorRegressor, compare
+from skhoid import EffectSearchCV, OperatorRegressor, compare, make_tracking_runs
+from skhoid.effects import Bias, DeadZone
 from skhoid.model.parameters import difference_notes, find_differing
 
 
@@ -59,3 +60,20 @@ def test_predictions_are_those_of_the_parameters_shown_where_that_costs_less():
     model = OperatorRegressor().fit(X, y)
     assert model.by_likelihood() is model
     assert "keep to the likelihood" not in model.summary()
+
+
+def test_the_least_error_is_not_in_the_valley_of_the_likelihood():
+    """A bias that the model lacks sends the likelihood far away."""
+    hidden = DeadZone(width=0.3) + Bias(level=0.05)
+    X, y = make_tracking_runs(
+        "C1",
+        2,
+        duration=41.0,
+        remnant_intensity=0.1,
+        sampling_rate=50.0,
+        effects=hidden,
+        random_state=3,
+    )
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias"], max_effects=0).fit(X, y)
+    assert OperatorRegressor().fit(X, y).vaf_ > search.best_score_
+    assert search.baseline_.vaf_ > search.best_score_
