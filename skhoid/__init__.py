@@ -1,4 +1,4 @@
-"""Identify human operators, who steer in a closed loop, from recorded runs.
+"""Model human operators, who steer in a closed loop, from recorded runs.
 
 ``X`` holds the input channels, ``y`` the operator's output, both with ``run`` and ``time`` in the
 index. Estimators, searches and transformers follow the scikit-learn API. By task:

@@ -205,7 +205,7 @@ SAME_STEP = 1.01  # ratio of sampling times
 AGREE = 2 / 3  # share of the others whose relation has the usual form
 USUAL = 0.5  # cosine with the usual relation, from which on it has its form
 OPPOSITE = -0.5  # cosine, from which down it is the opposite one
-SURELY_OPPOSITE = -0.8  # the same, below which nothing but the sign explains it
+SURELY_OPPOSITE = -0.8  # the same of the median run, below which nothing else explains it
 MOSTLY_OPPOSITE = -0.4  # mean cosine of all relations of a channel that is inverted
 RELATED = 0.2  # correlation at some lag, below which channels are not related
 FACTORS = {
@@ -404,26 +404,26 @@ def _inverted(recordings: Recordings) -> Iterator[BetweenFinding]:
                 if pair in run.curves and np.abs(run.curves[pair]).max() > RELATED:
                     likeness[id(run)][pair] = _cosine(run.curves[pair], usual)
     wrong: dict[tuple[Any, tuple[str, ...]], list[RunFacts]] = defaultdict(list)
-    least: dict[tuple[Any, tuple[str, ...]], float] = defaultdict(lambda: -1.0)
+    alike: dict[tuple[Any, tuple[str, ...]], list[float]] = defaultdict(list)
     for number, of_pairs in likeness.items():
         channels = _opposite_channels(of_pairs, recordings.channels)
         if channels:
             key = by_id[number].subject, channels
             wrong[key].append(by_id[number])
-            least[key] = max(least[key], min(of_pairs.values()))
+            alike[key].append(min(of_pairs.values()))
     for (subject, channels), runs in wrong.items():
-        channel = " or ".join(channels)
+        channel, own = " or ".join(channels), alike[subject, channels]
         yield from _findings(
             recordings,
             runs,
             "opposite sign",
             f"{channel} of {subject} has the opposite sign of the others'",
             f"Its correlations with other channels, at lags up to 1 s, have the form of the "
-            f"others' with the opposite sign (likeness {least[subject, channels]:.2f}; -1 is the "
+            f"others' with the opposite sign (likeness {max(own):.2f}; -1 is the "
             "exact opposite).",
             f"Check the polarity of {channel} there, and multiply it by -1 if it was inverted.",
             channels[0],
-            least[subject, channels] < SURELY_OPPOSITE,
+            float(np.median(own)) < SURELY_OPPOSITE,
         )
 
 

@@ -102,7 +102,7 @@ def make_parsers() -> tuple[Parser, dict[str, Parser]]:
     """The parser of all commands, and those of each by name."""
     parser = Parser(
         prog="skhoid",
-        description="Identify human operators from recorded control loops.",
+        description="Model human operators from recorded control loops.",
         epilog=EXAMPLES,
     )
     parser.add_argument("--version", action="version", version=f"skhoid {__version__}")

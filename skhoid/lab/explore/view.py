@@ -335,9 +335,8 @@ class Figures:
         """Free run on all runs with the first n effects, or all."""
         if n is None or n == len(here.effects):
             return self.models.prediction(here.effects, here.train, here.moved)
-        # The operator's own numbers were moved in the last model, not in those on the way to it.
-        moved = {name: value for name, value in here.moved.items() if "__" in name}
-        return self.models.prediction(Effects(here.effects.steps[:n]), here.train, moved)
+        # Numbers were moved in the last model: those on the way to it stay as fitted.
+        return self.models.prediction(Effects(here.effects.steps[:n]), here.train, {})
 
     def vaf(self, prediction: np.ndarray, here: Position) -> dict[str, float | None]:
         """VAF of the runs that are fitted, and of those held out."""
