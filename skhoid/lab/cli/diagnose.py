@@ -452,14 +452,14 @@ def _tell_search(search: Any, truth: dict[str, float] | None) -> Any:
 
 def _tell_briefly(comparison: Any) -> Any:
     """The figures of the model without effects, and what its first findings are about."""
-    from ...text import Facts, Item, Items, Paragraph
+    from ...text import Facts, Item, Items, Paragraph, as_sentence
 
     told = comparison.document()
     blocks = [block for block in told.blocks if isinstance(block, Facts)]
     found = [Item(finding.title) for finding in comparison.findings[:SHOWN]]
     title = f"The model without effects against measured {comparison.output}"
     # Else its VAF contradicts that of the search, which has the least error.
-    which = [Paragraph(f"{n}.") for n in comparison.notes if n.kind == "two estimates"]
+    which = [Paragraph(as_sentence(str(n))) for n in comparison.notes if n.kind == "two estimates"]
     return replace(told, title=title, blocks=[*blocks, *which, Items(found)])
 
 
