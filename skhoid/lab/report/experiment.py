@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ...effects import title_of, titles_of
 from ...recordings import ExperimentCheck
+from ...runs import read_layout
 from ...text import DASH, VAF_RULE, TextTable, as_sentence, counted, p_number
 from ..experiment.factors import Factors
 from ..experiment.group import (
@@ -108,7 +110,7 @@ def experiment_content(
         "in_short": _in_short(given),
         "sections": {k: title for k, title in SECTIONS.items() if k != "effects" or given.group},
         "vaf_rule": VAF_RULE,
-        "verdict": _verdict(given, tell_changes(statistics.values(), given.people.meanings)),
+        "verdict": _verdict(given, tell_changes(statistics.values(), given.people.meanings), check),
         "facts": list(_facts(given)),
         "source": source,
         "data": _data(given, groups, check, anchors),
@@ -157,7 +159,9 @@ def _counts(given: Experiment) -> str:
     return f"{people_text(len(given.subjects))}{several}"
 
 
-def _verdict(given: Experiment, changes: list[str]) -> dict[str, Any]:
+def _verdict(
+    given: Experiment, changes: list[str], check: ExperimentCheck | None
+) -> dict[str, Any]:
     """What conditions change, then what the group has, and who is wrong."""
     group = given.group
     people = given.people.groups.drop_duplicates(KEY)
@@ -185,7 +189,7 @@ def _verdict(given: Experiment, changes: list[str]) -> dict[str, Any]:
             )
     if not changes and len([c for c in given.conditions if c != ALL]) > 1:
         rest.append("No parameter differs between conditions beyond chance.")
-    sentences = [*said[1:], *rest, *_odd(given)]
+    sentences = [*said[1:], *rest, *_odd(given), *_to_check(given, check)]
     return {"kind": "found" if changes else kind, "headline": said[0], "sentences": sentences}
 
 
@@ -209,6 +213,18 @@ def _odd(given: Experiment) -> Iterator[str]:
     failed = list(dict.fromkeys(given.failures["subject"]))
     if failed:
         yield f"Not all could be fitted: {_some(failed)}."
+
+
+def _to_check(given: Experiment, check: ExperimentCheck | None) -> Iterator[str]:
+    """Findings in the recordings of people about whom nothing was done."""
+    done = set() if given.mended is None else set(given.mended.changes["subject"].map(str))
+    names = [
+        f"{_some(one.subjects) or 'everybody'} ({one.name})"
+        for one in ([] if check is None else check.found)
+        if not done & set(map(str, one.subjects))
+    ]
+    if names:
+        yield f"To check in the recordings: {_some(list(dict.fromkeys(names)))}."
 
 
 def _some(names: list[Any]) -> str:
@@ -241,7 +257,7 @@ def _facts(given: Experiment) -> Iterator[tuple[str, str, str]]:
         own = rows[(rows["condition"] != ALL) & rows["group"]]
         row = (own if len(own) else rows).sort_values("p_group").iloc[-1]
         remark = f"{100 * row['low']:.0f} to {100 * row['high']:.0f} %"
-        if row["condition"] != ALL:
+        if row["condition"] != ALL and len(set(map(str, own["with_it"]))) > 1:
             remark += f", in {row['condition']}"
         yield f"{100 * row['share']:.0f} %", f"of people have {title_of(name)}", remark
     odd = given.outlying["subject"].nunique()
@@ -272,10 +288,8 @@ def _data(
     sentence = f"{_counts(given)}, {counted(len(runs), 'run')}, {int(runs['n_rows'].sum()):,} rows"
     first = next(iter(groups.values()), None)
     if first is not None:
-        time = np.asarray(first.X.index.get_level_values("time"), dtype=float)
-        step = float(np.median(np.diff(time))) if time.size > 1 else np.nan
-        if step > 0:
-            sentence += f" at {1 / step:.5g} Hz"
+        with contextlib.suppress(ValueError):  # of a clock that no run has
+            sentence += f" at {1 / read_layout(first.run(0)[0]).dt:.5g} Hz"
     findings = [] if check is None else check.findings.to_dict("records")
     return {
         "sentence": sentence,
