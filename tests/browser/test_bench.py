@@ -197,6 +197,29 @@ def test_a_band_is_linked_to_time(hand, runs, payload):
     assert share == pytest.approx(100 * spectrum[inside].sum() / spectrum.sum(), abs=1.0)
 
 
+def test_the_residual_over_lag_is_that_of_numpy(hand, runs, payload, saved):
+    hand.said("Whole run: ")
+    hand.browser.js("arguments[0].value = 'lag 0'", select := hand.all(".sk-pair select")[0])
+    hand.browser.js("arguments[0].dispatchEvent(new Event('change'))", select)
+    hand.wait(lambda: any(s.startswith("It follows e most after") for s in hand.sentences()))
+    assert hand.browser.violations() == []
+    hand.labelled("Save residual over lag").click()
+    content = saved("Save residual over lag as CSV", "*.csv")
+    table = pd.read_csv(io.BytesIO(content))
+    trace = payload["traces"][0]
+    scored = np.flatnonzero(trace["scored"])
+    rows = slice(scored[0], scored[-1] + 1)
+    r = (trace["measured"] - trace["simulated"]["bias,dead_zone"])[rows]
+    e = runs[0]["e"].loc[0].to_numpy()[rows]
+    r, e = r - r.mean(), e - e.mean()
+    scale = np.sqrt((r @ r) * (e @ e))
+    assert table["lag, s"].iloc[-1] == pytest.approx(2.0)
+    for k in (0, 10, 50):  # at 50 Hz
+        row = table.iloc[(table["lag, s"] - 0.02 * k).abs().argmin()]
+        assert row["with e"] == pytest.approx(r[k:] @ e[: len(e) - k] / scale, abs=0.003)
+        assert row["with itself"] == pytest.approx(r[k:] @ r[: len(r) - k] / (r @ r), abs=0.003)
+
+
 def test_amplitudes_are_linked_to_time(hand):
     hand.type_range("Amplitudes", 0.5, 5.0)
     rows, share = hand.said(r"([\d,]+) rows.*?([\d.]+) %|([\d.]+) %.*?([\d,]+) rows")[:2]

@@ -13,7 +13,7 @@ function amplitudePlot(bench) {
   const figureMade = plotFigure(bench, {
     key: "plot amplitude",
     help: keys,
-    height: () => 180,
+    height: () => 150,
     options: {
       scales: {
         x: { time: false, range: () => amplitudesOf(state) },

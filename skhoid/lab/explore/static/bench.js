@@ -58,6 +58,7 @@ function newBench(view, backend) {
     lines: new Array(LINES).fill(null), // ids of the models that are drawn beside
     traces: new Map(),
     over: overFirst(view),
+    lagTo: null, // a channel, where the residual is shown over lag
     order: 0,
     simulatedBy: 0,
     tracedBy: 0,

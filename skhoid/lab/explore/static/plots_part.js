@@ -7,9 +7,11 @@ function plotsPart(bench) {
   const times = timePlots(bench);
   const spectrum = spectrumPlot(bench);
   const amplitude = amplitudePlot(bench);
+  const lags = lagPlot(bench);
   const texts = textsOf(bench);
-  const channel = channelSelect(bench);
   const ranges = rangesOf(bench);
+  const over = overBoxes(bench, amplitude, lags, texts, ranges);
+  const channel = channelSelect(bench, over.swap);
   const zooms = zoomButtons(bench);
   const head = runHead(bench);
   bench.readOut = el("span", { class: "sk-readout sk-reserved", "aria-hidden": "true" });
@@ -67,21 +69,12 @@ function plotsPart(bench) {
         "div",
         {},
         el("h4", {}, channel.node),
-        el(
-          "div",
-          { class: "sk-legend" },
-          keyOf("residual", "mean of the residual"),
-          keyOf("rms", "rms"),
-          saveMenu(bench, "residual over amplitude", amplitude, () => columnsDrawn(amplitude.plot)),
-        ),
-        amplitude.frame,
-        amplitude.keys,
-        ranges.amplitude.node,
-        texts.amplitude,
+        ...over.nodes,
       ),
     ),
   );
-  const parts = { times, spectrum, amplitude, texts, zooms, ranges, filteredKey, previewKey };
+  const small = { spectrum, amplitude, lags };
+  const parts = { times, ...small, texts, zooms, ranges, filteredKey, previewKey };
   bench.redraw = drawer(bench, parts);
   bench.brush = brusher(bench, texts);
   bench.see = (range) => {
@@ -90,12 +83,11 @@ function plotsPart(bench) {
   };
   return {
     node,
-    figures: [times.upper, times.lower, times.inputs, spectrum, amplitude],
+    figures: [times.upper, times.lower, times.inputs, spectrum, amplitude, lags],
     update: head.update,
     resize: () => {
       times.resize();
-      spectrum.resize();
-      amplitude.resize();
+      for (const part of Object.values(small)) part.resize();
     },
   };
 }
@@ -177,19 +169,59 @@ function zoomButtons(bench) {
   return { node: el("div", { class: "sk-row" }, into, out), update };
 }
 
-function channelSelect(bench) {
+// The residual over the values of a channel, or over the lag to one: the same place for both.
+function overBoxes(bench, amplitude, lags, texts, ranges) {
+  const key = (...content) => el("div", { class: "sk-legend" }, ...content);
+  const save = (what, part) => saveMenu(bench, what, part, () => columnsDrawn(part.plot));
+  const values = [
+    key(
+      keyOf("residual", "mean of the residual"),
+      keyOf("rms", "rms"),
+      save("residual over amplitude", amplitude),
+    ),
+    amplitude.frame,
+    amplitude.keys,
+    ranges.amplitude.node,
+    texts.amplitude,
+  ];
+  const lag = [
+    key(
+      keyOf("residual", "with itself"),
+      keyOf("ink", "with it"),
+      save("residual over lag", lags),
+    ),
+    lags.frame,
+    lags.keys,
+    texts.lags,
+  ];
+  const swap = () => {
+    for (const node of values) node.hidden = bench.lagTo !== null;
+    for (const node of lag) node.hidden = bench.lagTo === null;
+    (bench.lagTo === null ? amplitude : lags).resize();
+  };
+  for (const node of lag) node.hidden = true;
+  return { nodes: [...values, ...lag], swap };
+}
+
+function channelSelect(bench, swap) {
   const { channels, output } = bench.view;
-  const options = [...channels, { name: output.name }].map(({ name }, i) =>
-    el("option", { value: i < channels.length ? i : OUTPUT }, name),
-  );
+  const options = [
+    ...[...channels, { name: output.name }].map(({ name }, i) =>
+      el("option", { value: i < channels.length ? i : OUTPUT }, name),
+    ),
+    ...channels.map(({ name }, i) => el("option", { value: `lag ${i}` }, `lag to ${name}`)),
+  ];
   const select = el(
     "select",
     {
       class: "sk-select",
       id: `${bench.id}-over`,
       onchange: () => {
-        bench.over = Number(select.value);
+        const lag = /^lag (\d+)$/.exec(select.value);
+        bench.lagTo = lag ? Number(lag[1]) : null;
+        if (!lag) bench.over = Number(select.value);
         bench.brush("amplitude", null);
+        swap();
         bench.redraw("small");
       },
     },
@@ -230,6 +262,7 @@ function textsOf() {
     time: text("sk-sentence"),
     band: text("sk-sentence"),
     amplitude: text("sk-sentence"),
+    lags: text("sk-sentence"),
   };
 }
 
@@ -242,7 +275,12 @@ function drawer(bench, parts) {
     timer = null;
     if (bench.gone || !bench.model) return;
     parts.spectrum.draw();
-    parts.amplitude.draw();
+    if (bench.lagTo === null) {
+      parts.amplitude.draw();
+    } else {
+      parts.lags.draw();
+      setText(parts.texts.lags, parts.lags.inWords());
+    }
   };
   const later = () => {
     if (bench.gone || !bench.model) return;
@@ -285,8 +323,8 @@ function placeSmall({ spectrum, amplitude }) {
   }
 }
 
-function repaint({ times, spectrum, amplitude }) {
-  for (const { plot } of [...times.figures, spectrum, amplitude]) plot.redraw(false);
+function repaint({ times, spectrum, amplitude, lags }) {
+  for (const { plot } of [...times.figures, spectrum, amplitude, lags]) plot.redraw(false);
 }
 
 function drawRun(bench, { times, filteredKey, previewKey }, linesOnly = false) {

@@ -73,7 +73,9 @@ function csvOf(columns) {
 // The lines that a plot draws, with what they are called.
 function columnsDrawn(plot) {
   return plot.series.flatMap((series, i) =>
-    i === 0 || isDrawn(plot, i) ? [[series.label ?? plot.axes[0].label, [...plot.data[i]]]] : [],
+    i === 0 || isDrawn(plot, i)
+      ? [[i ? series.label : plot.axes[0].label, [...plot.data[i]]]]
+      : [],
   );
 }
 

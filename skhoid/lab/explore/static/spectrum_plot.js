@@ -13,7 +13,7 @@ function spectrumPlot(bench) {
   const figureMade = plotFigure(bench, {
     key: "plot spectrum",
     help: keys,
-    height: () => 180,
+    height: () => 150,
     options: {
       scales: {
         x: { time: false, distr: 3, range: () => omegasOf(state) },

@@ -25,19 +25,19 @@ function timePlots(bench) {
   const upper = plotFigure(bench, {
     key: "plot time",
     help: keys,
-    height: () => (bench.narrow ? 200 : 216),
+    height: () => 190,
     options: timeOptions(bench, x, hooks),
   });
   const lower = plotFigure(bench, {
     key: "plot residual",
     help: keys,
-    height: () => (bench.narrow || bench.view.channels.length ? 132 : 164),
+    height: () => (bench.view.channels.length ? 108 : 160),
     options: residualOptions(bench, x, hooks),
   });
   const inputs = plotFigure(bench, {
     key: "plot inputs",
     help: keys,
-    height: () => 150,
+    height: () => 120,
     options: inputsOptions(bench, x, hooks),
   });
   const figures = bench.view.channels.length ? [upper, lower, inputs] : [upper, lower];
