@@ -38,6 +38,8 @@ def test_the_view_comes_first(widget):
 
 
 def test_an_effect_is_added_by_the_kernel(widget):
+    assert widget.exploration.state()["to_add"] == []  # it opens at the result
+    ask(widget, 0, "undo", run=1)
     reply = ask(widget, 1, "add", effect="bias", run=1)["reply"]
     model = widget.exploration.model
     assert [name for name, _ in model.effects_] == ["bias"]
