@@ -643,16 +643,19 @@ def single_lines(found: GroupEffectSearch) -> Iterator[str]:
     """In whom an effect is shown that is not the group's, and how large it may be in the others."""
     members = found.members_
     own = members[members["has"] & ~members["effect"].isin(found.group_effects_)]
-    n = found.people_["subject"].nunique()
+    searched = found.people_.groupby("subject", sort=False).size()
+    n = len(searched)
     for effect, table in own.groupby("effect", sort=False):
         people = list(dict.fromkeys(table["subject"]))
-        several = len(set(found.people_["condition"])) > 1
-        where = [_person(row) if several else str(row["subject"]) for _, row in table.iterrows()]
+        where = [
+            f"{who} (in {listed(list(rows['condition']))})" if len(rows) < searched[who] else who
+            for who, rows in table.groupby("subject", sort=False)
+        ]
         others = [who for who in dict.fromkeys(found.people_["subject"]) if who not in people]
         limit = tell_limit(found, str(effect), others)
         rest = f"; in the others it is not shown{limit}" if others else ""
         yield (
-            f"{title_of(str(effect))} is shown in {listed(where)} ({len(people)} of {n} people)"
+            f"{title_of(str(effect))} is shown in {listed(where)}, {len(people)} of {n} people"
             f"{rest}."
         )
 

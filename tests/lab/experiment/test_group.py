@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import clone
+from support.made_up_people import made_up_group, made_up_people
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs, report
 from skhoid.effects import Effects
@@ -97,6 +98,27 @@ def test_conditions_are_compared(found):
     (row,) = found.contrasts_.to_dict("records")
     assert (row["n_with"], row["n_other"], row["only_here"]) == (2, 0, 2)
     assert row["p"] == pytest.approx(0.5)
+
+
+def test_what_single_people_show_has_a_limit_in_the_others():
+    group = made_up_group(made_up_people())
+    group.group_effects_ = []
+    group.members_.loc[0, "has"] = False
+    group.limits_ = pd.DataFrame(
+        {
+            "subject": ["S3", "S3"],
+            "condition": ["C1", "C2"],
+            "effect": "saturation",
+            "parameter": "limit",
+            "unit": "deg",
+            "sense": "at least",
+            "limit": [0.9, 0.72],
+        }
+    )
+    assert (
+        "saturation is shown in S2 and S1 (in C2), 2 of 3 people; in the others it is not shown "
+        "(at least 0.72 deg)."
+    ) in " ".join(group.summary().split())
 
 
 def test_one_person_is_no_group():
