@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from ..arx.base import ESTIMATE
+from ..effects.paths import Bias
 from ..model import OperatorRegressor
 from ..model.controller import ControllerCore, fit_controller, list_forms
+from ..model.extend import extended
 from ..model.fitting import Criterion
 from ..model.likelihood import JOINT_RATE, likeliest
 from ..model.model import Model
@@ -57,7 +59,10 @@ def find_controller(model: OperatorRegressor, prepared: Prepared) -> bool:
         return False
     best = min(rivals, key=lambda one: one.sse)
     of_person = Simulator(person.simulator.core, person.effects, some)
-    beside = Model(of_person, person.fit).refined(Criterion(some))
+    of_some = Criterion(some)
+    beside = Model(of_person, person.fit).refined(of_some)
+    # An integral that begins anywhere is an offset, too, and a person may have one.
+    beside = extended(beside, "bias", Bias(), of_some, of_some)
     if not best.sse < beside.sse:
         return False
     plain.set_noise(plain.remnant_model(best.output))

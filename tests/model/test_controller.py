@@ -8,6 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
+from skhoid.effects import Bias, DeadZone
 
 GAINS = {"K_e": 0.6, "K_i": 0.9}
 RATE = {"K_edot": 0.12, "T_f": 0.03}
@@ -111,3 +112,12 @@ def test_effects_of_a_limb_are_refused():
     X, y = record("pi", 10, n=500)
     with pytest.raises(ValueError, match="no limb"):
         OperatorRegressor(controller="pi", effects=["hardening_stiffness"]).fit(X, y)
+
+
+def test_a_person_with_an_offset_is_no_controller():
+    """An integral that begins anywhere would make it up."""
+    hidden = DeadZone(width=0.35) + Bias(level=-0.06)
+    task = {"sampling_rate": 50, "remnant_intensity": 0.12, "random_state": 77}
+    X, y = make_tracking_runs("C1", 2, channels=["e", "x", "f_t"], effects=hidden, **task)
+    search = EffectSearchCV(OperatorRegressor(), effects=["bias"], max_effects=0).fit(X, y)
+    assert search.baseline_.controller_ is None
