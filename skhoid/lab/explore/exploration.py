@@ -95,6 +95,8 @@ class Exploration:
         element = self.options.pop("controlled_element", None)
         if element is not None:
             self.estimator.set_params(controlled_element=element)
+        if search is not None:
+            self._takes_controller(search)
         domain, lost = self.options.get("domain"), self.options.get("lost_control", "leave_out")
         self.runs = Runs.of(self.estimator, X, y, domain, lost)
         self.domain = domain or ("human" if self._of_person() else "machine")
@@ -187,11 +189,25 @@ class Exploration:
             return EffectSearchCV(model, **self.options), *self.runs.part(self.here.train)
 
     def take_search(self, search: EffectSearchCV, train: Sequence[int] | None = None) -> None:
-        """Take what a search found: cards, verdict and noise ceiling."""
+        """Take what a search found: cards, verdict and noise ceiling.
+
+        Where it found that a controller answers, the models are of that from here on.
+        """
         with self.lock:
+            if self._takes_controller(search):
+                self.models = Models(self.estimator, self.runs)
+                self.figures = Figures(self.models, self.domain)
             self.found = Found.of(search, self.here.train if train is None else train)
             self._progress = None
             self._changed()
+
+    def _takes_controller(self, search: EffectSearchCV) -> bool:
+        """Whether a search found that a controller answers: then models here are of that, too."""
+        form = getattr(search.baseline_, "controller_", None)
+        found = form is not None and self.estimator.controller is None
+        if found:
+            self.estimator.set_params(controller=form)
+        return found
 
     def searching(self, progress: Mapping[str, Any] | None) -> None:
         """Say how far a search is: share (0 to 1) and words; None where none is running."""

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhoid import OperatorRegressor, RecursiveARX, VAFScorer, select_runs
+from skhoid import EffectSearchCV, OperatorRegressor, RecursiveARX, VAFScorer, select_runs
 from skhoid.effects import Bias, DeadZone
 from skhoid.lab.explore import Exploration
 
@@ -336,3 +336,20 @@ def test_a_simulation_that_runs_away_is_said(runs):
 def test_other_models_are_refused(runs):
     with pytest.raises(TypeError, match="got RecursiveARX"):
         Exploration(RecursiveARX(), *runs)
+
+
+def test_where_a_search_finds_a_controller_models_are_of_it():
+    rng = np.random.default_rng(0)
+    t = 0.02 * np.arange(1500)
+    e = np.repeat(rng.standard_normal(15), 100) + 0.1 * rng.standard_normal(1500)
+    u = 0.6 * e + 0.9 * 0.02 * np.cumsum(e) + 5.0
+    index = pd.MultiIndex.from_product([["a"], t], names=["run", "time"])
+    X, y = pd.DataFrame({"e": e}, index), pd.Series(u, index, name="u")
+    search = EffectSearchCV(OperatorRegressor(), effects=["quantised"], max_effects=0).fit(X, y)
+    assert search.baseline_.controller_ == "pi"
+    of_person = Exploration(search.estimator, X, y)
+    assert of_person.model.controller_ is None
+    of_person.take_search(search)
+    for one in (of_person, Exploration(search.estimator, X, y, search=search)):
+        assert one.model.controller_ == "pi"
+        assert one.model.vaf_ == pytest.approx(search.baseline_.vaf_)
