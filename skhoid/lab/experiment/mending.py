@@ -182,7 +182,7 @@ def mend_recordings(
     >>> from skhoid import check_experiment, simulate_experiment
     >>> from skhoid.lab.experiment import mend_recordings
     >>> X, y = simulate_experiment(4, "C1", runs=1, duration=20.48, random_state=0)
-    >>> y.loc["S2"] *= -1
+    >>> y.loc[["S2"]] *= -1
     >>> mended = mend_recordings(X, y, check_experiment(X, y))
     >>> mended.changes[["subject", "done", "channel"]].to_numpy().tolist()
     [['S2', 'inverted', 'u']]
