@@ -14,7 +14,7 @@ from ..effects.free_form import FreeForm
 from ..effects.parameter import Dimension
 from ..effects.record import Record
 from .effort import is_spent
-from .fitting import Criterion, Fit, derivatives, minimise, sse_at, sum_up
+from .fitting import FAR, Criterion, Fit, derivatives, minimise, sse_at, sum_up
 from .jumps import Scan, search_pattern
 from .model import Model, find_best, find_scaled_sse, fit_by_halving, in_order, make_start, without
 from .simulator import Simulator
@@ -24,7 +24,6 @@ HIDDEN = 0.5  # share of the output's power about its mean that a hopeless paren
 N_VARIANTS_KEPT = 2  # variants that are followed to the end
 AS_GOOD = 10.0  # n log(SSE / SSE) within which variants count as equal
 ALIKE = 0.9  # share of the gain of the best variant
-HOPEFUL = 1.0  # times the parent's squares, at most, before a search
 COARSE_SIZES = (0.15, 0.05)  # steps of a pattern search, relative
 FINE_SIZES = (0.04, 0.013, 0.004)
 BEGUN = 4  # iterations of a fit that may come to nothing
@@ -82,7 +81,7 @@ def explore(
     what :func:`explored_from` returned for the parent: without it, what other parameters gain on
     the rows of ``coarse`` counts as gain of the effect. ``again`` says that the effect was added to
     a smaller parent before: it is scanned less closely; ``asked`` is the share of the parent's
-    squares that a scan has to save, to go on.
+    squares that a scan has to save, to go on, and a fit ``FAR`` times less before its pattern.
     """
     record = replace(parent.simulator.record, prediction=parent.output)
     core = parent.simulator.core
@@ -135,7 +134,8 @@ def explore(
             else:
                 blind = [np.r_[own, starts[0][len(own) :]] for own in spread]
             fit = fit_by_halving(simulator, coarse, [fit.theta, *blind]).fit
-        if not variant.smooth and fit.sse < HOPEFUL * before:
+        saved = before - fit.sse
+        if not variant.smooth and saved > 0.0 and FAR * saved >= asked * before:
             fit = search_pattern(Model(simulator, fit), name, coarse, COARSE_SIZES).fit
         if before - fit.sse > enough:
 
