@@ -80,8 +80,11 @@ def tell_briefly(found: SearchResult) -> Document:
     return Document(tell_headline(found), [estimates_table(found.parameters)])
 
 
-def tell_verdict(found: SearchResult) -> str:
-    """What is missing, without figures and without a full stop."""
+def tell_verdict(found: SearchResult, added: bool = False) -> str:
+    """What is missing, without figures and without a full stop.
+
+    Of a model to which what is named was ``added``, what was found and what is missing yet.
+    """
     named = [name for name in found.best_effects if name != UNKNOWN]
     unknown = found.verdict.leaves_unknown
     if found.verdict is Verdict.NOTHING:
@@ -89,13 +92,16 @@ def tell_verdict(found: SearchResult) -> str:
         return f"Nothing found{early}{tell_shown(found)}"
     if found.verdict is Verdict.TOO_LITTLE:
         return "The model explains too little to say what it is missing"
+    names = tell_names(found, named) if named else ""
+    head = f"Found and added: {names}. " if named and added else ""
+    beside = f" {names}, and" if named and not added else ""
     if found.verdict is Verdict.POSSIBLE:
-        beside = f"Missing: {tell_names(found, named)}, and" if named else "Missing:"
-        return f"{beside} possibly {tell_names(found, found.stand_ins)}"
-    if not named:
-        return f"Something is missing that {unexplained_by(found)}"
-    text = f"Missing: {tell_names(found, named)}"
-    return text + (f", and something that {unexplained_by(found)}" if unknown else "")
+        return f"{head}Missing:{beside} possibly {tell_names(found, found.stand_ins)}"
+    if not unknown:
+        return head[:-2] or f"Missing: {names}"
+    if beside:
+        return f"Missing:{beside} something that {unexplained_by(found)}"
+    return f"{head}Something is missing that {unexplained_by(found)}"
 
 
 def tell_headline(found: SearchResult) -> str:

@@ -176,11 +176,13 @@ class Found:
     """What a search found, as far as an exploration needs it; all of it may go to JSON.
 
     ``effects`` are those of the best model (name, id and choices), ``named`` the ids that the
-    verdict names; ``vaf`` is its VAF on the rows fitted, those of ``runs``; ``notes`` begin with
-    the verdict and its figures; ``limits`` are headings and rows of what these runs allow.
+    verdict names, ``verdict_added`` what it says where all of these are in the model; ``vaf`` is
+    its VAF on the rows fitted, those of ``runs``; ``notes`` begin with the verdict and its figures;
+    ``limits`` are headings and rows of what these runs allow.
     """
 
     verdict: str = ""
+    verdict_added: str = ""
     kind: str = ""
     named: list[str] = field(default_factory=list)
     effects: list[list[Any]] = field(default_factory=list)
@@ -207,6 +209,7 @@ class Found:
         limits = limits_table(search.result_)
         return cls(
             verdict=f"{tell_verdict(search.result_)}.",
+            verdict_added=f"{tell_verdict(search.result_, added=True)}.",
             kind=search.verdict_.kind,
             named=list(search.best_effects_),
             effects=[[name, e.name, e.get_params()] for name, e in best],
