@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ... import EffectSearchCV, OperatorRegressor, compare
-from ...effects import Effect, Effects, title_of
+from ...effects import Effect, Effects, title_of, titles_of
 from ...effects import effect as effect_of
 from ...model import ModelParameter, effect_curves
 from ...search import (
@@ -36,7 +36,7 @@ MOST_POINTS = 200  # of a curve
 DIGITS = 12  # of what a slider is set to
 FOUND, HELPS, NO, REFUSED, UNTRIED = "found", "helps", "no", "refused", "untried"
 ORDER = (FOUND, HELPS, UNTRIED, NO, REFUSED)
-NOT_SEARCHED = "Not searched yet: what each effect would gain is not known."
+NOT_SEARCHED = "Not searched yet: what effects would gain, and which of them apply, is not known."
 RUNS_AWAY = -999.0  # VAF in percent, below which a free run has left the data
 BESIDE = 5.0  # times the largest measured value, at which a run has left them too
 CLOSE = 0.5  # points of VAF, by which the best model known may be worse than that of a search
@@ -251,7 +251,10 @@ class Found:
         step = self._step_for(ids)
         if step is None:
             cards = [_untried(e, domain) for e in catalogue if e.name not in ids and not e.noise]
-            return cards, NOT_SEARCHED
+            others = "people" if domain == "machine" else "machines"
+            noise = titles_of([e.name for e in catalogue if e.noise])
+            words = f"{NOT_SEARCHED} Effects of {others} alone are not listed"
+            return cards, f"{words}{f'; {noise} is looked for in what is left' if noise else ''}."
         own = self.is_of(here.train)
         cards = [card if own else _elsewhere(card) for card in step.cards if card["id"] not in ids]
         cards.sort(key=lambda card: ORDER.index(card["status"]))  # else as the search ranks them
