@@ -64,7 +64,13 @@ BETWEEN = 0.75  # inches that titles and labels take for each row of panels
 SMALL = 1.2  # letters of the small size to one of the medium size
 FROM_THE_TOP = 1.15  # top of the panel; the bar ends at 0.4, the text about the ceiling is above
 # Runs
-PARTS = {"validation": "simulated", "estimation": "remnant"}
+PARTS = {
+    "validation": "simulated",
+    "not known": "simulated",
+    "fitted": "remnant",
+    "partly fitted": "remnant",
+    "estimation": "remnant",
+}
 MOST_NAMED = 16  # runs that get a tick label each
 MOST_SAID = 4
 LOWEST = -20.0  # percent; runs below it are named at the edge
@@ -253,7 +259,7 @@ class ComparisonDisplay(ResidualPanels):
         """Measured and simulated output around the worst window of the worst run."""
         found = self.comparison
         layout = read_layout(found.traces)
-        validation = found.by_run[found.by_run["data"] == "validation"]
+        validation = found.by_run[found.by_run["data"] != "estimation"]
         names = [run_name(label) for label in layout.labels]
         self.run_ = names[0]
         if validation["vaf"].notna().any():
@@ -376,15 +382,14 @@ class ComparisonDisplay(ResidualPanels):
     def _draw_runs(self, ax: Any) -> Any:
         self._take_axes(ax, "the VAF of the runs", figsize=(6.4, 4.2))
         by_run = self.comparison.by_run
-        parts = [by_run[by_run["data"] == name] for name in PARTS]
-        table = pd.concat(parts, ignore_index=True)
+        table = by_run.reset_index(drop=True)
         if not np.isfinite(table["vaf"].to_numpy(dtype=float)).any():
             say_instead(self.ax_, "VAF by run: not available.")
             return []
-        n_validation = len(parts[0])
-        # A gap between validation and estimation.
-        at = np.arange(len(table)) + np.where(np.arange(len(table)) < n_validation, 0.0, 0.6)
-        self._draw_levels(n_validation)
+        n_compared = int((table["data"] != "estimation").sum())  # which come first
+        # A gap between these and estimation.
+        at = np.arange(len(table)) + np.where(np.arange(len(table)) < n_compared, 0.0, 0.6)
+        self._draw_levels(n_compared)
         self._draw_vaf(table, at)
         names = table["run"].tolist()
         every = -(-len(names) // MOST_NAMED)
@@ -397,16 +402,16 @@ class ComparisonDisplay(ResidualPanels):
         self.ax_.grid(alpha=0.3, axis="y")
         return self.lines_
 
-    def _draw_levels(self, n_validation: int) -> None:
-        """The ceiling and the VAF of all validation runs, over these runs only."""
-        span, role = np.array([-0.5, n_validation - 0.5]), ROLES["ceiling"]
+    def _draw_levels(self, n_compared: int) -> None:
+        """The ceiling and the VAF of all compared runs, over these runs only."""
+        span, role = np.array([-0.5, n_compared - 0.5]), ROLES["ceiling"]
         ceiling, vaf = self.comparison.noise_ceiling, self.comparison.vaf
         if not np.isnan(ceiling):
             label = f"{role.word} {ceiling_text(ceiling)}"
             self.ax_.plot(span, [ceiling] * 2, **role.style(1.6), label=label)
             draw_arrow(self.ax_, (float(span.mean()), ceiling), (0.0, 14.0), role.colour)
         look: dict[str, Any] = {"color": ROLES["simulated"].colour, "lw": scaled(1.2), "ls": "--"}
-        label = f"validation runs together {percent(vaf)}"
+        label = f"compared runs together {percent(vaf)}"
         self.ax_.plot(span, [vaf] * 2, label=label, **look)
 
     def _draw_vaf(self, table: pd.DataFrame, at: np.ndarray) -> None:

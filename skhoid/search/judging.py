@@ -128,9 +128,9 @@ def find_likeliest_alternatives(candidates: list[Candidate]) -> list[Candidate]:
     return list(found.values())
 
 
-def rank(candidate: Candidate) -> tuple[float, float]:
-    """Key of the order: by the least evidence; of those with none, by the free run."""
-    return -candidate.least, -candidate.delta_bic
+def rank(candidate: Candidate) -> tuple[bool, float, float]:
+    """Key of the order: fitted ones by the least evidence, then by the free run, before others."""
+    return candidate.untried is not None, -candidate.least, -candidate.delta_bic
 
 
 def find_why_unnamed(candidate: Candidate) -> Against | None:

@@ -80,8 +80,11 @@ def tell_briefly(found: SearchResult) -> Document:
     return Document(tell_headline(found), [estimates_table(found.parameters)])
 
 
-def tell_verdict(found: SearchResult) -> str:
-    """What is missing, without figures and without a full stop."""
+def tell_verdict(found: SearchResult, added: bool = False) -> str:
+    """What is missing, without figures and without a full stop.
+
+    Of a model to which what is named was ``added``, what was found and what is missing yet.
+    """
     named = [name for name in found.best_effects if name != UNKNOWN]
     unknown = found.verdict.leaves_unknown
     if found.verdict is Verdict.NOTHING:
@@ -89,13 +92,16 @@ def tell_verdict(found: SearchResult) -> str:
         return f"Nothing found{early}{tell_shown(found)}"
     if found.verdict is Verdict.TOO_LITTLE:
         return "The model explains too little to say what it is missing"
+    names = tell_names(found, named) if named else ""
+    head = f"Found and added: {names}. " if named and added else ""
+    beside = f" {names}, and" if named and not added else ""
     if found.verdict is Verdict.POSSIBLE:
-        beside = f"Missing: {tell_names(found, named)}, and" if named else "Missing:"
-        return f"{beside} possibly {tell_names(found, found.stand_ins)}"
-    if not named:
-        return f"Something is missing that {unexplained_by(found)}"
-    text = f"Missing: {tell_names(found, named)}"
-    return text + (f", and something that {unexplained_by(found)}" if unknown else "")
+        return f"{head}Missing:{beside} possibly {tell_names(found, found.stand_ins)}"
+    if not unknown:
+        return head[:-2] or f"Missing: {names}"
+    if beside:
+        return f"Missing:{beside} something that {unexplained_by(found)}"
+    return f"{head}Something is missing that {unexplained_by(found)}"
 
 
 def tell_headline(found: SearchResult) -> str:
@@ -169,23 +175,25 @@ def tell_step(found: SearchResult, step: int) -> Paragraph:
 def tell_candidates(found: SearchResult, step: int, n: int) -> list[Block]:
     """The best n candidates of a step as a table, and the first one's reason if none was added."""
     candidates = found.ranking[found.ranking["step"] == step]
-    tried = candidates[candidates["status"].isin(TRIED)]
+    # Without noise, which is looked for in what is left: no judge weighs it.
+    tried = candidates[candidates["status"].isin(TRIED) & candidates["delta_bic"].notna()]
     n_refused = int((candidates["status"] == Status.REFUSED).sum())
     aside = f" ({n_refused} {'does' if n_refused == 1 else 'do'} not apply)" if n_refused else ""
     head = f"Search, step {step}: {counted(len(tried), 'effect')} tried{aside}, judged on "
     head += "held-out rows"
-    fitted = tried[tried["delta_bic"].notna()]
     blocks: list[Block] = [Paragraph(head)]
-    if len(fitted):
-        blocks = [candidates_table(fitted.head(n), head)]
-    if step == 1 and len(fitted):
+    if len(tried):
+        blocks = [candidates_table(tried.head(n), head)]
+    if step == 1 and len(tried):
+        noise = titles_of([name for name, kind in BY_NAME.items() if kind.noise])
         text = (
             "gain: points of VAF on held-out rows. evidence: the least that any judge grants, in "
-            f"nats, by which the search ranks; from {THRESHOLD:g} on an effect is added."
+            f"nats, by which the search ranks; from {THRESHOLD:g} on an effect is added. "
+            f"Noise ({noise}) is not counted: it is looked for in what is left."
         )
         blocks.append(Paragraph(text))
-    if len(fitted) and not (candidates["status"] == Status.ADDED).any():
-        best = fitted.iloc[0]
+    if len(tried) and not (candidates["status"] == Status.ADDED).any():
+        best = tried.iloc[0]
         none = "No effect is added"
         if found.added:
             none = f"No effect of step {step} is in the final model"

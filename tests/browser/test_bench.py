@@ -1,5 +1,6 @@
 """The component by hand: effects, brushes, keyboard, hostile names, narrow and dark."""
 
+import copy
 import io
 import re
 import time
@@ -473,6 +474,33 @@ const parts = [...document.querySelectorAll(kinds)]
   .map((e) => [e.className, Math.round(top(e) - top(e.closest('.sk-part')))]);
 return [document.documentElement.scrollHeight, ...parts];
 """
+
+
+def test_no_word_of_a_name_and_no_figure_is_cut(browser, tmp_path, payload):
+    payload = copy.deepcopy(payload)
+    for state in payload["states"].values():
+        state["stair"][-1]["title"] = "second neuromuscular mode"
+    hand = Hand(browser, tmp_path / "page.html", payload, width=1024)
+    ActionChains(hand.driver).move_to_element(hand.plot("time")).perform()
+    hand.wait(lambda: hand.all(".sk-readout")[0].text)
+    cut = "return [...document.querySelectorAll(arguments[0])].filter("
+    cut += "(e) => e.scrollWidth > e.clientWidth || e.scrollHeight > e.clientHeight + 1).length"
+    assert hand.all(".sk-step-name")[-1].text == "second neuromuscular mode"
+    assert browser.js(cut, ".sk-step-name, .sk-number, .sk-readout") == 0
+
+
+def test_a_tall_stair_does_not_cover_the_cards(browser, tmp_path, payload):
+    payload = copy.deepcopy(payload)
+    for state in payload["states"].values():
+        state["ceiling"]["note"] = "Of the best model of the search. " * 6
+    hand = Hand(browser, tmp_path / "page.html", payload, width=1400)
+    placed = "return getComputedStyle(document.querySelector('.sk-stair')).position"
+    assert browser.js(placed) == "sticky"
+    [about] = list(hand.all(".sk-stair summary"))
+    about.click()
+    hand.wait(lambda: browser.js(placed) == "static")
+    about.click()
+    hand.wait(lambda: browser.js(placed) == "sticky")
 
 
 @pytest.mark.parametrize("width", [400, 1024, 1400])

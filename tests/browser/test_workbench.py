@@ -175,13 +175,19 @@ def test_from_a_csv_to_a_saved_report_and_the_same_numbers(serve, recorded, tmp_
     served.one('[aria-label="Save output over time"]').click()
     served.one('[aria-label="Save output over time as SVG"]').click()
     drawn = served.wait(lambda: next(tmp_path.glob("*.svg"), None)).read_text(encoding="utf-8")
-    assert all(f">{name}<" in drawn for name in ("measured", "simulated", "model 1"))
+    assert all(f">{name}<" in drawn for name in ("measured", "simulated", "1: baseline"))
+    assert served.one(".sk-kept-keys").text == "1: baseline"
     served.one('[data-sk-key="report"]').click()
     path = served.wait(
         lambda: re.search(r"report is saved: (\S.*report\.html)", served.text()) or None
     )[1]
     assert served.browser.js("return window.clicks") + 1 <= 8
     assert served.browser.js("return window.typed") == 0
+    served.one('[aria-label="Save output over time"]').click()
+    served.one('[aria-label="Save output over time as CSV"]').click()
+    traces = served.wait(lambda: next(tmp_path.glob("*.csv"), None)).read_text(encoding="utf-8")
+    assert '"residual","1: baseline",' in traces
+    assert served.text().count("Found and added: bias (") == 1
     state = served.state()
     assert len(served.stair()) == 3
     script = write_script(served)

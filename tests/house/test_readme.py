@@ -42,9 +42,12 @@ def test_as_many_effects_are_tried_as_it_says(tmp_path, capsys):
     assert (
         main(["diagnose", str(tmp_path / "runs.csv"), "--dry-run", "--no-pictures", "--json"]) == 0
     )
-    tried = {*json.loads(capsys.readouterr().out)["tried"]} - {"tremor"}  # ranked if it shows
-    said = f"it tries {len(tried)} of the {len(catalogue())} in its catalogue"
-    assert said in " ".join(text().split())
+    told = json.loads(capsys.readouterr().out)
+    said = f"it tries {len(told['tried'])} of the {len(catalogue())} in its catalogue"
+    (noise,) = told["looked_for_in_what_is_left"]
+    assert f"{said}, and looks for {noise}, which is noise, in what is left" in " ".join(
+        text().split()
+    )
 
 
 def test_what_it_marks_as_a_method_is_one():
@@ -60,6 +63,18 @@ def test_its_table_says_what_the_docs_measured():
     assert len(shown) > 5
     for row, cells in shown.items():
         assert cells == {tool: measured[row][tool] for tool in cells}, row
+
+
+def test_what_matlab_has_is_either_here_or_not():
+    page = (ROOT / "docs" / "matlab.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`.+?) \| (.+) \|$", page, re.M)
+    here, missing = [], []
+    for matlab, ours in rows:
+        names = re.findall(r"`'?(\w+)", matlab)
+        (missing if ours == "not there" else here).extend(names)
+    assert {"oe", "bj", "armax", "systemIdentification"} <= {*here}
+    assert missing
+    assert not {*missing} & {*here}
 
 
 def test_the_moving_picture_is_of_the_demo_and_can_stand_still():

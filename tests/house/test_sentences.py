@@ -66,6 +66,7 @@ NOTES = {
     "controller": "a controller is the linear model",
     "delay": "the delay is at its least, or was given below it",
     "experiment": "two effects explain as much",
+    "fitted runs": "the model was fitted on compared runs, or its file does not say on which",
     "failure": "an analysis of a person failed",
     "gaps": "rows outside the longest stretch of each run are not in spectra",
     "idle disturbance": "a recorded disturbance is not answered",

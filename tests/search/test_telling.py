@@ -32,7 +32,7 @@ def recorded(effects, n_runs=2, duration=40.96):
 
 @pytest.fixture(scope="module")
 def biased():
-    tried = ["bias", "drift", "motion_feedback"]
+    tried = ["bias", "cubic_gain", "motion_feedback"]
     return EffectSearchCV(OperatorRegressor(), effects=tried).fit(*recorded(Bias(level=0.1)))
 
 
@@ -108,6 +108,14 @@ def test_the_candidates_of_a_step_are_a_table(biased):
         "Search, step 1: 2 effects tried (1 does not apply), judged on held-out rows"
     )
     assert table.rows[0][0].startswith("1. bias")
+
+
+def test_a_step_that_added_nothing_begins_with_its_best(biased):
+    last = biased.ranking_[biased.ranking_["step"] == 2].set_index("rank")
+    assert last["effect"].tolist() == ["cubic_gain", "motion_feedback"]
+    assert last.loc[1, "evidence"] < 0
+    table = tell_candidates(biased.result_, 2, 3)[0]
+    assert [row[0] for row in table.rows] == ["1. cubic gain (cubic)"]
 
 
 def test_where_no_form_passes_it_is_said(biased):

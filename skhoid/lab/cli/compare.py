@@ -12,6 +12,8 @@ import skhoid
 
 from .diagnose import tables_of_comparison, write_report
 from .files import (
+    FITTED,
+    FITTED_IN_PART,
     check_plot_file,
     check_tables,
     find_column,
@@ -60,6 +62,7 @@ examples:
 In Python, joblib.dump(model, "model.joblib") after fit writes such a file.
 It can run any code when it is read: take it only from people you trust.
 """
+UNKNOWN = "not known"  # whether the model was fitted on a run
 
 
 def add_compare(commands: Any) -> None:
@@ -149,7 +152,32 @@ def _compare(options: argparse.Namespace, name: str) -> tuple[Any, Any, Any, Any
         run_in=options.run_in,
         domain=options.domain,
     )
-    return replace(found, model_name=Path(name).name), model, X, y
+    found = replace(found, model_name=Path(name).name)
+    known = getattr(fitted, "fitted_runs_", None)
+    if known is None and estimation is not None:  # then the user says which runs were fitted
+        return found, model, X, y
+    return _mark_fitted(found, known, options.recorded), model, X, y
+
+
+def _mark_fitted(found: Any, known: dict[str, str] | None, recorded: dict[str, str]) -> Any:
+    """Say of each compared run whether the model was fitted on it, as far as its file tells."""
+    from ...text import Note, counted
+
+    runs = found.by_run.copy()
+    compared = runs["data"] == "validation"
+    marks = {run: UNKNOWN if known is None else known.get(mark) for run, mark in recorded.items()}
+    runs["data"] = runs["run"].map(marks).where(compared).fillna(runs["data"])
+    seen = int(runs.loc[compared, "data"].isin([FITTED, FITTED_IN_PART]).sum())
+    notes = list(found.notes)
+    if known is None:
+        text = "the model's file does not say on which recordings it was fitted: if these are "
+        text += "among them, the figures flatter it"
+        notes.append(Note("fitted runs", text))
+    elif seen:
+        text = f"the model was fitted on {seen} of {counted(int(compared.sum()), 'run')} here: "
+        text += "how well it predicts, only runs marked validation show"
+        notes.append(Note("fitted runs", text))
+    return replace(found, views=replace(found.views, by_run=runs), notes=notes)
 
 
 def _beside(compared: list[Any]) -> Any:
@@ -223,6 +251,7 @@ def _read(
     given = {name: roles.get(name, str(role_of(name))) for name in [*there, *roles]}
     chosen = argparse.Namespace(**{**vars(options), "files": files})
     X, y, options.columns = read_files(chosen, given, signals=not options.input)
+    options.recorded = chosen.recorded
     if options.remove_means:
         X, y = about_means(X), about_means(y)
     roles = options.columns.roles | roles

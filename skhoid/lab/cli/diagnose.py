@@ -237,7 +237,7 @@ def diagnose(options: argparse.Namespace) -> int:
             found.search.sketch_effect(sketch.stem, sketch, overwrite=options.overwrite)
         except ValueError as error:  # nothing is left without a name
             sketch, why_not = None, f"--sketch: {error}"
-    kept = {"model": save_model(found.search.best_estimator_, model)}
+    kept = {"model": save_model(found.search.best_estimator_, model, options)}
     write_results(options, found, source, report=report, folder=folder, sketch=sketch, kept=kept)
     if why_not:
         note(why_not)

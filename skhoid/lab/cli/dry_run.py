@@ -69,7 +69,8 @@ def show_dry_run(
     record, kind = data.record, data.prepared.core.kind
     effects = search.list_effects()
     refused = {e.name: lacks for e in effects if (lacks := e.refusal_in(record, kind))}
-    tried = [e for e in effects if e.name not in refused]
+    noise = [e.name for e in effects if e.noise and e.name not in refused]
+    tried = [e for e in effects if e.name not in refused and not e.noise]
     trials = sum(len(e.alternatives(record)) for e in tried)
     table = X.assign(**{output_name(y): y})
     table.attrs["units"] = {**units_of(X), **units_of(y)}
@@ -80,6 +81,7 @@ def show_dry_run(
         "findings": [finding.title for finding in check_channels(X, y)],
         "core": options.core,
         "tried": [effect.name for effect in tried],
+        "looked_for_in_what_is_left": noise,
         "not_tried": refused,
         "n_trials": trials,
         "searched_runs": list(map(str, data.searched_runs)),
@@ -202,6 +204,8 @@ def _tell(found: dict[str, Any], about: str) -> Any:
             f"added to {_CORES[found['core']]}: {', '.join(found['tried']) or 'none'}."
         ),
     ]
+    if noise := found["looked_for_in_what_is_left"]:
+        blocks.append(Paragraph(f"Looked for in what is left, as noise: {', '.join(noise)}."))
     if refused:
         blocks.append(
             Paragraph(

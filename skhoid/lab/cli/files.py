@@ -11,6 +11,8 @@ from typing import Any
 from .output import note
 from .parser import MODELS, PICTURES, TABLES, read_units, refuse
 
+FITTED, FITTED_IN_PART = "fitted", "partly fitted"  # what a model's file says of a run
+
 
 def read_files(
     options: argparse.Namespace, roles: dict[str, str], *, signals: bool = True
@@ -38,6 +40,7 @@ def read_files(
     )
     X, y = read_chosen(guess, options)
     options.columns = guess
+    options.recorded = _mark_runs(y)
     clock = X.index.get_level_values("time")
     if options.time is not None and not options.resample and (clock[1:2] - clock[:1] == 1.0).all():
         note(
@@ -45,6 +48,17 @@ def read_files(
             "--dt SECONDS in place of --time."
         )
     return X, y, guess
+
+
+def _mark_runs(y: Any) -> dict[str, str]:
+    """A checksum of the measured output of each run: labels such as 0 and 1 are in every file."""
+    import joblib
+
+    from ...runs import run_name
+
+    levels = [name for name in y.index.names if name != "time"]
+    runs = y.groupby(level=levels[0] if len(levels) == 1 else levels, sort=False)
+    return {run_name(label): joblib.hash(part.to_numpy(dtype=float)) for label, part in runs}
 
 
 def show_names(files: Iterable[str]) -> str:
@@ -155,12 +169,31 @@ def _check_parents(path: Path) -> None:
 # And then written.
 
 
-def save_model(model: Any, path: Path | None) -> str | None:
-    """Write a fitted model if it is asked for; returns the path."""
+def save_model(
+    model: Any,
+    path: Path | None,
+    options: argparse.Namespace,
+    fitted: tuple[Any, Any] | None = None,
+) -> str | None:
+    """Write a fitted model if it is asked for, and beside it which runs it knows; gives the path.
+
+    ``fitted`` are the names of runs, row by row, and whether the model was fitted on that row; None
+    if it was fitted on all of them.
+    """
     import joblib
+    import pandas as pd
 
     if path is None:
         return None
+    recorded = getattr(options, "recorded", {})
+    share = pd.Series(1.0, index=list(recorded))
+    if fitted is not None:
+        share = pd.Series(fitted[1], index=fitted[0], dtype=float).groupby(level=0).mean()
+    model.fitted_runs_ = {
+        recorded[run]: FITTED if part == 1 else FITTED_IN_PART
+        for run, part in share.items()
+        if part > 0 and run in recorded
+    }
     joblib.dump(model, path)
     return str(path)
 

@@ -119,8 +119,11 @@ def add_identify(commands: Any) -> None:
 
 def identify(options: argparse.Namespace) -> int:
     """Identify, and say, draw and write what is found."""
+    import numpy as np
+
     from ...diagnosis import ModelChoice
     from ...diagnosis import identify as identify_runs
+    from ...runs import run_name
 
     folder = figure_folder(options, "skhoid-identify")
     check_tables(options)
@@ -160,8 +163,10 @@ def identify(options: argparse.Namespace) -> int:
         centered=not options.keep_means,
         callbacks=_progress() if shows_progress(options) else (),
     )
+    layout = found.layout
+    names = [run_name(layout.labels[run]) for run in layout.run_of(np.arange(layout.n_rows))]
     files = {
-        "model": save_model(found.best.pipeline, model),
+        "model": save_model(found.best.pipeline, model, options, (names, ~found.held_out)),
         "pictures": [] if folder is None else _draw(found, folder, options),
         "tables": save_tables(found.tables, options),
     }

@@ -295,20 +295,29 @@ class Exploration:
         }
 
     def _verdict(self, here: Position) -> dict[str, str]:
-        """What the search said, as long as it was of these runs."""
+        """What the search said, and how the runs fitted now differ from its own."""
         found = self.found
+        said = found.verdict_added if not self._lacking(here) else found.verdict
         if found.is_of(here.train):
-            return {"verdict": found.verdict, "verdict_kind": found.kind}
-        names = [self.runs.labels[run] for run in found.runs]
-        of = ", ".join(names[:MOST_NAMED]) + (", ..." if len(names) > MOST_NAMED else "")
-        said = f"The search was on other runs ({of}). There: {found.verdict}"
-        return {"verdict": said, "verdict_kind": ""}
+            return {"verdict": said, "verdict_kind": found.kind}
+        more, fewer = ({*found.runs} - {*here.train}, {*here.train} - {*found.runs})
+        differ = [f"on {self._list_runs(more)} too"] if more else []
+        differ += [f"not on {self._list_runs(fewer)}"] if fewer else []
+        other = f"The search was on other runs than are fitted now: {', and '.join(differ)}."
+        return {"verdict": f"{other} There: {said}", "verdict_kind": ""}
+
+    def _list_runs(self, runs: set[int]) -> str:
+        names = ", ".join(self.runs.labels[run] for run in sorted(runs)[:MOST_NAMED])
+        more = f" and {len(runs) - MOST_NAMED} more" if len(runs) > MOST_NAMED else ""
+        return f"run{'s' if len(runs) > 1 else ''} {names}{more}"
 
     def _to_add(self, here: Position) -> list[str]:
         """What the verdict names and the model does not have yet."""
+        return self._lacking(here) if self.found.is_of(here.train) else []
+
+    def _lacking(self, here: Position) -> list[str]:
         present = {e.name for _, e in here.effects}
-        named = self.found.named if self.found.is_of(here.train) else []
-        return [kind for kind in named if kind in self.own and kind not in present]
+        return [kind for kind in self.found.named if kind in self.own and kind not in present]
 
     def _first_uses(self) -> tuple[str, ...]:
         """All runs are fitted, but of several people only those of the first: each is another."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ... import EffectSearchCV, OperatorRegressor, compare
-from ...effects import Effect, Effects, title_of
+from ...effects import Effect, Effects, title_of, titles_of
 from ...effects import effect as effect_of
 from ...model import ModelParameter, effect_curves
 from ...search import (
@@ -36,7 +36,7 @@ MOST_POINTS = 200  # of a curve
 DIGITS = 12  # of what a slider is set to
 FOUND, HELPS, NO, REFUSED, UNTRIED = "found", "helps", "no", "refused", "untried"
 ORDER = (FOUND, HELPS, UNTRIED, NO, REFUSED)
-NOT_SEARCHED = "Not searched yet: what each effect would gain is not known."
+NOT_SEARCHED = "Not searched yet: what effects would gain, and which of them apply, is not known."
 RUNS_AWAY = -999.0  # VAF in percent, below which a free run has left the data
 BESIDE = 5.0  # times the largest measured value, at which a run has left them too
 CLOSE = 0.5  # points of VAF, by which the best model known may be worse than that of a search
@@ -176,11 +176,13 @@ class Found:
     """What a search found, as far as an exploration needs it; all of it may go to JSON.
 
     ``effects`` are those of the best model (name, id and choices), ``named`` the ids that the
-    verdict names; ``vaf`` is its VAF on the rows fitted, those of ``runs``; ``notes`` begin with
-    the verdict and its figures; ``limits`` are headings and rows of what these runs allow.
+    verdict names, ``verdict_added`` what it says where all of these are in the model; ``vaf`` is
+    its VAF on the rows fitted, those of ``runs``; ``notes`` begin with the verdict and its figures;
+    ``limits`` are headings and rows of what these runs allow.
     """
 
     verdict: str = ""
+    verdict_added: str = ""
     kind: str = ""
     named: list[str] = field(default_factory=list)
     effects: list[list[Any]] = field(default_factory=list)
@@ -207,6 +209,7 @@ class Found:
         limits = limits_table(search.result_)
         return cls(
             verdict=f"{tell_verdict(search.result_)}.",
+            verdict_added=f"{tell_verdict(search.result_, added=True)}.",
             kind=search.verdict_.kind,
             named=list(search.best_effects_),
             effects=[[name, e.name, e.get_params()] for name, e in best],
@@ -248,7 +251,10 @@ class Found:
         step = self._step_for(ids)
         if step is None:
             cards = [_untried(e, domain) for e in catalogue if e.name not in ids and not e.noise]
-            return cards, NOT_SEARCHED
+            others = "people" if domain == "machine" else "machines"
+            noise = titles_of([e.name for e in catalogue if e.noise])
+            words = f"{NOT_SEARCHED} Effects of {others} alone are not listed"
+            return cards, f"{words}{f'; {noise} is looked for in what is left' if noise else ''}."
         own = self.is_of(here.train)
         cards = [card if own else _elsewhere(card) for card in step.cards if card["id"] not in ids]
         cards.sort(key=lambda card: ORDER.index(card["status"]))  # else as the search ranks them

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
+import os
 import signal
+import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import IO, Any
 
 OFTEN = 0.2  # s, between two messages of progress
 MOST = 0.97  # share of the work that is said before all is done
@@ -46,7 +49,8 @@ class SearchJob:
         self._process = context.Process(
             target=_searching, args=(theirs,), daemon=True, name="skhoid-search"
         )
-        with _block_interrupts():
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the process ends
+        with _block_interrupts(), _errors_into(self._errors):
             self._process.start()
         theirs.close()
         self._thread = threading.Thread(
@@ -65,6 +69,13 @@ class SearchJob:
         self._process.kill()
         self._process.join(5)
 
+    def _last_error(self) -> str:
+        """The last line that the process wrote; all of them go to the terminal."""
+        self._errors.seek(0)
+        text = self._errors.read().decode(errors="replace")
+        sys.stderr.write(text)
+        return text.rstrip().rpartition("\n")[2].strip()
+
     def _follow(self, search: Any, X: Any, y: Any) -> None:
         found, why = None, ""
         try:
@@ -79,9 +90,10 @@ class SearchJob:
                 break
         except (EOFError, OSError):
             self._process.join(5)
-            why = _ended(self._process.exitcode)
+            why = _ended(self._process.exitcode, self._last_error())
         self._ours.close()
         self._process.join(5)
+        self._errors.close()
         if not self._stopped.is_set():
             self._ended(self, found, why)
 
@@ -99,13 +111,26 @@ def _block_interrupts() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _ended(code: int | None) -> str:
+@contextlib.contextmanager
+def _errors_into(file: IO[bytes]) -> Iterator[None]:
+    """What a process that is started here writes to its standard error goes to this file."""
+    before = os.dup(2)
+    os.dup2(file.fileno(), 2)
+    try:
+        yield
+    finally:
+        os.dup2(before, 2)
+        os.close(before)
+
+
+def _ended(code: int | None, error: str) -> str:
     if code == -signal.SIGKILL:
         return (
             "The search was ended from outside (SIGKILL) and has found nothing. The system does "
             "that where memory does not suffice: close other programs, or leave runs out."
         )
-    return f"The search ended without a result (exit code {code}). Start it again."
+    why = f": {error}" if error else ""
+    return f"The search ended without a result (exit code {code}){why}"
 
 
 class _Telling:

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import joblib
 import numpy as np
+import pandas as pd
 import pytest
 
 from skhoid import ARXRegressor, compare, make_tracking_runs, select_runs, write_runs
+from skhoid.diagnosis import Comparison
 from skhoid.lab.cli import main
 
 
@@ -146,3 +148,32 @@ def test_a_model_with_effects_that_was_kept_is_compared(files, run_json, capsys)
 def test_a_model_is_kept_in_a_file_that_compare_knows(files, capsys, command):
     assert main([command, str(files[0] / "new.csv"), "--save", "model.csv"]) == 2
     assert "such as model.joblib; got model.csv" in capsys.readouterr().err
+
+
+def test_runs_that_a_kept_model_was_fitted_on_are_marked(
+    files, run_json, capsys, tmp_path, monkeypatch
+):
+    shown, document = [], Comparison.document
+    monkeypatch.setattr(Comparison, "document", lambda c: shown.append(c) or document(c))
+    folder, _, X, y = files
+    write_runs(X, y, tmp_path / "all.csv")
+    write_runs(X.iloc[2048:] * 1.1, y.iloc[2048:] * 1.1, tmp_path / "same_names.csv")
+    fixed = ["--nk", "15", "--na", "2", *KEPT]
+    marks = {}
+    run_json("identify", str(tmp_path / "all.csv"), *fixed, "two.joblib")
+    for name in ("all.csv", "same_names.csv"):
+        run_json("compare", "two.joblib", str(tmp_path / name), "--tables", name[:4])
+        runs = pd.read_csv(Path(name[:4]) / "by_run.tsv", sep="\t")
+        marks[name] = runs["data"].tolist()
+    assert marks["all.csv"] == ["fitted", "fitted", "validation"]
+    assert marks["same_names.csv"] == ["validation"] * 2  # other recordings
+    run_json("identify", str(folder / "old.csv"), *fixed, "half.joblib")
+    assert main(["compare", "half.joblib", str(folder / "old.csv"), "--out", "half.png"]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "partly fitted" in printed
+    assert "fitted on 1 of 1 run here" in printed
+    assert "fitted runs" in {note.kind for note in shown[-1].notes}
+    assert main(["compare", str(folder / "model.joblib"), str(folder / "old.csv")]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "not known" in printed
+    assert "does not say on which recordings it was fitted" in printed

@@ -1,6 +1,7 @@
 """An exploration: each step gives what the library gives, and can be undone."""
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -255,13 +256,22 @@ def test_the_ceiling_and_the_findings_come_with_judge(exploration):
 
 def test_what_was_named_for_other_runs_is_not_named_here(exploration):
     state = exploration.act("use", {"runs": [0], "use": "out", "run": 0})["state"]
-    assert state["verdict"].startswith("The search was on other runs (0, 1, 2). There: Missing: ")
+    other = "The search was on other runs than are fitted now: on run 0 too. There: Missing: "
+    assert state["verdict"].startswith(other)
     assert state["verdict_kind"] == ""
     assert "found" not in {card["status"] for card in state["cards"]}
     assert "of other runs than are fitted now" in state["cards_of"]
     assert state["ceiling"] is None  # that of the search is of other runs, too
     exploration.act("undo", {"run": 0})
     assert exploration.state()["verdict_kind"] == "found"
+
+
+def test_what_was_named_and_added_is_not_called_missing(exploration):
+    assert exploration.state()["verdict"].startswith("Missing: ")
+    exploration.act("add", {"effect": "bias", "run": 0})
+    assert exploration.state()["verdict"].startswith("Missing: ")
+    verdict = exploration.act("add", {"effect": "dead_zone", "run": 0})["state"]["verdict"]
+    assert re.fullmatch(r"Found and added: bias \(.*\) and dead zone \(.*\)\.", verdict)
 
 
 def test_a_parameter_at_its_bound_says_so(runs):

@@ -77,6 +77,19 @@ def test_a_search_is_stopped_or_killed(fitted):
     assert fitted.call("state")["state"]["search"] is None
 
 
+def end_badly(*_):
+    print("first", file=sys.stderr)
+    print("the disk is full", file=sys.stderr, flush=True)
+    os._exit(3)
+
+
+def test_a_search_that_ends_without_a_result_says_its_last_line(fitted, monkeypatch):
+    monkeypatch.setattr("skhoid.lab.workbench.jobs._searching", end_badly)
+    fitted.call("search")
+    (note,) = until(lambda: fitted.opening()["notes"])
+    assert note.endswith("(exit code 3): the disk is full")
+
+
 def test_a_server_killed_in_a_search_says_so_later(fitted, begun):
     fitted.call("search")
     before = fitted.state()

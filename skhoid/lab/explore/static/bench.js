@@ -3,6 +3,7 @@
 const WIDE = 1100;
 const NARROW = 700;
 const MANY_ROWS = 200000;
+const MOST_STUCK = 1 / 3; // of the window
 
 function mount(element, view, backend) {
   const bench = newBench(view, backend);
@@ -16,6 +17,8 @@ function mount(element, view, backend) {
   bench.layout();
   const sizes = new ResizeObserver(() => bench.layout());
   sizes.observe(element);
+  const heights = new ResizeObserver(() => stick(parts));
+  heights.observe(parts.stair.node);
   window.addEventListener("resize", () => stick(parts), { signal: bench.ended.signal });
   bench.root.addEventListener("keydown", (event) => historyByKey(bench, event));
   backend.onState((state) => hear(bench, state));
@@ -26,6 +29,7 @@ function mount(element, view, backend) {
       bench.gone = true;
       bench.ended.abort();
       sizes.disconnect();
+      heights.disconnect();
       for (const { plot } of parts.plots.figures) plot.destroy();
       if (backend.close) backend.close();
       bench.root.remove();
@@ -123,14 +127,16 @@ function layOut(bench, { top, data, folded, plots, stair, side }) {
   bench.stairWidth = stair.node.clientWidth;
   stair.update();
   plots.resize();
-  stick({ plots });
+  stick({ plots, stair });
   bench.redraw("time");
 }
 
-// Plots stay in sight beside a long column of cards; of higher ones the lower end.
-function stick({ plots }) {
+// Plots stay in sight beside a long column of cards; of higher ones the lower end. The stair stays
+// above the cards, unless it would leave them too little room.
+function stick({ plots, stair }) {
   const over = Math.max(plots.node.offsetHeight - window.innerHeight, 0);
   plots.node.style.top = `${-over}px`;
+  stair.node.classList.toggle("sk-loose", stair.node.offsetHeight > MOST_STUCK * window.innerHeight);
 }
 
 function followTheme(bench, element) {

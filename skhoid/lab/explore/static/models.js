@@ -98,7 +98,7 @@ function modelRow(bench, { id }) {
   const update = (model) => {
     const slot = bench.lines.indexOf(id);
     tick.checked = slot >= 0;
-    swatch.className = `sk-swatch sk-is-${id ? (slot < 0 ? "off" : `line-${slot + 1}`) : "simulated"}`;
+    swatch.className = `sk-swatch sk-is-${id ? (slot < 0 ? "off" : `kept-${slot + 1}`) : "simulated"}`;
     setText(name, modelName(model));
     const { train, hold } = model.vaf;
     const notes = [
@@ -140,6 +140,11 @@ async function traceModel(bench, id) {
 // What is known of the lines that are shown, in the run that is shown.
 function tracesOf({ lines, traces, run }) {
   return lines.map((id) => (id === null ? null : (traces.get(`${id} ${run}`) ?? null)));
+}
+
+// The models whose lines are shown, each by its place among the colours.
+function keptShown({ lines, state }) {
+  return lines.map((id) => state.models.find((model) => id !== null && model.id === id) ?? null);
 }
 
 function columnsOfModels(models) {

@@ -19,6 +19,10 @@ const COLOURS = [
   "line-2",
   "line-3",
   "line-4",
+  "kept-1",
+  "kept-2",
+  "kept-3",
+  "kept-4",
 ];
 
 function coloursOf(root) {

@@ -18,6 +18,7 @@ function plotsPart(bench) {
   const filteredKey = keyOf("ink", "within the band");
   const previewKey = keyOf("preview", "");
   previewKey.classList.add("sk-reserved");
+  const keptKeys = el("div", { class: "sk-legend sk-kept-keys" });
   previewKey.setAttribute("aria-live", "polite");
   const node = el(
     "div",
@@ -32,6 +33,7 @@ function plotsPart(bench) {
       previewKey,
       saveMenu(bench, "output over time", times.upper, () => columnsOverTime(bench)),
     ),
+    keptKeys,
     times.upper.frame,
     el(
       "div",
@@ -74,7 +76,7 @@ function plotsPart(bench) {
     ),
   );
   const small = { spectrum, amplitude, lags };
-  const parts = { times, ...small, texts, zooms, ranges, filteredKey, previewKey };
+  const parts = { times, ...small, texts, zooms, ranges, filteredKey, previewKey, keptKeys };
   bench.redraw = drawer(bench, parts);
   bench.brush = brusher(bench, texts);
   bench.see = (range) => {
@@ -327,12 +329,15 @@ function repaint({ times, spectrum, amplitude, lags }) {
   for (const { plot } of [...times.figures, spectrum, amplitude, lags]) plot.redraw(false);
 }
 
-function drawRun(bench, { times, filteredKey, previewKey }, linesOnly = false) {
+function drawRun(bench, { times, filteredKey, previewKey, keptKeys }, linesOnly = false) {
   bench.filtered = linesOnly ? null : filteredOf(bench);
   bench.rows = linesOnly ? null : amplitudeRows(bench);
   filteredKey.classList.toggle("sk-unseen", !bench.filtered);
   previewKey.classList.toggle("sk-off", !bench.preview);
   setText(previewKey.lastChild, previewInWords(bench));
+  const kept = keptShown(bench).map((one, i) => one && keyOf(`kept-${i + 1}`, named(modelName(one))));
+  keptKeys.replaceChildren(...kept.filter(Boolean));
+  keptKeys.hidden = !keptKeys.firstChild;
   times.draw();
 }
 

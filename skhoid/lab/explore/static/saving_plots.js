@@ -1,6 +1,6 @@
 // Plots as SVG and PNG, and what they and the tables hold as CSV.
 
-const ABOVE = 24; // px, for the key to the lines
+const ABOVE = 24; // px, for a row of the key to the lines
 const BELOW = 46; // px, for the axis
 const ASIDE = 14; // px, for its label
 const LETTER = 6.8; // px, of which a letter of the key has about so many
@@ -83,8 +83,25 @@ function isDrawn({ data, series }, i) {
   return series[i].show && data[i].some((y) => y !== null && y !== undefined);
 }
 
-function heightOf({ bbox }) {
-  return ABOVE + (bbox.top + bbox.height) / uPlot.pxRatio + BELOW;
+function heightOf(plot) {
+  return aboveOf(plot) + (plot.bbox.top + plot.bbox.height) / uPlot.pxRatio + BELOW;
+}
+
+function aboveOf(plot) {
+  return ABOVE * (1 + Math.max(0, ...keyPlaces(plot).map(({ row }) => row)));
+}
+
+// Where each line of the plot stands in the key: in the next row where one is full.
+function keyPlaces(plot) {
+  const left = ASIDE + plot.bbox.left / uPlot.pxRatio;
+  let [at, row] = [left, 0];
+  return plot.series.flatMap((series, i) => {
+    if (!i || !isDrawn(plot, i)) return [];
+    const width = 50 + LETTER * [...series.label].length;
+    if (at > left && at + width > ASIDE + plot.width) [at, row] = [left, row + 1];
+    at += width;
+    return [{ series, i, x: at - width, row }];
+  });
 }
 
 // A plot as it is seen: drawn again, since a canvas has no lines to take.
@@ -101,8 +118,8 @@ function svgOf(bench, plot) {
     "font-size": 12,
   });
   svg.append(svgEl("rect", { width: "100%", height: "100%", fill: colours.paper }));
-  svg.append(keyDrawn(bench, plot, ASIDE + left));
-  const inner = svgEl("g", { transform: `translate(${ASIDE + left} ${top + ABOVE})` });
+  svg.append(keyDrawn(bench, plot));
+  const inner = svgEl("g", { transform: `translate(${ASIDE + left} ${top + aboveOf(plot)})` });
   svg.append(inner);
   axesInto(inner, plot, colours, width, height);
   const clip = svgEl("svg", { width, height, overflow: "hidden" });
@@ -131,17 +148,15 @@ function strokeOf(plot, series, i) {
   return typeof series.stroke === "function" ? series.stroke(plot, i) : series.stroke;
 }
 
-function keyDrawn({ colours }, plot, left) {
+function keyDrawn({ colours }, plot) {
   const key = svgEl("g", {});
-  let at = left;
-  plot.series.forEach((series, i) => {
-    if (!i || !isDrawn(plot, i)) return;
-    const line = svgEl("path", { d: `M${at} 14h24`, stroke: strokeOf(plot, series, i) });
+  for (const { series, i, x, row } of keyPlaces(plot)) {
+    const y = 14 + ABOVE * row;
+    const line = svgEl("path", { d: `M${x} ${y}h24`, stroke: strokeOf(plot, series, i) });
     line.setAttribute("stroke-width", 3);
     if (series.dash) line.setAttribute("stroke-dasharray", series.dash.join(" "));
-    key.append(line, textDrawn(series.label, { x: at + 30, y: 18, fill: colours.ink }));
-    at += 50 + LETTER * [...series.label].length;
-  });
+    key.append(line, textDrawn(series.label, { x: x + 30, y: y + 4, fill: colours.ink }));
+  }
   return key;
 }
 

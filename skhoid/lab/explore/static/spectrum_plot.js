@@ -42,7 +42,7 @@ function spectrumPlot(bench) {
 }
 
 function densityOf(unit) {
-  return unit ? `density, ${isolated(shortened(unit, 12))}² s/rad` : "density, s/rad";
+  return unit ? `${isolated(shortened(unit, 12))}² s/rad` : "density, s/rad"; // as high as the plot
 }
 
 function drawSpectrum(bench, state, plot) {

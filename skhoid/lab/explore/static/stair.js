@@ -1,6 +1,6 @@
 // The stair of the error: what each step leaves unexplained, down to the noise ceiling.
 
-const LEAST_STEP = 84;
+const LEAST_STEP = 84; // px
 
 function stairPart(bench) {
   const sentence = el("p", { class: "sk-sentence" });
@@ -25,6 +25,17 @@ function stairPart(bench) {
     held,
     about,
   );
+  // Bars lie where upright ones are too narrow for a word of their names.
+  let stood = "";
+  const lieDown = (stair) => {
+    const now = JSON.stringify([bench.stairWidth, ...stair.map((step) => step.title)]);
+    if (now === stood) return;
+    stood = now;
+    steps.classList.remove("sk-many");
+    const names = [...steps.querySelectorAll(".sk-step-name")];
+    const tight = names.some((name) => name.scrollWidth > name.clientWidth);
+    steps.classList.toggle("sk-many", tight || bench.stairWidth < LEAST_STEP * stair.length);
+  };
   const where = bench.view.state.uses.some(Boolean) ? "On the runs fitted: " : "";
   const update = () => {
     const { stair, vaf } = { ...bench.state, ...bench.live };
@@ -37,7 +48,7 @@ function stairPart(bench) {
       steps,
       stair.map((step, i) => stepNode(steps.children[i], step, stair[i - 1], most, ceiling)),
     );
-    steps.classList.toggle("sk-many", bench.stairWidth < LEAST_STEP * stair.length);
+    lieDown(stair);
     setText(held, vaf.hold === null ? "" : `On held-out runs: VAF ${percent(vaf.hold)}.`);
     held.hidden = vaf.hold === null;
     setText(note, ceiling && ceiling.note ? ceiling.note : "");

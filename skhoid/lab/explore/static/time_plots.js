@@ -1,7 +1,7 @@
 // Measured and simulated over time, and below it, on the same axis, the residual and the inputs.
 
 const TIME = "time in the run, s";
-const LINES = 4; // colours of inputs, or of models
+const LINES = 4; // colours of inputs, and as many of models
 
 function timePlots(bench) {
   const keys = el(
@@ -81,7 +81,7 @@ function timeOptions(bench, x, hooks) {
       lineOf(bench, "measured", { width: 1.75 }),
       lineOf(bench, "simulated"),
       lineOf(bench, "preview", { dash: [7, 4], width: 2 }),
-      ...bench.lines.map((_, i) => lineOf(bench, `line-${i + 1}`, { label: `model ${i + 1}` })),
+      ...bench.lines.map((_, i) => lineOf(bench, `kept-${i + 1}`)),
     ],
     hooks,
   };
@@ -188,7 +188,9 @@ function drawTime(bench, state, figures) {
     preview ? drawn(preview.simulated) : nothing(),
     ...tracesOf(bench).map((simulated) => (simulated ? drawn(simulated) : nothing())),
   ]);
-  bench.lines.forEach((id, i) => (upper.series[4 + i].label = `model ${id}`));
+  keptShown(bench).forEach((model, i) => {
+    if (model) upper.series[4 + i].label = modelName(model);
+  });
   lower.setData([
     times,
     drawn(model.residual),
@@ -200,13 +202,17 @@ function drawTime(bench, state, figures) {
   inputs.setData([times, ...seen.map(all)]);
 }
 
-// Of the run that is shown, all rows of it.
-function columnsOverTime({ record, model, view }) {
+// Of the run that is shown, all rows of it, with the models that are drawn beside.
+function columnsOverTime(bench) {
+  const { record, model, view } = bench;
+  const traces = tracesOf(bench);
+  const kept = keptShown(bench).flatMap((one, i) => (one ? [[modelName(one), traces[i] ?? []]] : []));
   return [
     ["time, s", record.t],
     [`measured ${view.output.name}`, record.measured],
     ["simulated", model.simulated],
     ["residual", model.residual],
+    ...kept,
     ...Object.entries(record.channels),
   ];
 }
