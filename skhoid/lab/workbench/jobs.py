@@ -49,7 +49,7 @@ class SearchJob:
         self._process = context.Process(
             target=_searching, args=(theirs,), daemon=True, name="skhoid-search"
         )
-        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the process ends
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it is read
         with _block_interrupts(), _errors_into(self._errors):
             self._process.start()
         theirs.close()
@@ -71,13 +71,14 @@ class SearchJob:
 
     def _last_error(self) -> str:
         """The last line that the process wrote; all of them go to the terminal."""
-        self._errors.seek(0)
-        text = self._errors.read().decode(errors="replace")
+        with self._errors as file:
+            file.seek(0)
+            text = file.read().decode(errors="replace")
         sys.stderr.write(text)
         return text.rstrip().rpartition("\n")[2].strip()
 
     def _follow(self, search: Any, X: Any, y: Any) -> None:
-        found, why = None, ""
+        found, why = None, None
         try:
             self._ours.send((search, X, y))
             while True:
@@ -89,11 +90,12 @@ class SearchJob:
                 found, why = content
                 break
         except (EOFError, OSError):
-            self._process.join(5)
-            why = _ended(self._process.exitcode, self._last_error())
+            pass  # it has ended: why is asked below
         self._ours.close()
         self._process.join(5)
-        self._errors.close()
+        error = self._last_error()
+        if why is None:
+            why = _ended(self._process.exitcode, error)
         if not self._stopped.is_set():
             self._ended(self, found, why)
 

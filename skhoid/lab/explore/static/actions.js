@@ -287,5 +287,5 @@ function previewer(bench) {
 
 function previewInWords({ preview, state }) {
   if (!preview) return "";
-  return `${fromTo(state.vaf.train, preview.vaf)} on the runs fitted, with ${isolated(preview.title)}`;
+  return `${fromTo(state.vaf.train, preview.vaf)} with ${isolated(preview.title)}`;
 }
