@@ -11,6 +11,7 @@ from skhoid import (
     compare,
     make_tracking_runs,
 )
+from skhoid.effects import DeadZone
 
 pytestmark = pytest.mark.slow  # fits many models
 
@@ -107,9 +108,9 @@ def test_single_event_is_found(simulated):
 
 def test_where_the_model_lacks_something_an_event_is_no_slip_at_once():
     X, y = make_tracking_runs(
-        "C1", 3, effects="dead_zone", channels=["e", "x", "f_t"], random_state=0
+        "C1", 3, effects=DeadZone(width=0.3), channels=["e", "x", "f_t"], random_state=0
     )
-    y.iloc[12_000:12_003] += 9 * y.std()
+    y.iloc[12_000:12_020] += 9 * y.std()
     findings = compare(ARXRegressor(nk=29, inputs=["e"]).fit(X, y), X, y).findings
     (event,) = (finding for finding in findings if finding.name == "outlier")
     assert event.meaning.startswith("Perhaps the place where it costs most")

@@ -327,6 +327,6 @@ def test_save_replaces(made: Report, tmp_path: Path) -> None:
 def test_the_frame_in_a_notebook_holds_the_page(made: Report) -> None:
     frame = parse(made._repr_html_()).one("iframe")
     assert frame.attributes["srcdoc"] == made.html
-    assert frame.attributes["sandbox"] == "allow-scripts"
+    assert frame.attributes["sandbox"] == "allow-scripts allow-downloads"
     assert not re.search(r"&amp;(amp|lt|gt|quot|#\d+);", made.html)  # the page, not escaped twice
     assert "lambda &lt; 1 &amp; more" in made.html
