@@ -96,7 +96,7 @@ class Exploration:
         if element is not None:
             self.estimator.set_params(controlled_element=element)
         if search is not None:
-            self._takes_controller(search)
+            self._take_controller(search)
         domain, lost = self.options.get("domain"), self.options.get("lost_control", "leave_out")
         self.runs = Runs.of(self.estimator, X, y, domain, lost)
         self.domain = domain or ("human" if self._of_person() else "machine")
@@ -194,15 +194,15 @@ class Exploration:
         Where it found that a controller answers, the models are of that from here on.
         """
         with self.lock:
-            if self._takes_controller(search):
+            if self._take_controller(search):
                 self.models = Models(self.estimator, self.runs)
                 self.figures = Figures(self.models, self.domain)
             self.found = Found.of(search, self.here.train if train is None else train)
             self._progress = None
             self._changed()
 
-    def _takes_controller(self, search: EffectSearchCV) -> bool:
-        """Whether a search found that a controller answers: then models here are of that, too."""
+    def _take_controller(self, search: EffectSearchCV) -> bool:
+        """Model the controller that a search found to answer; whether it found one."""
         form = getattr(search.baseline_, "controller_", None)
         found = form is not None and self.estimator.controller is None
         if found:
