@@ -391,7 +391,7 @@ _ARRAYS = (".mat", ".npz")
 @checked(
     paths=[str, os.PathLike, Iterable],
     subject=[str, None],
-    condition=[str, Iterable, None],
+    condition=[str, list, tuple, None],
     run=[str, None],
     time=[str, None],
     units=[Mapping, None],
@@ -499,6 +499,8 @@ def read_experiment(
                           0.01  1.25
     """
     several = [condition] if isinstance(condition, str) else list(condition or ())
+    if not all(isinstance(one, str) for one in several):
+        raise ValueError(f"condition is a column or a list of columns, by name; got {condition!r}.")
     named = [(subject, "subject"), *((one, "condition") for one in several), (run, "run")]
     levels = {column: level for column, level in named if column is not None}
     asked = Asked(inputs, output, time, units, dt, levels)
