@@ -301,10 +301,10 @@ def evaluated(e, time, y, pieces, valid, thin, dt, q, ar, share_of, n_shares):
     _whiten(y, ar, valid, target)
     whole = target.copy()
     _project(own, pieces, target)
-    kept = np.empty((n_gains, n))
+    kept = np.zeros((n_gains, n))
     for i in range(n_gains):
-        _whiten(columns[i], ar, valid, kept[i])
         _whiten(columns[i], ar, valid, white[i])
+        _add(kept[i], 1.0, white[i])
         _project(own, pieces, white[i])
     normal, right = np.empty((n_gains, n_gains)), np.empty(n_gains)
     for i in range(n_gains):

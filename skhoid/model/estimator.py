@@ -61,7 +61,8 @@ from .prepared import (
 from .simulator import Simulator, list_parameters
 from .uncertainty import estimate_covariance, find_profile_intervals
 
-ANOTHER = 0.999  # times the squares of a minimum: another is lower, not only better reached
+# Times the squares of a minimum: another is lower, not only better reached (fits end within 1e-5).
+ANOTHER = 0.999
 SAME_VAF = 1.0  # point on the fitted rows, that predictions by the parameters shown may lose
 
 

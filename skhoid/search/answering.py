@@ -61,6 +61,8 @@ def find_controller(model: OperatorRegressor, prepared: Prepared) -> bool:
     of_person = Simulator(person.simulator.core, person.effects, some)
     of_some = Criterion(some)
     beside = Model(of_person, person.fit).refined(of_some)
+    if not best.sse < beside.sse:
+        return False
     # An integral that begins anywhere is an offset, too, and a person may have one.
     beside = extended(beside, "bias", Bias(), of_some, of_some)
     if not best.sse < beside.sse:

@@ -51,17 +51,16 @@ function candidatesPart(bench) {
 }
 
 function columnsOfCards({ cards }) {
-  const column = (heading, key) => [heading, cards.map((card) => card[key])];
-  return [
-    column("effect", "title"),
-    column("outcome", "status"),
-    column("gain, points", "gain"),
-    column("evidence, nats", "evidence"),
-    column("probability", "probability"),
-    column("allowed (95 %)", "limit"),
-    column("parameters", "parameters"),
-    column("reason", "reason"),
-  ];
+  return columnsByKey(cards, {
+    effect: "title",
+    outcome: "status",
+    "gain, points": "gain",
+    "evidence, nats": "evidence",
+    probability: "probability",
+    "allowed (95 %)": "limit",
+    parameters: "parameters",
+    reason: "reason",
+  });
 }
 
 // What brings nothing stays folded.

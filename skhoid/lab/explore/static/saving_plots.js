@@ -51,6 +51,11 @@ function csvButton(bench, what, columns) {
   );
 }
 
+// Columns of a table by their heads, of rows that have them under keys.
+function columnsByKey(rows, keys) {
+  return Object.entries(keys).map(([head, key]) => [head, rows.map((row) => row[key])]);
+}
+
 function download(name, content, type) {
   const href = URL.createObjectURL(new Blob([content], { type: type ?? content.type }));
   const safe = name.replace(/[^\p{L}\p{N}.-]+/gu, "-").replace(/^[-.]+/, "");

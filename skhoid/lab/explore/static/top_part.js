@@ -69,14 +69,8 @@ function topPart(bench) {
 
 function columnsOfParameters({ model, effects }) {
   const all = [...model, ...effects.flatMap((effect) => effect.parameters)];
-  const column = (heading, key) => [heading, all.map((one) => one[key])];
-  return [
-    column("parameter", "name"),
-    column("value", "value"),
-    column("standard error", "sd"),
-    column("unit", "unit"),
-    column("meaning", "meaning"),
-  ];
+  const keys = { parameter: "name", value: "value", "standard error": "sd" };
+  return columnsByKey(all, { ...keys, unit: "unit", meaning: "meaning" });
 }
 
 // The other parameters: those of an operator can be moved too.
