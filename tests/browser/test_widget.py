@@ -22,7 +22,7 @@ PAGE = """<!DOCTYPE html>
 const listeners = new Set();
 window.asked = [];
 const model = {{
-  get: (name) => ({{ payload: {payload} }})[name],
+  get: (name) => ({{ payload: {payload}, computes: {computes} }})[name],
   send: (content) => window.asked.push(content),
   on: (_, heard) => listeners.add(heard),
   off: (_, heard) => listeners.delete(heard),
@@ -62,7 +62,10 @@ class Cell:
         self.replies = []
         widget.send = lambda content, buffers=None: self.replies.append((content, buffers[0]))
         page = PAGE.format(
-            css=widget._css, esm=in_script(widget._esm), payload=in_script(widget.payload)
+            css=widget._css,
+            esm=in_script(widget._esm),
+            payload=in_script(widget.payload),
+            computes=in_script(widget.computes),
         )
         path.write_text(page, encoding="utf-8")
         browser.open(path)
@@ -108,6 +111,26 @@ def test_the_kernel_computes_what_is_clicked(browser, searched, runs, tmp_path):
     assert browser.violations() == []
     browser.js("window.ended()")
     assert cell.all(".sk-bench") == []
+
+
+def test_a_saved_notebook_shows_the_combinations_until_a_kernel_answers(
+    browser, searched, runs, tmp_path
+):
+    widget = searched.explore(*runs)
+    widget._repr_html_()  # as the notebook does when it shows the cell
+    cell = Cell(browser, widget, tmp_path / "notebook.html")
+
+    browser.driver.implicitly_wait(10)  # s; nobody carries messages meanwhile
+    [remove] = browser.driver.find_elements(By.CSS_SELECTOR, '[aria-label="Remove bias"]')
+    browser.driver.implicitly_wait(0)
+    remove.click()
+    assert cell.all('[aria-label="Add bias"]')
+    assert browser.console() == []
+    assert browser.violations() == []
+    cell.wait(
+        lambda: cell.all('[aria-label="Remove bias"]')
+    )  # the kernel has answered: the model is its own again
+    assert "bias" in widget.exploration.model.effects_.names
 
 
 def test_a_comparison_is_shown_without_the_kernel(browser, runs, tmp_path):

@@ -28,15 +28,37 @@ skhoidBench.wire
 OFFERED = ("mount", "numbers", "wire", "staticBackend", "widgetBackend")
 HOW = 'explore() needs anywidget: pip install "skhoid[notebook]".'
 ENTRY = """
+const PATIENCE = 3000;  // ms, in which a kernel that is not busy answers
 async function render({ model, el }) {
   const host = document.createElement("div");
+  const { jpThemeLight, vscodeThemeKind } = document.body.dataset;
+  if (jpThemeLight || vscodeThemeKind) {
+    const dark = jpThemeLight === "false" || /dark/.test(vscodeThemeKind ?? "");
+    host.dataset.theme = dark ? "dark" : "light";
+  }
   el.append(host);
-  const sent = model.get("payload");
-  const found = sent ? await skhoidBench.wire.unpackText(sent) : null;
-  const backend = found ? skhoidBench.staticBackend(found) : skhoidBench.widgetBackend(model);
-  const view = found ? found.view : (await backend.call("view", {})).view;
-  const mounted = skhoidBench.mount(host, view, backend);
-  return () => mounted.destroy();
+  let mounted = null;
+  let gone = false;
+  const show = (view, backend) => {
+    if (gone) return;
+    if (mounted) mounted.destroy();
+    mounted = skhoidBench.mount(host, view, backend);
+  };
+  const showStored = async () => {
+    const found = await skhoidBench.wire.unpackText(model.get("payload"));
+    if (!mounted) show(found.view, skhoidBench.staticBackend(found));
+  };
+  if (!model.get("computes")) await showStored();
+  else {
+    const backend = skhoidBench.widgetBackend(model);
+    const answered = backend.call("view", {}).then(({ view }) => show(view, backend));
+    await Promise.race([answered, new Promise((done) => setTimeout(done, PATIENCE))]);
+    if (!mounted && model.get("payload")) await showStored();
+  }
+  return () => {
+    gone = true;
+    if (mounted) mounted.destroy();
+  };
 }
 export default { render };
 """
@@ -95,7 +117,7 @@ def _text(name: str) -> str:
 
 def of_exploration(exploration: Exploration) -> Any:
     """A widget that computes with the kernel."""
-    widget = _widget("", lambda: payload_of_exploration(exploration))
+    widget = _widget(lambda: payload_of_exploration(exploration), computes=True)
     widget.on_msg(_Answers(widget, exploration).heard)
     widget.exploration = exploration
     return widget
@@ -103,11 +125,10 @@ def of_exploration(exploration: Exploration) -> Any:
 
 def of_comparison(found: Comparison) -> Any:
     """A widget of a comparison, which needs no computing."""
-    payload = payload_of_comparison(found)
-    return _widget(pack_text(payload), lambda: payload)
+    return _widget(lambda: payload_of_comparison(found), computes=False)
 
 
-def _widget(packed: str, payload_of: Callable[[], dict[str, Any]]) -> Any:
+def _widget(payload_of: Callable[[], dict[str, Any]], computes: bool) -> Any:
     try:
         import anywidget
         import traitlets
@@ -118,13 +139,15 @@ def _widget(packed: str, payload_of: Callable[[], dict[str, Any]]) -> Any:
         _esm = script() + ENTRY
         _css = style()
         payload = traitlets.Unicode("").tag(sync=True)
+        computes = traitlets.Bool().tag(sync=True)
 
         def _repr_html_(self) -> str:
-            """What is shown where no kernel is: in an exported notebook, say."""
+            """What is shown where no kernel is, and kept for where the state of widgets is."""
             found = payload_of()
-            return framed(pack_text(found), found["view"]["title"] or "Exploration")
+            self.payload = pack_text(found)
+            return framed(self.payload, found["view"]["title"] or "Exploration")
 
-    return Explorer(payload=packed)
+    return Explorer(payload="" if computes else pack_text(payload_of()), computes=computes)
 
 
 class _Answers:
