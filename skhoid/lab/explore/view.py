@@ -101,9 +101,11 @@ def make_curve(model: Any, name: str) -> dict[str, Any] | None:
     return {"xlabel": found.xlabel, "ylabel": found.ylabel, "lines": lines, "without": without}
 
 
-def _bound_in_words(one: ModelParameter) -> str:
-    """Words for a parameter that ended at a bound: it is not estimated there."""
-    return f"; at its {one.at_bound} bound" if one.at_bound else ""
+def _doubt_in_words(one: ModelParameter) -> str:
+    """Words for a parameter that is not estimated: it ended at a bound, or may have any size."""
+    if one.at_bound:
+        return f"; at its {one.at_bound} bound"
+    return "; these runs do not determine it" if one.is_vague else ""
 
 
 def _thinned(values: Any) -> np.ndarray:
@@ -135,7 +137,7 @@ def _parameter(
     return {
         "name": one.name,
         "label": label,
-        "meaning": one.meaning + _bound_in_words(one),
+        "meaning": one.meaning + _doubt_in_words(one),
         "unit": one.unit,
         "value": one.value,
         "sd": one.sd if np.isfinite(one.sd) and one.sd > 0 else None,
