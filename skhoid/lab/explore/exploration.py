@@ -60,6 +60,8 @@ class Exploration:
         What :meth:`memory` returned: go on from there.
     fitted : sequence of estimators, default=()
         Models that are fitted to all runs already, known by their effects.
+    preparation : str or None, default=None
+        What was done to the recordings before, and the model, in words.
 
     Examples
     --------
@@ -85,6 +87,7 @@ class Exploration:
         source: Sequence[str] | None = None,
         memory: Mapping[str, Any] | None = None,
         fitted: Sequence[Any] = (),
+        preparation: str | None = None,
     ):
         estimator = simulated_model(estimator, "Exploration")
         self.estimator = clone(estimator)
@@ -102,6 +105,7 @@ class Exploration:
         self.domain = domain or ("human" if self._of_person() else "machine")
         self.models = Models(self.estimator, self.runs, fitted)
         self.source = None if source is None else list(source)
+        self.preparation = preparation
         self.title = title or f"{type(estimator).__name__} against measured {self.runs.output}"
         self.lock = threading.RLock()
         self.revision = 0
@@ -255,6 +259,7 @@ class Exploration:
             ],
             "shown": 0,
             "opens_on": OPENS_ON,
+            "preparation": self.preparation,
             "note": self._note(),
             "state": self.state(),
         }

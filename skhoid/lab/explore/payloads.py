@@ -134,6 +134,7 @@ def payload_of_comparison(found: Comparison) -> dict[str, Any]:
         ],
         "shown": 0,
         "opens_on": OPENS_ON,
+        "preparation": None,
         "note": None if np.isfinite(found.noise_ceiling) else note,
         "state": state,
     }
