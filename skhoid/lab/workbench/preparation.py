@@ -109,7 +109,7 @@ def cut(X: Any, y: Any, until: float) -> tuple[Any, Any]:
     if not left.all():
         run = int(np.argmin(left))
         raise UnfitChoiceError(
-            f"Nothing is left of run {run_name(layout.labels[run])!r}, whose time begins at "
+            f"Nothing is left of run {run_name(layout.labels[run])}, whose time begins at "
             f"{layout.time[layout.run_starts[run]]:g} s. Give a later end.",
             "until",
         )
@@ -121,7 +121,7 @@ def tell_shortest(X: Any) -> str:
     layout = read_layout(X)
     rows = np.diff(layout.run_starts)
     run = int(np.argmin(rows))
-    return f"Run {run_name(layout.labels[run])!r} lasts {rows[run] * layout.dt:.4g} s"
+    return f"Run {run_name(layout.labels[run])} lasts {rows[run] * layout.dt:.4g} s"
 
 
 def tell_what_is_lost(X: Any, y: Any, choices: Choices, dt: float) -> str:

@@ -122,7 +122,7 @@ def test_a_session_comes_back_prepared(columns, begun):
 @pytest.mark.parametrize(
     ("asked", "field", "said"),
     [
-        ({"run_in": "25"}, "run_in", "Run '0' lasts 20.48 s: give less."),
+        ({"run_in": "25"}, "run_in", "Run 0 lasts 20.48 s: give less."),
         ({"measurement_time": "25"}, "measurement_time", "lasts 20.48 s: give less."),
         ({"run_in": "1", "measurement_time": "5"}, "measurement_time", "not both"),
         ({"until": "0"}, "until", "above 0"),
@@ -159,7 +159,7 @@ def test_a_run_that_begins_behind_the_end_is_said(begun, runs, tmp_path):
     page.wait("columns")
     reply = page.post("prepare", until="20").json()
     assert reply["field"] == "until"
-    assert "run '1', whose time begins at 21 s" in reply["message"]
+    assert "run 1, whose time begins at 21 s" in reply["message"]
 
 
 def test_what_thinned_rows_cannot_hold_is_said(begun, runs, tmp_path):
