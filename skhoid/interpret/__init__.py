@@ -8,6 +8,7 @@ from .conversion import FROM_POLES as FROM_POLES
 from .conversion import UNITS as UNITS
 from .conversion import arx_to_operator, operator_parameters
 from .fourier import auto_psd, fourier_coefficients
+from .linear_part import pole_table, step_response
 from .references import reference_fits
 from .response import FrequencyResponse, crossover_path
 
@@ -20,5 +21,7 @@ __all__ = [
     "crossover_path",
     "fourier_coefficients",
     "operator_parameters",
+    "pole_table",
     "reference_fits",
+    "step_response",
 ]

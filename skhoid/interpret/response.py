@@ -13,8 +13,11 @@ from .._sklearn import DT, HasMethods, checked
 from ..human import ControlledElement, HumanOperator, LinearElement
 from ..human.operator import find_last_crossings, find_phase_margin, warn_no_crossover
 from ..human.variation import as_floats, evaluate
+from ..model import OperatorRegressor
+from ..pipelines import taken_apart
 from ..runs import run_name
 from .arx_channel import ARXChannel, arx_response, describe_response, is_arx
+from .linear_part import LinearPart
 
 LONGEST_DELAY, DELAY_STEP = 1.0, 0.005  # s
 
@@ -259,10 +262,11 @@ class FrequencyResponse:
 
         Parameters
         ----------
-        system : object with ``frequency_response(omega, t)``, or fitted ARXRegressor
+        system : object with ``frequency_response(omega, t)``, or fitted model
             Physics, or an ARX model, alone or at the end of a pipeline or search: with its delay
             ``nk`` and that of a DelayShift before it, NaN above Nyquist, and with the covariance
-            that follows from ``covariance_`` (Eqs. H.11-H.17).
+            that follows from ``covariance_`` (Eqs. H.11-H.17). Of an OperatorRegressor it is the
+            response of its operator, without its effects, with the covariance by the delta method.
         omega : array-like of shape (n_lines,)
             Frequencies in rad/s.
         t : float, default=0.0
@@ -273,10 +277,14 @@ class FrequencyResponse:
         lines = np.atleast_1d(np.asarray(omega, dtype=float))
         if is_arx(system):
             return cls(lines, **describe_response(system, lines, input))
+        if isinstance(taken_apart(system)[1], OperatorRegressor):
+            part = LinearPart.of(system, input, "FrequencyResponse.of")
+            return cls(lines, **part.describe_response(lines))
         if not hasattr(system, "frequency_response"):
             raise TypeError(
                 "FrequencyResponse.of needs an object with frequency_response(omega, t), or a "
-                f"fitted ARX model, alone or in a pipeline; got {type(system).__name__}."
+                "fitted ARX model or OperatorRegressor, alone or in a pipeline; got "
+                f"{type(system).__name__}."
             )
         if isinstance(system, HumanOperator):
             name = "e" if input is None else input

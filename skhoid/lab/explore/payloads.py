@@ -49,8 +49,13 @@ def payload_of(
         return None if comparison is None else payload_of_comparison(comparison)
     fitted = [search.baseline_, search.best_estimator_]
     exploration = Exploration(search.estimator, X, y, search=search, fitted=fitted).at_result()
-    payload = payload_of_exploration(exploration, Effects.of(search.baseline_.effects).names)
-    for state in payload["states"].values():  # the page around it says these
+    return payload_in_report(exploration)
+
+
+def payload_in_report(exploration: Exploration) -> dict[str, Any]:
+    """The same of an exploration, without what the page around it says."""
+    payload = payload_of_exploration(exploration, exploration.found.before.names)
+    for state in payload["states"].values():
         state |= {"verdict": "", "verdict_kind": "", "limits": []}
     payload["view"]["title"] = ""
     return payload

@@ -8,16 +8,14 @@ import json
 import threading
 from collections.abc import AsyncIterator, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ... import report
-from ...effects import Effects
 from ...exceptions import IrregularSamplingError, ShortRunError
 from ...io import shown
 from ..explore import Exploration
-from ..explore.payloads import payload_of_exploration
+from ..explore.view import Found
 from ..guessing import UnclearColumnsError
 from ..opening import make_estimator
 from .columns import (
@@ -33,7 +31,7 @@ from .columns import (
 )
 from .jobs import SearchJob
 from .preparation import Prepared, prepare, tell_steps
-from .session import NotSaved, SessionFolder, make_digest
+from .session import SEARCH, NotSaved, SessionFolder, make_digest
 
 HISTORY = frozenset(("add", "remove", "release", "refit", "free", "undo", "redo", "use", "recall"))
 MODELS = frozenset(("keep", "drop"))
@@ -45,10 +43,6 @@ UNFINISHED = (
 
 ONTO_A_GRID = (
     'The clock is irregular: tick "Bring an irregular clock onto a grid" below, and check again.'
-)
-NOT_KEPT = (
-    "It has no ranking: of a search before the workbench was restarted only the result is kept. "
-    "Search again for the rest."
 )
 LEAVING_FEW = ("decimate", "measurement_time", "run_in", "until")  # the likeliest first
 QUIET = 15.0  # s, after which a comment keeps the connection alive
@@ -131,16 +125,6 @@ def _put(queue: asyncio.Queue[Any], loop: asyncio.AbstractEventLoop, message: An
         return
 
 
-@dataclass(frozen=True)
-class Searched:
-    """A search of this session that is in memory, and the runs on which it was fitted."""
-
-    search: Any
-    train: tuple[int, ...]
-    X: Any
-    y: Any
-
-
 class Workbench:
     """Files, their columns, and the exploration of them; one for all pages that are open."""
 
@@ -159,7 +143,7 @@ class Workbench:
         self.prepared: Prepared | None = None
         self.problems: list[dict[str, Any]] = []
         self.exploration: Exploration | None = None
-        self.searched: Searched | None = None
+        self._found: Found | None = None  # what the folder holds of a search
         self._job: SearchJob | None = None
         self._lock = threading.RLock()  # of this object; never held while something is computed
         self._saving = threading.Lock()
@@ -190,7 +174,10 @@ class Workbench:
             if kept.get("searching"):
                 self.notes.append(UNFINISHED)
         if self.chosen:
-            self._open(None if kept is None else kept.get("exploration"), reopened=kept is not None)
+            memory = None if kept is None else kept.get("exploration")
+            if memory is not None and memory.get("searched"):
+                memory["search"] = self.folder.load(SEARCH)
+            self._open(memory, reopened=kept is not None)
 
     def _kept(self) -> dict[str, Any]:
         files = []
@@ -206,11 +193,15 @@ class Workbench:
                 }
             )
         exploration = self.exploration
+        memory = None
+        if exploration is not None:
+            searched = exploration.found.result is not None
+            memory = {**exploration.memory(), "searched": searched}
         return {
             "asked": self.given.as_dict(),
             "choices": self.choices.as_dict(),
             "files": files,
-            "exploration": None if exploration is None else exploration.memory(),
+            "exploration": memory,
             "searching": self._job is not None,
         }
 
@@ -219,6 +210,7 @@ class Workbench:
         with self._saving:
             before = self.unsaved
             try:
+                self._save_search()
                 self.folder.save(self._kept())
                 self.unsaved, self._keeps_more = "", False
             except OSError as error:
@@ -229,6 +221,13 @@ class Workbench:
                 )
         if before != self.unsaved:
             self.news.tell("opening")
+
+    def _save_search(self) -> None:
+        """Keep what was found in a file of its own: it is large, and stays the same."""
+        found = None if self.exploration is None else self.exploration.found
+        if found is not None and found is not self._found and found.result is not None:
+            self.folder.save(found.as_dict(), SEARCH)
+            self._found = found
 
     # Files and columns.
 
@@ -331,7 +330,7 @@ class Workbench:
         self.choices = self.choices.corrected(asked, self.columns.names)
 
     def _discard(self, *, read_again: bool) -> None:
-        self.exploration = self.searched = None
+        self.exploration = None
         self.message = self.field = ""
         self.prepared = None
         self._round += 1
@@ -540,7 +539,7 @@ class Workbench:
                 self.notes = [note for note in self.notes if note != UNFINISHED]
 
                 def ended(job: SearchJob, found: Any, why: str) -> None:
-                    self._search_ended(job, found and Searched(found, train, X, y), why)
+                    self._search_ended(job, found, train, why)
 
                 exploration.searching({"share": 0.0, "words": "The search starts."})
                 self._job = SearchJob(search, X, y, self._progress, ended)
@@ -555,7 +554,7 @@ class Workbench:
             exploration.searching(told)
             self.news.tell(search=told)
 
-    def _search_ended(self, job: SearchJob, found: Searched | None, why: str) -> None:
+    def _search_ended(self, job: SearchJob, found: Any, train: tuple[int, ...], why: str) -> None:
         with self._lock:
             if job is not self._job:
                 return
@@ -564,8 +563,7 @@ class Workbench:
                 return
             exploration.searching(None)
             if found is not None:
-                exploration.take_search(found.search, found.train)
-                self.searched = found
+                exploration.take_search(found, train)
         if why:
             self.note(why)
         self.save()
@@ -590,17 +588,23 @@ class Workbench:
 
     def report(self) -> dict[str, Any]:
         """Write the report on the present model into the session's folder."""
-        source = ", ".join(self.files[name]["name"] for name in self.chosen)
+        exploration = self._open_exploration()
+        page = report(
+            exploration,
+            source=", ".join(self.files[name]["name"] for name in self.chosen),
+            made_with={
+                "Session": f"skhoid workbench --session {self.folder.path}",
+                "Fitted": str(exploration.preparation),
+            },
+        )
         try:
-            path = saved_report(self.folder, self._open_exploration(), self.searched, source)
+            path = page.save(self.folder.free("report.html"))
         except OSError as error:
             raise NotSaved(
                 f"The report was not saved: {put_in_words(error)} Nothing else is lost: make room, "
                 "or let the folder be written into, and save it again."
             ) from error
         text = f"The report is saved: {path}"
-        if self.searched is None and self._open_exploration().found.steps:
-            text += f". {NOT_KEPT}"
         return {"href": f"/api/report/{path.name}", "name": path.name, "text": text}
 
     def script(self) -> str:
@@ -620,41 +624,3 @@ class Workbench:
 
 class _Overtaken(Exception):
     """Something else was chosen meanwhile."""
-
-
-def saved_report(
-    folder: SessionFolder, exploration: Exploration, searched: Searched | None, source: str
-) -> Path:
-    """Write the report beside those that there are; returns its path."""
-    made_with = {"Session": f"skhoid workbench --session {folder.path}"}
-    if exploration.preparation:
-        made_with["Prepared"] = exploration.preparation
-    more: dict[str, Any] = {"source": source, "made_with": made_with}
-    with exploration.lock:
-        here, model = exploration.here, exploration.model
-        of_search = searched is not None and _is_found(exploration, searched)
-        data = exploration.runs.part(here.train)
-        payload = None if of_search else payload_of_exploration(exploration)
-        held = exploration.figures.vaf(exploration.figures.prediction(here), here)["hold"]
-    if held is not None:
-        names = ", ".join(exploration.runs.labels[run] for run in here.hold)
-        made_with["Held out"] = f"VAF {held:.1f} % on {names}, which are not in this page's figures"
-    if payload is None:
-        assert searched is not None
-        page = report(searched.search, searched.X, searched.y, **more)
-    else:
-        page = report(model, *data, effects=None, payload=payload, **more)
-    return page.save(folder.free("report.html"))
-
-
-def _is_found(exploration: Exploration, searched: Searched) -> bool:
-    """Whether the present model is the one that the search has found."""
-    here = exploration.here
-    if here.moved or here.train != searched.train:
-        return False
-    return _chosen(Effects.of(searched.search.best_estimator_.effects)) == _chosen(here.effects)
-
-
-def _chosen(effects: Effects) -> dict[str, str]:
-    """Choices and given numbers of effects, by name."""
-    return {name: repr(effect.get_params()) for name, effect in effects}
