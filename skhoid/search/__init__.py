@@ -7,6 +7,8 @@ from .evidence import COLUMNS as EVIDENCE_COLUMNS  # noqa: F401
 from .evidence import evidence_of as evidence_of
 from .judging import LEAST_GAIN as LEAST_GAIN
 from .judging import THRESHOLD as THRESHOLD
+from .memory import pack_result as pack_result
+from .memory import unpack_result as unpack_result
 from .probability import log_factor as log_factor
 from .probability import log_lead as log_lead
 from .results import SearchResult

@@ -435,16 +435,35 @@ class EffectSearchCV(RemembersParameters, SketchesEffects, SplitsRuns, FittedDis
 
     def _keep(self, result: SearchResult, by_fold: list[list[float]]) -> None:
         """Fitted attributes of a result, and scores of its models on what each fold holds out."""
-        self.result_ = result
-        for field in fields(result):
-            if field.name not in NOT_KEPT:
-                setattr(self, f"{field.name}_", getattr(result, field.name))
+        self.take_result(result, self.baseline_, self.best_estimator_)
         self.n_splits_ = len(by_fold[0])
         self.scorer_ = check_scoring(self.best_estimator_)
         self.cv_results_ = compare_models(result, self.best_estimator_.effects, by_fold)
         self.best_index_ = len(result.error_path) - 1
         self.best_params_ = self.cv_results_["params"][self.best_index_]
         self.best_score_ = float(self.cv_results_["mean_test_score"][self.best_index_])
+
+    def take_result(self, result: SearchResult, baseline: Any, best: Any) -> EffectSearchCV:
+        """Take what this search found earlier; for tools.
+
+        It can then be told and drawn, and has no ``cv_results_``.
+
+        Parameters
+        ----------
+        result : SearchResult
+            What it found.
+        baseline, best : estimator
+            The models without and with the effects, fitted.
+
+        Returns
+        -------
+        self : EffectSearchCV
+        """
+        self.result_, self.baseline_, self.best_estimator_ = result, baseline, best
+        for field in fields(result):
+            if field.name not in NOT_KEPT:
+                setattr(self, f"{field.name}_", getattr(result, field.name))
+        return self
 
     def list_effects(self) -> list[Effect]:
         """The effects that are tried.

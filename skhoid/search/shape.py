@@ -113,6 +113,8 @@ class Shape(Told):
         Ids of the effects of the catalogue that explain most of the same data.
     misses : float
         Share of what the shape explains that they miss.
+    beside : list of str
+        Ids of the other effects of ``estimator``.
 
     See Also
     --------
@@ -154,6 +156,7 @@ class Shape(Told):
     family: str | None = None
     closest: list[str] = field(default_factory=list)
     misses: float = float("nan")
+    beside: list[str] = field(default_factory=list)
 
     @property
     def id(self) -> str:
@@ -231,10 +234,11 @@ class Shape(Told):
     @property
     def _model_in_words(self) -> str:
         """The model to which it was added, in words."""
-        others = [effect.name for own, effect in self.estimator.effects_ if own != self.name]
-        named = [name for name in others if name != CLAIM]
+        named = [name for name in self.beside if name != CLAIM]
         words = [titles_of(named)] if named else []
-        if CLAIM in others:  # estimated beside the shape: whether the given one is wrong is open
+        if (
+            CLAIM in self.beside
+        ):  # estimated beside the shape: whether the given one is wrong is open
             words.append("a free delay")
         return f"the model with {' and '.join(words)}" if words else "the baseline"
 
@@ -357,6 +361,7 @@ def make_shape(
         recordings=recordings_for(effect, curve, near, effect.abscissa.label(units)),
         nearest_curve=pd.Series(near[0].curve, curve.index) if near else None,
         formula=find_formula(effect, curve, dof, record),
+        beside=[one.name for own, one in model.effects if own != candidate.name],
     )
 
 

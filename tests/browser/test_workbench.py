@@ -12,12 +12,24 @@ from functools import partial
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.pipeline import make_pipeline
 
-from skhoid import FrequencyResponse, OperatorRegressor, make_tracking_runs, read_runs
+from skhoid import (
+    Decimator,
+    DelayShift,
+    FrequencyResponse,
+    OperatorRegressor,
+    RunInTrimmer,
+    SimulatedARX,
+    VAFScorer,
+    make_tracking_runs,
+    read_runs,
+)
 from skhoid.effects import Bias, DeadZone
 
 By = pytest.importorskip("selenium.webdriver.common.by").By
 Keys = pytest.importorskip("selenium.webdriver.common.keys").Keys
+Select = pytest.importorskip("selenium.webdriver.support.ui").Select
 
 pytest.importorskip("uvicorn")
 
@@ -261,6 +273,64 @@ def test_the_linear_part_follows_the_model(serve, recorded, tmp_path):
     served.wait(lambda: (save("gain over frequency")["gain"] > before).all())
     assert save("gain over frequency")["gain low (95 %)"].isna().all()
     assert served.browser.console() == []
+
+
+def write(served, field, text):
+    """Type into a field, and leave it."""
+    box = served.one(f"#{field}")
+    box.clear()
+    box.send_keys(text, Keys.TAB)
+
+
+@pytest.mark.slow  # a server
+def test_preparation_is_shown_fitted_and_copied(serve, recorded, tmp_path):
+    served = serve(recorded).open()
+    served.one("#fit")
+    write(served, "run_in", "90")
+    served.wait(lambda: "Run 0 lasts 81.92 s: give less." in served.one("#run_in-hint").text)
+    assert served.one("#run_in").get_attribute("aria-invalid") == "true"
+    top = served.one("#decimate").location["y"]
+    write(served, "run_in", "8")
+    served.wait(lambda: served.one("#steps").text == "run-in 8 s → operator")
+    assert served.one("#decimate").location["y"] == top  # nothing has moved
+    assert served.one("#run_in").get_attribute("aria-invalid") == "false"
+    write(served, "decimate", "2")
+    Select(served.one("#core")).select_by_value("arx")
+    write(served, "shift", "0.28")
+    steps = "run-in 8 s → one row in 2 (25 Hz) → delay 0.28 s → ARX 2, 2, 0"
+    served.wait(lambda: served.one("#steps").text == steps)
+    assert served.browser.violations() == []
+    served.one("#fit").click()
+    assert served.one(".sk-preparation").text == steps
+    fitted = measure_vaf(served.state())
+    table = pd.read_csv(recorded)
+    X = table.set_index(["trial", "Time [s]"]).rename_axis(["run", "time"])
+    y = X.pop("stick")
+    steps = RunInTrimmer(8.0), Decimator(2), DelayShift(0.28, inputs=["Tracking error (deg)"])
+    roles = {"Tracking error (deg)": "e", "pitch": "x", "target": "f_t"}
+    model = SimulatedARX(inputs=["Tracking error (deg)"], roles=roles)
+    pipeline = make_pipeline(*steps, model).fit(X, y)
+    assert fitted == pytest.approx(VAFScorer()(pipeline, X, y), abs=1e-9)
+    (tmp_path / "script.py").write_text(write_script(served), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert float(re.search(r"VAF, runs fitted: ([-\d.e]+)", done.stdout)[1]) == fitted
+    assert served.browser.console() == []
+
+
+@pytest.mark.slow  # a server
+def test_what_a_fit_refuses_is_said_beside_its_field(serve, recorded):
+    served = serve(recorded).open()
+    served.one("#fit")
+    write(served, "decimate", "1500")
+    served.one("#fit").click()
+    served.wait(lambda: "Too few rows are left." in served.one("#decimate-hint").text)
+    assert served.browser.js("return document.activeElement.id") == "decimate"
+    assert served.browser.violations() == []
+    write(served, "decimate", "1")
+    served.one("#fit").click()
+    served.one('[aria-label="Add bias"]')
 
 
 def focus_on(served, selector, most=80):

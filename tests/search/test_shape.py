@@ -6,8 +6,6 @@ import re
 import pytest
 from support.shapes import a_shape, nothing_near
 
-from skhoid.effects import Bias, WrongDelay
-
 
 def test_sentences_say_place_gain_names_and_what_to_do():
     first, names, record, sketch = a_shape().sentences()
@@ -24,10 +22,9 @@ def test_sentences_say_place_gain_names_and_what_to_do():
 
 
 def test_a_delay_beside_it_is_free_and_not_called_wrong():
-    wrong = ("wrong_delay", WrongDelay())
-    first = a_shape([wrong]).sentences()[0]
+    first = a_shape(beside=["wrong_delay"]).sentences()[0]
     assert "of what the model with a free delay leaves" in first
-    first = a_shape([wrong, ("bias", Bias())]).sentences()[0]
+    first = a_shape(beside=["wrong_delay", "bias"]).sentences()[0]
     assert "of what the model with bias and a free delay leaves" in first
 
 

@@ -1,12 +1,10 @@
 """A shape of what has no name, made by hand; and a person who does what no catalogue has."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pandas as pd
 
 from skhoid import EffectSearchCV, OperatorRegressor, make_tracking_runs
-from skhoid.effects import Dimension, Effect, Effects, FreeMap, Parameter
+from skhoid.effects import Dimension, Effect, FreeMap, Parameter
 from skhoid.search import Shape
 
 
@@ -37,7 +35,7 @@ def searched(hidden_effect, seed=0, channels=("e",), **options):
     return EffectSearchCV(OperatorRegressor(), **options).fit(X, y), X, y
 
 
-def a_shape(beside=(), **given):
+def a_shape(**given):
     """A wave over the error, with two names near it."""
     at = np.linspace(-2.0, 2.0, 101)
     value = 0.3 * np.sin(2 * at)
@@ -67,7 +65,7 @@ def a_shape(beside=(), **given):
         "closed": 0.984,
         "effect": effect,
         "name": "free_0",
-        "estimator": SimpleNamespace(effects_=Effects([*beside, ("free_0", effect)])),
+        "estimator": None,
         "nearest": nearest,
         "recordings": ["To tell cubic gain from dead zone, record more."],
         "nearest_curve": curve["value"] * 0.9,

@@ -58,9 +58,11 @@ class Exploration:
     source : list of str or None, default=None
         Lines of Python that make X and y, for the script.
     memory : dict or None, default=None
-        What :meth:`memory` returned: go on from there.
+        What :meth:`memory` returned: go on from there; ``search`` in it is what was found.
     fitted : sequence of estimators, default=()
         Models that are fitted to all runs already, known by their effects.
+    preparation : str or None, default=None
+        What was done to the recordings before, and the model, in words.
 
     Examples
     --------
@@ -86,6 +88,7 @@ class Exploration:
         source: Sequence[str] | None = None,
         memory: Mapping[str, Any] | None = None,
         fitted: Sequence[Any] = (),
+        preparation: str | None = None,
     ):
         estimator = simulated_model(estimator, "Exploration")
         self.estimator = clone(estimator)
@@ -96,17 +99,21 @@ class Exploration:
         element = self.options.pop("controlled_element", None)
         if element is not None:
             self.estimator.set_params(controlled_element=element)
-        if search is not None:
-            self._take_controller(search)
         domain, lost = self.options.get("domain"), self.options.get("lost_control", "leave_out")
         self.runs = Runs.of(self.estimator, X, y, domain, lost)
         self.domain = domain or ("human" if self._of_person() else "machine")
+        self.found = Found()
+        if memory is not None and memory.get("search") is not None:
+            self.found = Found.of_dict(memory["search"], self.runs)
+        if search is not None:
+            self.found = Found.of(search, range(self.runs.n))
+        self._take_controller()
         self.models = Models(self.estimator, self.runs, fitted)
         self.source = None if source is None else list(source)
+        self.preparation = preparation
         self.title = title or f"{type(estimator).__name__} against measured {self.runs.output}"
         self.lock = threading.RLock()
         self.revision = 0
-        self.found = Found()
         self.own = {e.name: e for e in self._candidates()}
         self._progress: dict[str, Any] | None = None
         self.figures = Figures(self.models, self.domain)
@@ -117,9 +124,6 @@ class Exploration:
         if memory is not None:
             self.history = History.of_dict(memory["history"])
             self.kept = {int(n): Position.of_dict(one) for n, one in memory["kept"].items()}
-            self.found = Found.of_dict(memory["found"])
-        if search is not None:
-            self.found = Found.of(search, range(self.runs.n))
         self.models.fitted(self.here.effects, self.here.train)
 
     @property
@@ -143,7 +147,7 @@ class Exploration:
     def with_found(self) -> Effects:
         """The present effects, and behind them those of the best model of the search."""
         effects = self.here.effects
-        for _, kind, _ in self.found.effects:
+        for kind in [one.name for _, one in self.found.effects]:
             if kind in self.own and kind not in {e.name for _, e in effects}:
                 effects = effects + self.found.effect(kind, self.own)
         return effects
@@ -196,20 +200,30 @@ class Exploration:
         Where it found that a controller answers, the models are of that from here on.
         """
         with self.lock:
-            if self._take_controller(search):
+            self.found = Found.of(search, self.here.train if train is None else train)
+            if self._take_controller():
                 self.models = Models(self.estimator, self.runs)
                 self.figures = Figures(self.models, self.domain)
-            self.found = Found.of(search, self.here.train if train is None else train)
             self._progress = None
             self._changed()
 
-    def _take_controller(self, search: EffectSearchCV) -> bool:
+    def _take_controller(self) -> bool:
         """Model the controller that a search found to answer; whether it found one."""
-        form = getattr(search.baseline_, "controller_", None)
+        form = self.found.controller
         found = form is not None and self.estimator.controller is None
         if found:
             self.estimator.set_params(controller=form)
         return found
+
+    def searched(self) -> EffectSearchCV | None:
+        """The search of the runs that are fitted now, its models as all here; None without one."""
+        with self.lock:
+            found, train = self.found, self.here.train
+            if found.result is None or not found.is_of(train):
+                return None
+            estimator = clone(self.estimator).set_params(effects=found.before or None)
+            models = [self.models.fitted(one, train) for one in (found.before, found.effects)]
+            return EffectSearchCV(estimator, **self.options).take_result(found.result, *models)
 
     def searching(self, progress: Mapping[str, Any] | None) -> None:
         """Say how far a search is: share (0 to 1) and words; None where none is running."""
@@ -225,11 +239,14 @@ class Exploration:
                 self._changed()
 
     def memory(self) -> dict[str, Any]:
-        """All that is needed to come back to this state, for JSON."""
+        """All that is needed to come back to this state, for JSON.
+
+        What a search found is beside it, ``found.as_dict()``: it is large, and stays the same. To
+        come back it is given as ``search``.
+        """
         with self.lock:
             kept = {str(n): position.as_dict() for n, position in self.kept.items()}
-            history = self.history.as_dict()
-            return {"history": history, "kept": kept, "found": self.found.as_dict()}
+            return {"history": self.history.as_dict(), "kept": kept}
 
     def view(self) -> dict[str, Any]:
         """What the component is told once."""
@@ -257,6 +274,7 @@ class Exploration:
             ],
             "shown": 0,
             "opens_on": OPENS_ON,
+            "preparation": self.preparation,
             "note": self._note(),
             "state": self.state(),
         }

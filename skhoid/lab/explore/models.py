@@ -182,21 +182,27 @@ class Position:
         return replace(self, words=words, **changes)
 
     def as_dict(self) -> dict[str, Any]:
-        """The same for JSON; effects by id."""
-        effects = [[name, e.name, e.get_params()] for name, e in self.effects]
+        """The same for JSON."""
         return {
             "uses": list(self.uses),
-            "effects": effects,
+            "effects": pack_effects(self.effects),
             "moved": dict(self.moved),
             "words": self.words,
         }
 
     @classmethod
     def of_dict(cls, given: Mapping[str, Any]) -> Position:
-        steps = [
-            (name, effect_of(kind).set_params(**params)) for name, kind, params in given["effects"]
-        ]
-        return cls(tuple(given["uses"]), Effects(steps), dict(given["moved"]), str(given["words"]))
+        effects = unpack_effects(given["effects"])
+        return cls(tuple(given["uses"]), effects, dict(given["moved"]), str(given["words"]))
+
+
+def pack_effects(effects: Effects) -> list[list[Any]]:
+    """Name, id and choices of each effect, for JSON."""
+    return [[name, one.name, one.get_params()] for name, one in effects]
+
+
+def unpack_effects(packed: Iterable[Any]) -> Effects:
+    return Effects([(name, effect_of(kind).set_params(**own)) for name, kind, own in packed])
 
 
 class History:

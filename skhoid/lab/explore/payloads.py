@@ -50,10 +50,16 @@ def payload_of(
         return None if comparison is None else payload_of_comparison(comparison)
     fitted = [search.baseline_, search.best_estimator_]
     exploration = Exploration(search.estimator, X, y, search=search, fitted=fitted).at_result()
-    kept = Effects.of(search.baseline_.effects).names
+    return payload_in_report(exploration, comparison)
+
+
+def payload_in_report(
+    exploration: Exploration, comparison: Comparison | None = None
+) -> dict[str, Any]:
+    """The same of an exploration, without what the page around it says."""
     measured = None if comparison is None else comparison.by_frequency
-    payload = payload_of_exploration(exploration, kept, measured)
-    for state in payload["states"].values():  # the page around it says these
+    payload = payload_of_exploration(exploration, exploration.found.before.names, measured)
+    for state in payload["states"].values():
         state |= {"verdict": "", "verdict_kind": "", "limits": []}
     payload["view"]["title"] = ""
     return payload
@@ -145,6 +151,7 @@ def payload_of_comparison(found: Comparison) -> dict[str, Any]:
         ],
         "shown": 0,
         "opens_on": OPENS_ON,
+        "preparation": None,
         "note": None if np.isfinite(found.noise_ceiling) else note,
         "state": state,
     }

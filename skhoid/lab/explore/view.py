@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,15 +21,18 @@ from ...effects import effect as effect_of
 from ...model import ModelParameter, effect_curves
 from ...search import (
     Reason,
+    SearchResult,
     Status,
     limits_table,
+    pack_result,
     tell_headline,
     tell_limit,
     tell_verdict,
+    unpack_result,
     with_effects,
 )
 from ...text import as_sentence
-from .models import Models, Position
+from .models import Models, Position, Runs, pack_effects, unpack_effects
 
 SPAN = 3.0  # times a value, and
 SPAN_SD = 10.0  # standard errors of it, that a slider reaches on either side
@@ -98,9 +102,11 @@ def make_curve(model: Any, name: str) -> dict[str, Any] | None:
     return {"xlabel": found.xlabel, "ylabel": found.ylabel, "lines": lines, "without": without}
 
 
-def _bound_in_words(one: ModelParameter) -> str:
-    """Words for a parameter that ended at a bound: it is not estimated there."""
-    return f"; at its {one.at_bound} bound" if one.at_bound else ""
+def _doubt_in_words(one: ModelParameter) -> str:
+    """Words for a parameter that is not estimated: it ended at a bound, or may have any size."""
+    if one.at_bound:
+        return f"; at its {one.at_bound} bound"
+    return "; these runs do not determine it" if one.is_vague else ""
 
 
 def _thinned(values: Any) -> np.ndarray:
@@ -132,7 +138,7 @@ def _parameter(
     return {
         "name": one.name,
         "label": label,
-        "meaning": one.meaning + _bound_in_words(one),
+        "meaning": one.meaning + _doubt_in_words(one),
         "unit": one.unit,
         "value": one.value,
         "sd": one.sd if np.isfinite(one.sd) and one.sd > 0 else None,
@@ -165,7 +171,7 @@ def _round(value: float) -> float:
 
 
 @dataclass(frozen=True)
-class SearchStepKept:
+class SearchStep:
     """The candidates of one step: what they were added to (ids), and their cards."""
 
     parent: list[str]
@@ -174,74 +180,107 @@ class SearchStepKept:
 
 @dataclass(frozen=True)
 class Found:
-    """What a search found, as far as an exploration needs it; all of it may go to JSON.
+    """What a search found, as cards and sentences; nothing before any.
 
-    ``effects`` are those of the best model (name, id and choices), ``named`` the ids that the
-    verdict names, ``verdict_added`` what it says where all of these are in the model; ``vaf`` is
-    its VAF on the rows fitted, those of ``runs``; ``notes`` begin with the verdict and its figures;
-    ``limits`` are headings and rows of what these runs allow.
+    ``runs`` are those that it was fitted to, ``before`` the effects that it began with, ``effects``
+    those of its best model, ``controller`` the form of the controller that it found to answer.
     """
 
-    verdict: str = ""
-    verdict_added: str = ""
-    kind: str = ""
-    named: list[str] = field(default_factory=list)
-    effects: list[list[Any]] = field(default_factory=list)
-    steps: list[SearchStepKept] = field(default_factory=list)
-    ceiling: float | None = None
-    vaf: float = -np.inf
-    runs: list[int] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    limits: list[list[str]] = field(default_factory=list)
+    result: SearchResult | None = None
+    runs: tuple[int, ...] = ()
+    before: Effects = field(default_factory=lambda: Effects([]))
+    effects: Effects = field(default_factory=lambda: Effects([]))
+    controller: str | None = None
 
     @classmethod
     def of(cls, search: EffectSearchCV, runs: Sequence[int]) -> Found:
         """What a fitted search says."""
-        allowed = search.limits_.dropna(subset=["limit"]).set_index("effect")
-        limit = {str(name): tell_limit(row, "limit") for name, row in allowed.iterrows()}
-        steps = [
-            SearchStepKept(
-                table["beside"].iloc[0], [_card(row, search, limit) for _, row in table.iterrows()]
-            )
-            for _, table in search.ranking_.groupby("step")
-        ]
-        ceiling = float(search.error_path_["ceiling"].iloc[-1])
-        best = Effects.of(search.best_estimator_.effects)
-        limits = limits_table(search.result_)
-        return cls(
-            verdict=f"{tell_verdict(search.result_)}.",
-            verdict_added=f"{tell_verdict(search.result_, added=True)}.",
-            kind=search.verdict_.kind,
-            named=list(search.best_effects_),
-            effects=[[name, e.name, e.get_params()] for name, e in best],
-            steps=steps,
-            ceiling=ceiling if np.isfinite(ceiling) else None,
-            vaf=float(search.error_path_["vaf_train"].iloc[-1]),
-            runs=list(runs),
-            notes=[tell_headline(search.result_), *map(str, search.notes_)],
-            limits=[] if limits is None else [list(row) for row in (limits.header, *limits.rows)],
-        )
+        models = search.baseline_, search.best_estimator_
+        before, best = (Effects.of(model.effects) for model in models)
+        form = getattr(search.baseline_, "controller_", None)
+        return cls(search.result_, tuple(runs), before, best, form)
 
     def as_dict(self) -> dict[str, Any]:
-        steps = [vars(step) for step in self.steps]
-        return {**vars(self), "steps": steps}
+        """The same for JSON."""
+        return {
+            "result": None if self.result is None else pack_result(self.result),
+            "runs": list(self.runs),
+            "before": pack_effects(self.before),
+            "effects": pack_effects(self.effects),
+            "controller": self.controller,
+        }
 
     @classmethod
-    def of_dict(cls, given: Mapping[str, Any]) -> Found:
-        steps = [SearchStepKept(**step) for step in given["steps"]]
-        return cls(**{**given, "steps": steps})
+    def of_dict(cls, given: Mapping[str, Any], data: Runs) -> Found:
+        runs, result = tuple(given["runs"]), given["result"]
+        return cls(
+            None if result is None else unpack_result(result, *data.part(runs)),
+            runs,
+            unpack_effects(given["before"]),
+            unpack_effects(given["effects"]),
+            given["controller"],
+        )
+
+    @cached_property
+    def verdict(self) -> str:
+        return "" if self.result is None else f"{tell_verdict(self.result)}."
+
+    @cached_property
+    def verdict_added(self) -> str:
+        """The verdict where all that it names is in the model."""
+        return "" if self.result is None else f"{tell_verdict(self.result, added=True)}."
+
+    @property
+    def kind(self) -> str:
+        return "" if self.result is None else self.result.verdict.kind
+
+    @property
+    def named(self) -> list[str]:
+        """Ids that the verdict names."""
+        return [] if self.result is None else self.result.best_effects
+
+    @cached_property
+    def steps(self) -> list[SearchStep]:
+        result = self.result
+        if result is None:
+            return []
+        allowed = result.limits.dropna(subset=["limit"]).set_index("effect")
+        limit = {str(name): tell_limit(row, "limit") for name, row in allowed.iterrows()}
+        return [
+            SearchStep(
+                table["beside"].iloc[0], [_card(row, result, limit) for _, row in table.iterrows()]
+            )
+            for _, table in result.ranking.groupby("step")
+        ]
+
+    @property
+    def last(self) -> Mapping[str, float]:
+        """Figures of the best model."""
+        return {} if self.result is None else self.result.error_path.iloc[-1]
+
+    @cached_property
+    def notes(self) -> list[str]:
+        """The verdict with its figures, and remarks."""
+        result = self.result
+        return [] if result is None else [tell_headline(result), *map(str, result.notes)]
+
+    @cached_property
+    def limits(self) -> list[list[str]]:
+        """Headings and rows of what these runs allow."""
+        table = None if self.result is None else limits_table(self.result)
+        return [] if table is None else [list(row) for row in (table.header, *table.rows)]
 
     def effect(self, kind: str, own: Mapping[str, Effect]) -> Effect:
         """The effect of an id: with the choices of the search, the user's own, or a new one."""
-        for _, known, params in self.effects:
-            if known == kind:
+        for _, known in self.effects:
+            if known.name == kind:
                 template = own.get(kind) or effect_of(kind)
-                return template.with_choices(**params)
+                return template.with_choices(**known.get_params())
         return own[kind].with_choices() if kind in own else effect_of(kind)
 
     def is_of(self, runs: Sequence[int]) -> bool:
         """Whether the search was made on these runs; true before any."""
-        return not self.steps or list(self.runs) == list(runs)
+        return self.result is None or self.runs == tuple(runs)
 
     def cards(
         self, here: Position, catalogue: Sequence[Effect], domain: str | None
@@ -267,7 +306,7 @@ class Found:
         again = "" if exact and own else ". Search again for the present model and runs"
         return cards, f"{words}{again}."
 
-    def _step_for(self, ids: Counter[str]) -> SearchStepKept | None:
+    def _step_for(self, ids: Counter[str]) -> SearchStep | None:
         """The step that began from these effects, or else from the most of them."""
         begun = [step for step in self.steps if not Counter(step.parent) - ids]
         return max(begun, key=lambda step: len(step.parent), default=None)
@@ -280,17 +319,17 @@ def _elsewhere(card: dict[str, Any]) -> dict[str, Any]:
     return {**card, "status": HELPS, "reason": "Named for other runs than are fitted now."}
 
 
-def _card(row: Any, search: EffectSearchCV, limits: Mapping[str, str]) -> dict[str, Any]:
+def _card(row: Any, result: SearchResult, limits: Mapping[str, str]) -> dict[str, Any]:
     if row["status"] == Status.REFUSED:
         status = REFUSED
-    elif row["effect"] in search.best_effects_:
+    elif row["effect"] in result.best_effects:
         status = FOUND
     elif row["status"] == Status.ADDED or Reason(row["reason_code"]).counts:
         status = HELPS
     else:
         status = NO
     reason = "" if status == FOUND else as_sentence(row["reason"])
-    if row["effect"] in search.stand_ins_:
+    if row["effect"] in result.stand_ins:
         status = HELPS
         reason = "It explains part of what is missing, too little to be named."
     return {
@@ -406,9 +445,10 @@ class Figures:
         pending = judged_key(here) not in self._judged
         known = [one for one in self._judged_on(here) if one["ceiling"] is not None]
         best = max(known, key=lambda one: one["vaf"], default=None)
-        of_search = found.ceiling is not None and tuple(found.runs) == here.train
-        if of_search and (best is None or best["vaf"] < found.vaf - CLOSE):
-            ceiling = {"vaf": found.ceiling, "note": OF_SEARCH}
+        last = found.last if found.runs == here.train else {}
+        of_search = np.isfinite(last.get("ceiling", np.nan))
+        if of_search and (best is None or best["vaf"] < last["vaf_train"] - CLOSE):
+            ceiling = {"vaf": float(last["ceiling"]), "note": OF_SEARCH}
         elif best is not None:
             ceiling = {**best["ceiling"], "note": as_sentence(best["note"])}
         else:

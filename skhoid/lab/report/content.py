@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -59,6 +59,7 @@ SECTIONS = {
     "explore": "Look for yourself",
     "shape": "The shape of what has no name",
     "parameters": "Parameters",
+    "models": "Models side by side",
     "next": "What to do next",
     "ranking": "Ranking, with reasons",
     "comparison": "Comparison with the measurement",
@@ -87,17 +88,22 @@ ANSWERED = (
 class Results:
     """What a report is made of: models, the search for effects, comparisons (or why none).
 
-    ``final`` and ``after`` are the model and the comparison with the effects found.
+    ``final`` and ``after`` are the model and the comparison with the effects found, or as a user
+    has made it; ``final_name`` is what it has more than the baseline. ``models`` are that of an
+    exploration and those kept beside it, ``held_out`` the runs that it holds out.
     """
 
     baseline: Any
     final: Any = None
+    final_name: str = ""
     search: EffectSearchCV | None = None
     no_search: str = ""
     fitted_here: bool = False
     comparison: Comparison | None = None
     no_comparison: str = ""
     after: Comparison | None = None
+    models: Sequence[Mapping[str, Any]] = ()
+    held_out: str = ""
 
 
 def read_content(
@@ -119,7 +125,7 @@ def read_content(
     layout = raw_layout(baseline, X)
     names = [*frame.columns, output.name, *units.values(), repr(baseline), *layout.labels]
     gallery = Gallery(map(str, names))
-    added = "" if search is None else with_effects(search.error_path_["effect"].iloc[1:])
+    added = results.final_name
     compared = [
         {
             "title": title,
@@ -141,7 +147,7 @@ def read_content(
         "in_short": _in_short(search, comparison),
         "vaf_rule": VAF_RULE,
         "verdict": _verdict(search, comparison),
-        "facts": list(_facts(search, comparison, rows)),
+        "facts": [*_facts(search, comparison, rows), *_facts_now(results)],
         "source": source,
         "data": _data(X, y, frame, output, units, baseline, layout, comparison, after, gallery),
         "model": _model(baseline),
@@ -156,6 +162,7 @@ def read_content(
         "criteria": {"evidence": f"{THRESHOLD:g}", "gain": f"{LEAST_GAIN:g}"},
         "folded": FOLDED if search is not None else (),
         "parameters": _parameters(baseline, final),
+        "models": _models(results.models) if len(results.models) > 1 else None,
         "with_before": final is not None,
         "effects": [] if final is None else gallery.effects(final, X, y),
         "paths": _paths(baseline, gallery),
@@ -277,6 +284,16 @@ def _facts(
         if np.isfinite(comparison.noise_ceiling):
             top = "what a model could reach, judged by what this one leaves"
             yield ceiling_text(comparison.noise_ceiling), "noise ceiling", top
+
+
+def _facts_now(results: Results) -> Iterator[tuple[str, str, str]]:
+    """Figures of the present model of a workbench, beside those of its search."""
+    for one in results.models[:1]:
+        train, hold = (_percent(one["vaf"][rows]) for rows in ("train", "hold"))
+        if results.search is not None:
+            yield f"{train} %", "VAF of the present model", f"{one['title']}; runs fitted"
+        if hold != DASH:
+            yield f"{hold} %", "VAF of the present model, held out", results.held_out
 
 
 def _data(
@@ -479,6 +496,31 @@ def _parameters(baseline: Any, final: Any) -> TextTable:
     if final is not None:
         header.insert(5, "without new effects")
     return TextTable("", header, rows, left=["parameter", "unit", "meaning"])
+
+
+def _models(models: Sequence[Mapping[str, Any]]) -> TextTable:
+    """VAF and parameters of models, each a column."""
+    known = [{one["name"]: one for one in model["parameters"]} for model in models]
+    units = {name: one["unit"] for of_model in known for name, one in of_model.items()}
+    names = [f"{model['id'] or 'this model'}: {model['title']}" for model in models]
+    rows = [
+        [f"VAF, {words}", *(_percent(model["vaf"][rows]) for model in models), "%"]
+        for rows, words in (("train", "runs fitted"), ("hold", "runs held out"))
+        if models[0]["vaf"][rows] is not None
+    ]
+    if any(model["other_runs"] for model in models):
+        rows.append(
+            ["fitted to", *("other runs" if m["other_runs"] else "these" for m in models), ""]
+        )
+    rows += [
+        [name, *(number(of[name]["value"]) if name in of else DASH for of in known), unit]
+        for name, unit in units.items()
+    ]
+    return TextTable("", ["figure", *names, "unit"], rows, left=["figure", "unit"])
+
+
+def _percent(vaf: float | None) -> str:
+    return DASH if vaf is None else f"{vaf:.1f}"
 
 
 def parameter_frame(model: Any) -> pd.DataFrame:

@@ -11,10 +11,11 @@ from sklearn.utils.validation import check_is_fitted
 from ...diagnosis import Comparison, compare
 from ...pipelines import taken_apart
 from ...runs import output_name
-from ...search import EffectSearchCV, without_output
+from ...search import EffectSearchCV, with_effects, without_output
 from ..experiment.group import GroupEffectSearch
 from ..experiment.people import PeopleResult
-from ..explore.payloads import payload_of
+from ..explore import Exploration
+from ..explore.payloads import payload_in_report, payload_of
 from .content import Results, read_content
 from .experiment import report_experiment
 from .page import Page
@@ -77,7 +78,6 @@ def report(
     title: str | None = None,
     source: str | None = None,
     made_with: dict[str, str] | None = None,
-    payload: dict[str, Any] | None = None,
 ) -> Any:
     """Report on a model: one HTML page from the data to what is missing, and what to do next.
 
@@ -91,7 +91,8 @@ def report(
         fitted must be so on these data; where one is made here, it fits the model anew. What was
         found in an experiment with people, a :class:`GroupEffectSearch` or a
         :class:`PeopleResult`, makes the page of :func:`skhoid.lab.report.report_experiment`, which
-        has more options.
+        has more options. Of an exploration (``widget.exploration``) it is the page of its present
+        model, with its search and the models that were kept; it does not need X and y.
     X : DataFrame or array of shape (n_rows, n_columns)
         Channels, one row per sample. An experiment does not need it.
     y : Series or array of shape (n_rows,)
@@ -105,8 +106,6 @@ def report(
         Where the data are from, in a sentence.
     made_with : dict of str or None, default=None
         More lines for the section "How this was made": the command, a seed.
-    payload : dict or None, default=None
-        What there is to touch, in place of the effects found: of a workbench.
 
     Returns
     -------
@@ -137,6 +136,8 @@ def report(
     """
     if isinstance(model, GroupEffectSearch | PeopleResult):
         return report_experiment(model, X, y, title=title, source=source, made_with=made_with)
+    if isinstance(model, Exploration):
+        return _report_exploration(model, title=title, source=source, made_with=made_with)
     if X is None or y is None:
         raise ValueError(
             f"report needs the data: report(model, X, y). Only what was found in an experiment "
@@ -154,6 +155,7 @@ def report(
     results = Results(
         baseline=baseline,
         final=final,
+        final_name="" if search is None else with_effects(search.result_.added),
         search=search,
         no_search=no_search,
         fitted_here=search is not None or baseline is not model,
@@ -161,12 +163,52 @@ def report(
         no_comparison=no_comparison,
         after=after,
     )
-    payload = payload or payload_of(search, comparison, X, y)
-    content = read_content(X, y, results, payload, source=source, made_with=made_with)
+    payload = payload_of(search, comparison, X, y)
+    return _make_page(X, y, results, payload, title, source=source, made_with=made_with)
+
+
+def _make_page(
+    X: Any,
+    y: Any,
+    results: Results,
+    payload: dict[str, Any] | None,
+    title: str | None,
+    **about: Any,
+) -> Report:
+    search, comparison = results.search, results.comparison
+    content = read_content(X, y, results, payload, **about)
     content["found_title"] = title is None and (search is not None or comparison is not None)
     if title is None:
-        title = f"{type(taken_apart(baseline)[1]).__name__} against measured {output_name(y)}"
-    return Report(title, content, search, comparison, after)
+        name = type(taken_apart(results.baseline)[1]).__name__
+        title = f"{name} against measured {output_name(y)}"
+    return Report(title, content, search, comparison, results.after)
+
+
+def _report_exploration(exploration: Exploration, *, title: str | None, **about: Any) -> Report:
+    """Report on the present model, beside the search of its runs and the models kept."""
+    with exploration.lock:
+        here, model, state = exploration.here, exploration.model, exploration.state()
+        search, payload = exploration.searched(), payload_in_report(exploration)
+    X, y = exploration.runs.part(here.train)
+    baseline = model if search is None else search.baseline_
+    new = [name for name in here.effects.names if name not in exploration.found.before.names]
+    by_hand = "numbers moved by hand" if here.moved else ""
+    name = ", ".join(filter(None, [with_effects(new) if new else "", by_hand]))
+    final = None if model is baseline else model
+    comparison, no_comparison = _comparison(baseline, X, y)
+    results = Results(
+        baseline=baseline,
+        final=final,
+        final_name=name if new else f"with {by_hand or 'fewer effects'}",
+        search=search,
+        no_search=state["verdict"] or "Search in the workbench, and save the report again.",
+        comparison=comparison,
+        no_comparison=no_comparison,
+        after=None if final is None else _comparison(final, X, y)[0],
+        models=state["models"],
+        held_out=", ".join(exploration.runs.labels[run] for run in here.hold),
+    )
+    return _make_page(X, y, results, payload, title, **about)
 
 
 def _search(model: Any, X: Any, y: Any, effects: Any) -> tuple[EffectSearchCV | None, str]:

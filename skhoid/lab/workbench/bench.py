@@ -8,21 +8,30 @@ import json
 import threading
 from collections.abc import AsyncIterator, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ... import report
-from ...effects import Effects
-from ...exceptions import IrregularSamplingError
+from ...exceptions import IrregularSamplingError, ShortRunError
 from ...io import shown
 from ..explore import Exploration
-from ..explore.payloads import payload_of_exploration
+from ..explore.view import Found
 from ..guessing import UnclearColumnsError
 from ..opening import make_estimator
-from .columns import KINDS, Choices, Columns, Recorded, look, noted, read, search_settings
+from .columns import (
+    KINDS,
+    Choices,
+    Columns,
+    Recorded,
+    UnfitChoiceError,
+    look,
+    noted,
+    read,
+    search_settings,
+)
 from .jobs import SearchJob
-from .session import NotSaved, SessionFolder, make_digest
+from .preparation import Prepared, prepare, tell_steps
+from .session import SEARCH, NotSaved, SessionFolder, make_digest
 
 HISTORY = frozenset(("add", "remove", "release", "refit", "free", "undo", "redo", "use", "recall"))
 MODELS = frozenset(("keep", "drop"))
@@ -35,10 +44,7 @@ UNFINISHED = (
 ONTO_A_GRID = (
     'The clock is irregular: tick "Bring an irregular clock onto a grid" below, and check again.'
 )
-NOT_KEPT = (
-    "It has no ranking: of a search before the workbench was restarted only the result is kept. "
-    "Search again for the rest."
-)
+LEAVING_FEW = ("decimate", "measurement_time", "run_in", "until")  # the likeliest first
 QUIET = 15.0  # s, after which a comment keeps the connection alive
 
 
@@ -50,6 +56,13 @@ def put_in_words(error: BaseException) -> str:
         return f"{error.filename or 'The file'}: {error.strerror}."
     text = error.args[0] if isinstance(error, KeyError) and error.args else error
     return " ".join(str(text).split()) or type(error).__name__
+
+
+def tell_preparation(prepared: Prepared | None, choices: Choices) -> dict[str, str]:
+    """The pipeline in words, and what it costs; nothing of it before there is any."""
+    if prepared is None:
+        return {"steps": "", "note": ""}
+    return {"steps": tell_steps(prepared, choices), "note": prepared.note}
 
 
 class News:
@@ -112,16 +125,6 @@ def _put(queue: asyncio.Queue[Any], loop: asyncio.AbstractEventLoop, message: An
         return
 
 
-@dataclass(frozen=True)
-class Searched:
-    """A search of this session that is in memory, and the runs on which it was fitted."""
-
-    search: Any
-    train: tuple[int, ...]
-    X: Any
-    y: Any
-
-
 class Workbench:
     """Files, their columns, and the exploration of them; one for all pages that are open."""
 
@@ -131,15 +134,16 @@ class Workbench:
         self.news = News()
         self.files: dict[str, dict[str, Any]] = {}
         self.chosen: list[str] = []
-        self.phase, self.doing, self.message = "empty", "", ""
+        self.phase, self.doing, self.message, self.field = "empty", "", "", ""
         self.notes: list[str] = []
         self.unsaved = ""
         self._keeps_more = False  # whether the folder holds what could not be opened again
         self.columns: Columns | None = None
         self.recorded: Recorded | None = None
+        self.prepared: Prepared | None = None
         self.problems: list[dict[str, Any]] = []
         self.exploration: Exploration | None = None
-        self.searched: Searched | None = None
+        self._found: Found | None = None  # what the folder holds of a search
         self._job: SearchJob | None = None
         self._lock = threading.RLock()  # of this object; never held while something is computed
         self._saving = threading.Lock()
@@ -170,7 +174,10 @@ class Workbench:
             if kept.get("searching"):
                 self.notes.append(UNFINISHED)
         if self.chosen:
-            self._open(None if kept is None else kept.get("exploration"), reopened=kept is not None)
+            memory = None if kept is None else kept.get("exploration")
+            if memory is not None and memory.get("searched"):
+                memory["search"] = self.folder.load(SEARCH)
+            self._open(memory, reopened=kept is not None)
 
     def _kept(self) -> dict[str, Any]:
         files = []
@@ -186,11 +193,15 @@ class Workbench:
                 }
             )
         exploration = self.exploration
+        memory = None
+        if exploration is not None:
+            searched = exploration.found.result is not None
+            memory = {**exploration.memory(), "searched": searched}
         return {
             "asked": self.given.as_dict(),
             "choices": self.choices.as_dict(),
             "files": files,
-            "exploration": None if exploration is None else exploration.memory(),
+            "exploration": memory,
             "searching": self._job is not None,
         }
 
@@ -199,6 +210,7 @@ class Workbench:
         with self._saving:
             before = self.unsaved
             try:
+                self._save_search()
                 self.folder.save(self._kept())
                 self.unsaved, self._keeps_more = "", False
             except OSError as error:
@@ -209,6 +221,13 @@ class Workbench:
                 )
         if before != self.unsaved:
             self.news.tell("opening")
+
+    def _save_search(self) -> None:
+        """Keep what was found in a file of its own: it is large, and stays the same."""
+        found = None if self.exploration is None else self.exploration.found
+        if found is not None and found is not self._found and found.result is not None:
+            self.folder.save(found.as_dict(), SEARCH)
+            self._found = found
 
     # Files and columns.
 
@@ -222,6 +241,7 @@ class Workbench:
                 "phase": self.phase,
                 "doing": self.doing,
                 "message": self.message,
+                "field": self.field,
                 "notes": [*self.notes, *filter(None, [self.unsaved])],
                 "session": str(self.folder.path),
                 "kept": self._keeps_more,
@@ -233,13 +253,8 @@ class Workbench:
                 "recorded": "" if recorded is None else recorded.words,
                 "findings": [] if recorded is None else recorded.findings,
                 "checked": recorded is not None,
-                "model": {
-                    "core": self.choices.core,
-                    "display": self.choices.display,
-                    "dt": self.choices.dt,
-                    "remove_means": self.choices.remove_means,
-                    "resample": self.choices.resample,
-                },
+                "model": self.choices.as_dict(),
+                **tell_preparation(self.prepared, self.choices),
             }
 
     def _file(self, name: str) -> dict[str, Any]:
@@ -276,11 +291,22 @@ class Workbench:
     def fit(self, asked: Mapping[str, Any]) -> None:
         """Fit the model to what is chosen, and then search if that is asked for, too."""
         with self._lock:
-            before = self.choices
+            before = self.choices.of_reading
             self._take(asked)
-            of_model: dict[str, Any] = {"core": self.choices.core, "display": self.choices.display}
-            self._discard(read_again=replace(before, **of_model) != self.choices)
+            self._discard(read_again=before != self.choices.of_reading)
         self._open(None, fit=True, search=bool(asked.get("search")))
+
+    def try_preparation(self, asked: Mapping[str, Any]) -> dict[str, str]:
+        """What would be done to the recordings with these choices, which are not taken yet."""
+        with self._lock:
+            columns, recorded = self.columns, self.recorded
+            choices = self.choices
+        try:
+            choices = choices.corrected(asked, [] if columns is None else columns.names)
+            prepared = None if recorded is None else prepare(recorded, choices)
+        except UnfitChoiceError as error:
+            return {**tell_preparation(None, choices), "message": str(error), "field": error.field}
+        return tell_preparation(prepared, choices)
 
     def back(self) -> None:
         """Back to the columns: what was explored is given up, as the page has asked before."""
@@ -304,8 +330,9 @@ class Workbench:
         self.choices = self.choices.corrected(asked, self.columns.names)
 
     def _discard(self, *, read_again: bool) -> None:
-        self.exploration = self.searched = None
-        self.message = ""
+        self.exploration = None
+        self.message = self.field = ""
+        self.prepared = None
         self._round += 1
         if read_again:
             self.recorded, self.problems = None, []
@@ -329,6 +356,7 @@ class Workbench:
             if self.recorded is None:
                 self._look(this, paths)
                 self._read(this, paths)
+            self._prepare(this)
             if why:
                 raise ValueError(why)
             if fit:
@@ -388,22 +416,38 @@ class Workbench:
             self.files[name]["digest"] = make_digest(self.files[name]["path"])
         self._now(this, recorded=recorded, problems=[])
 
+    def _prepare(self, this: int) -> None:
+        assert self.recorded is not None
+        self._now(this, prepared=prepare(self.recorded, self.choices))
+
     def _fit(self, this: int, memory: Any) -> None:
-        recorded = self.recorded
+        recorded, prepared = self.recorded, self.prepared
         assert recorded is not None
+        assert prepared is not None
         self._now(this, phase="fitting", doing="Fitting the model without effects ...")
         about = {"inputs": recorded.inputs, "roles": recorded.roles or None}
-        exploration = Exploration(
-            make_estimator(self.choices, recorded.X, recorded.y, **about),
-            recorded.X,
-            recorded.y,
-            options=search_settings(self.choices),
-            title=", ".join(self.files[name]["name"] for name in self.chosen),
-            source=recorded.source,
-            memory=memory,
-        )
-        exploration.state()
+        try:
+            model = make_estimator(self.choices, prepared.X, prepared.y, **about)
+            exploration = Exploration(
+                model,
+                prepared.X,
+                prepared.y,
+                options=search_settings(self.choices),
+                title=", ".join(self.files[name]["name"] for name in self.chosen),
+                source=prepared.source,
+                memory=memory,
+                preparation=tell_steps(prepared, self.choices, model),
+            )
+            exploration.state()
+        except ShortRunError as error:
+            field = next((name for name in LEAVING_FEW if self._leaves_fewer(name)), "")
+            if not field:
+                raise
+            raise UnfitChoiceError(f"Too few rows are left. {error}", field) from error
         self._now(this, exploration=exploration, phase="bench")
+
+    def _leaves_fewer(self, name: str) -> bool:
+        return getattr(self.choices, name) != getattr(Choices(), name)
 
     def _unclear(self, this: int, error: UnclearColumnsError) -> None:
         with contextlib.suppress(_Overtaken):
@@ -418,7 +462,8 @@ class Workbench:
             message = put_in_words(error)
             if isinstance(error, IrregularSamplingError):
                 message = f"{ONTO_A_GRID} {message}"
-            self._now(this, phase=phase, doing="", message=message)
+            field = getattr(error, "field", "")
+            self._now(this, phase=phase, doing="", message=message, field=field)
 
     # The component.
 
@@ -494,7 +539,7 @@ class Workbench:
                 self.notes = [note for note in self.notes if note != UNFINISHED]
 
                 def ended(job: SearchJob, found: Any, why: str) -> None:
-                    self._search_ended(job, found and Searched(found, train, X, y), why)
+                    self._search_ended(job, found, train, why)
 
                 exploration.searching({"share": 0.0, "words": "The search starts."})
                 self._job = SearchJob(search, X, y, self._progress, ended)
@@ -509,7 +554,7 @@ class Workbench:
             exploration.searching(told)
             self.news.tell(search=told)
 
-    def _search_ended(self, job: SearchJob, found: Searched | None, why: str) -> None:
+    def _search_ended(self, job: SearchJob, found: Any, train: tuple[int, ...], why: str) -> None:
         with self._lock:
             if job is not self._job:
                 return
@@ -518,8 +563,7 @@ class Workbench:
                 return
             exploration.searching(None)
             if found is not None:
-                exploration.take_search(found.search, found.train)
-                self.searched = found
+                exploration.take_search(found, train)
         if why:
             self.note(why)
         self.save()
@@ -544,17 +588,23 @@ class Workbench:
 
     def report(self) -> dict[str, Any]:
         """Write the report on the present model into the session's folder."""
-        source = ", ".join(self.files[name]["name"] for name in self.chosen)
+        exploration = self._open_exploration()
+        page = report(
+            exploration,
+            source=", ".join(self.files[name]["name"] for name in self.chosen),
+            made_with={
+                "Session": f"skhoid workbench --session {self.folder.path}",
+                "Fitted": str(exploration.preparation),
+            },
+        )
         try:
-            path = saved_report(self.folder, self._open_exploration(), self.searched, source)
+            path = page.save(self.folder.free("report.html"))
         except OSError as error:
             raise NotSaved(
                 f"The report was not saved: {put_in_words(error)} Nothing else is lost: make room, "
                 "or let the folder be written into, and save it again."
             ) from error
         text = f"The report is saved: {path}"
-        if self.searched is None and self._open_exploration().found.steps:
-            text += f". {NOT_KEPT}"
         return {"href": f"/api/report/{path.name}", "name": path.name, "text": text}
 
     def script(self) -> str:
@@ -574,39 +624,3 @@ class Workbench:
 
 class _Overtaken(Exception):
     """Something else was chosen meanwhile."""
-
-
-def saved_report(
-    folder: SessionFolder, exploration: Exploration, searched: Searched | None, source: str
-) -> Path:
-    """Write the report beside those that there are; returns its path."""
-    made_with = {"Session": f"skhoid workbench --session {folder.path}"}
-    more: dict[str, Any] = {"source": source, "made_with": made_with}
-    with exploration.lock:
-        here, model = exploration.here, exploration.model
-        of_search = searched is not None and _is_found(exploration, searched)
-        data = exploration.runs.part(here.train)
-        payload = None if of_search else payload_of_exploration(exploration)
-        held = exploration.figures.vaf(exploration.figures.prediction(here), here)["hold"]
-    if held is not None:
-        names = ", ".join(exploration.runs.labels[run] for run in here.hold)
-        made_with["Held out"] = f"VAF {held:.1f} % on {names}, which are not in this page's figures"
-    if payload is None:
-        assert searched is not None
-        page = report(searched.search, searched.X, searched.y, **more)
-    else:
-        page = report(model, *data, effects=None, payload=payload, **more)
-    return page.save(folder.free("report.html"))
-
-
-def _is_found(exploration: Exploration, searched: Searched) -> bool:
-    """Whether the present model is the one that the search has found."""
-    here = exploration.here
-    if here.moved or here.train != searched.train:
-        return False
-    return _chosen(Effects.of(searched.search.best_estimator_.effects)) == _chosen(here.effects)
-
-
-def _chosen(effects: Effects) -> dict[str, str]:
-    """Choices and given numbers of effects, by name."""
-    return {name: repr(effect.get_params()) for name, effect in effects}

@@ -1,4 +1,4 @@
-"""The folder of a session: files that were uploaded, ``session.json``, reports, and a lock."""
+"""The folder of a session: files that were uploaded, what is kept in JSON, reports, and a lock."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from ...io import READERS, written_whole
 
 VERSION = 1
 FILE = "session.json"
+SEARCH = "search.json"
 LONGEST_NAME = 80  # characters before the ending
 
 
@@ -78,40 +79,39 @@ class SessionFolder:
             self._lock.close()
             self._lock = None
 
-    def load(self) -> dict[str, Any] | None:
+    def load(self, name: str = FILE) -> dict[str, Any] | None:
         """What was kept; None where there is no session yet."""
-        path = self.path / FILE
+        path = self.path / name
         try:
             text = path.read_text(encoding="utf-8")
         except FileNotFoundError:
             return None
         except (OSError, UnicodeDecodeError) as error:
-            raise self._broken(str(error)) from error
+            raise self._broken(path, str(error)) from error
         try:
             found = json.loads(text)
         except ValueError as error:
-            raise self._broken(str(error)) from error
+            raise self._broken(path, str(error)) from error
         if not isinstance(found, dict) or not isinstance(found.get("version"), int):
-            raise self._broken("it holds no version")
+            raise self._broken(path, "it holds no version")
         if found["version"] > VERSION:
             raise self._broken(
-                f"it is of version {found['version']}, of a newer skhoid than {__version__}"
+                path, f"it is of version {found['version']}, of a newer skhoid than {__version__}"
             )
         self.kept = True
         return found
 
-    def _broken(self, why: str) -> BrokenSession:
-        path = self.path / FILE
+    def _broken(self, path: Path, why: str) -> BrokenSession:
         return BrokenSession(
             f"{path} cannot be read: {why}. It is left as it is. Name another folder by --session, "
             f"or move the file away to begin anew with the files in {self.uploads}."
         )
 
-    def save(self, content: dict[str, Any]) -> None:
+    def save(self, content: dict[str, Any], name: str = FILE) -> None:
         """Keep the session: the file is the old one or the new one, never half of it."""
         text = json.dumps({"version": VERSION, "skhoid": __version__, **content}, indent=1)
         self.path.mkdir(parents=True, exist_ok=True)
-        with written_whole(self.path / FILE) as aside:
+        with written_whole(self.path / name) as aside:
             aside.write_text(text, encoding="utf-8")
         self.kept = True
 

@@ -2,8 +2,10 @@
 
 import json
 import os
+import re
 import shutil
 import threading
+from html.parser import HTMLParser
 
 import pytest
 from support.workbench import same, until
@@ -76,7 +78,8 @@ def test_a_session_comes_back_to_the_last_digit(fitted, begun):
         fitted.call(name, **args)
         assert path.read_text() != kept  # every step is kept at once
     memory = json.loads(json.dumps(fitted.bench.exploration.memory()))
-    assert json.loads(path.read_text())["exploration"] == memory
+    kept = json.loads(path.read_text())["exploration"]
+    assert {name: kept[name] for name in memory} == memory
     before, trace = fitted.state(), fitted.call("trace", run=2)
     page = reopened(fitted, begun)
     page.wait("bench")
@@ -173,6 +176,58 @@ def test_pages_that_act_at_once_do_not_corrupt_each_other(fitted):
     assert kept["history"] == json.loads(json.dumps(fitted.bench.exploration.memory()))["history"]
 
 
+class Told(HTMLParser):
+    """What a report says: its text, cell by cell, without what is only drawn."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.texts, self.drawn = [], 0
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.drawn += tag in ("svg", "script", "style")
+
+    def handle_endtag(self, tag):
+        self.drawn -= tag in ("svg", "script", "style")
+
+    def handle_data(self, data):
+        if not self.drawn and data.strip():
+            self.texts.append(" ".join(data.split()))
+
+
+def report_of(page):
+    """What the report says, without its date."""
+    texts = Told(page.client.get(page.call("report")["href"]).text).texts
+    del texts[texts.index("Date") + 1]
+    return texts
+
+
+@pytest.mark.slow  # a search, and three reports
+def test_a_search_comes_back_with_its_report(fitted, begun):
+    fitted.call("keep")
+    fitted.call("search")
+    until(lambda: fitted.call("state")["state"]["search"] is None)
+    fitted.call("add", effect=["bias", "dead_zone"])
+    fitted.call("release", name="dead_zone__width", value=0.25)
+    before, told = fitted.state(), report_of(fitted)
+    assert "Ranking, with reasons" in told
+    page = reopened(fitted, begun)
+    page.wait("bench")
+    assert same(page.state(), before)
+    again = report_of(page)
+    assert again == told
+    row = told.index("dead_zone__width")  # of the present model, as it was moved
+    assert told[row + 1] == "0.25"
+    models = told[told.index("The VAF of each is that on the same runs.") :]
+    assert models[2:4] == ["this model: bias and dead zone, moved by hand", "1: baseline"]
+    vaf = [f"{model['vaf']['train']:.1f}" for model in before["models"]]
+    assert models[models.index("VAF, runs fitted") + 1 :][:2] == vaf
+    page.call("use", runs=[0], use="out")  # the search is of other runs
+    other = report_of(page)
+    assert "Ranking, with reasons" not in other
+    assert any("The search was on other runs" in text for text in other)
+
+
 @pytest.mark.slow  # a report is drawn
 def test_reports_are_of_the_fitted_runs_and_beside_each_other(fitted):
     fitted.call("use", runs=[0], use="hold")
@@ -185,7 +240,7 @@ def test_reports_are_of_the_fitted_runs_and_beside_each_other(fitted):
     assert page.text.startswith("<!DOCTYPE html>")
     assert "attachment" in page.headers["content-disposition"]
     held = fitted.call("state")["state"]["vaf"]["hold"]
-    assert f"VAF {held:.1f} % on" in page.text
+    assert re.search(rf"held out</dt> <dd class=\"value\">{held:.1f} %</dd>", page.text)
     assert "2 runs, 2048 rows" in page.text
     for name in ("session.json", "..%2fsession.json", "../lock", "report-3.html", "lock"):
         assert fitted.client.get(f"/api/report/{name}").status_code in (404, 405)

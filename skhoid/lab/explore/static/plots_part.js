@@ -42,6 +42,9 @@ function plotsPart(bench) {
   const node = el(
     "div",
     { class: "sk-plots sk-part", role: "group", "aria-labelledby": `${bench.id}-run` },
+    bench.view.preparation
+      ? el("p", { class: "sk-soft sk-preparation" }, bench.view.preparation)
+      : null,
     head.node,
     texts.away,
     el(
