@@ -387,7 +387,7 @@ def test_the_linear_part_is_read_and_saved_as_the_library_has_it(hand, fitted, s
     np.testing.assert_allclose(table["gain"], found.magnitude, rtol=1e-5)
     np.testing.assert_allclose(table["phase, deg"], found.phase, rtol=1e-4, atol=1e-2)
     high = found.magnitude * np.exp(1.96 * found.magnitude_sd / found.magnitude)
-    np.testing.assert_allclose(table["gain high (95 %)"], high, rtol=1e-5)
+    np.testing.assert_allclose(table["gain, high (95 %)"], high, rtol=1e-5)
     hand.all('[role="tab"]')[2].click()
     hand.labelled("Save poles").click()
     table = pd.read_csv(io.BytesIO(saved("Save poles as CSV", "poles*.csv")))

@@ -16,7 +16,7 @@ function linearParts(bench) {
   const step = stepPlot(bench, state, keys);
   const figures = [gain, phase, poles, step];
   const table = polesTable(state);
-  const abouts = figures.slice(1).map(() => el("p", { class: "sk-sentence" }));
+  const abouts = figures.slice(1).map(() => el("p", { class: "sk-sentence" }, "Computing …"));
   const fromRuns = [gain, phase].map(() => keyOf("measured", "from the runs"));
   const columns = (make) => () => (isReady(state.reply) ? make(bench, state.reply) : [["", []]]);
   const save = (what, made, make) => saveMenu(bench, what, made, columns(make), false);
@@ -65,7 +65,6 @@ function linearParts(bench) {
     },
   ];
   const draw = () => {
-    if (!state.reply) return;
     for (const { plot, draw: drawOne } of figures) {
       if (isReady(state.reply)) drawOne();
       else plot.setData(plot.series.map(() => []));
@@ -174,7 +173,8 @@ function readable(bench, made, { points, words, plane }) {
   frame.addEventListener("keydown", (event) => {
     if (event.altKey || event.ctrlKey || event.metaKey) return;
     const n = points().length;
-    const to = { ArrowLeft: (at ?? n) - 1, ArrowRight: (at ?? -1) + 1, Home: 0, End: n - 1 }[event.key];
+    const [before, after] = [(at ?? n) - 1, (at ?? -1) + 1];
+    const to = { ArrowLeft: before, ArrowRight: after, Home: 0, End: n - 1 }[event.key];
     if (to === undefined || !n) return;
     event.preventDefault();
     at = clamp(to, [0, n - 1]);
@@ -207,11 +207,15 @@ function labelKept(bench, plot, first) {
   });
 }
 
+function pointsOf(x, y) {
+  return x ? Array.from(x, (value, i) => [value, y[i]]) : [];
+}
+
 // Lines of their own abscissae in one table: missing rows of a line are no gaps of it.
 function aligned(lines) {
   const rows = lines.flatMap(({ x, y }, k) => Array.from(x, (v, i) => [v, k, y[i]]));
   rows.sort((a, b) => a[0] - b[0]);
-  const seen = (v) => (v === null || Number.isNaN(v) ? null : v);
+  const seen = (v) => (Number.isFinite(v) ? v : null);
   return [
     rows.map(([x]) => x),
     ...lines.map((_, k) => rows.map(([, of, y]) => (of === k ? seen(y) : undefined))),
@@ -221,7 +225,7 @@ function aligned(lines) {
 const NOTHING = { x: [], y: [] };
 
 function keptOf(bench, ofModels) {
-  return bench.lines.map((id) => (id === null ? null : (ofModels.find((one) => one.id === id) ?? null)));
+  return bench.lines.map((id) => ofModels.find((one) => id !== null && one.id === id) ?? null);
 }
 
 function linearUnits(bench, { input, output }) {
@@ -233,7 +237,6 @@ function linearUnits(bench, { input, output }) {
 function responsePlot(bench, state, help, part) {
   const isGain = part === "gain";
   const dots = { show: true, size: 6, width: 1, fill: () => bench.colours.measured };
-  const own = (one) => (one ? [...one[part]] : []);
   const made = plotFigure(bench, {
     key: `plot ${part}`,
     help,
@@ -270,22 +273,24 @@ function responsePlot(bench, state, help, part) {
     },
   });
   const readOut = readable(bench, made, {
-    points: () => (state.reply?.omega ? Array.from(state.reply.omega, (w, i) => [w, state.reply.responses[0][part][i]]) : []),
+    points: () => pointsOf(state.reply?.omega, state.reply?.responses?.[0][part]),
     words: (i) => responseInWords(state.reply, i),
   });
   const draw = () => {
     const { omega, responses, measured } = state.reply;
     const line = (one, name = part) => (one ? { x: omega, y: one[name] } : NOTHING);
     labelKept(bench, made.plot, 4);
-    const bars = measured ? Array.from(measured.omega).flatMap((w, i) => [[w, measured[`${part}_low`][i]], [w, measured[`${part}_high`][i]], [w, null]]) : [];
-    made.plot.axes[1].label = isGain ? labelOf("gain", linearUnits(bench, state.reply).ratio) : "phase, deg";
+    const bar = (w, i) => [`${part}_low`, `${part}_high`].map((end) => [w, measured[end][i]]);
+    const bars = measured ? Array.from(measured.omega).flatMap((w, i) => [...bar(w, i), [w, null]]) : [];
+    const { ratio } = linearUnits(bench, state.reply);
+    made.plot.axes[1].label = isGain ? labelOf("gain", ratio) : "phase, deg";
     made.plot.setData(
       aligned([
         line(responses[0], `${part}_low`),
         line(responses[0], `${part}_high`),
         line(responses[0]),
         ...keptOf(bench, responses).map((one) => line(one)),
-        measured ? { x: measured.omega, y: own(measured) } : NOTHING,
+        measured ? { x: measured.omega, y: measured[part] } : NOTHING,
         { x: bars.map(([w]) => w), y: bars.map(([, y]) => y) },
       ]),
     );
@@ -341,12 +346,14 @@ function nameOf(bench, id) {
 }
 
 function between(low, high, unit = "") {
-  return Number.isFinite(low) && low !== null ? ` (${figure(low, 3)} to ${figure(high, 3)}${unit})` : "";
+  return Number.isFinite(low) ? ` (${figure(low, 3)} to ${figure(high, 3)}${unit})` : "";
 }
 
 function responseInWords({ omega, responses: [own] }, i) {
-  const part = (name, unit = "") =>
-    `${name} ${figure(own[name][i], 3)}${unit}${between(own[`${name}_low`][i], own[`${name}_high`][i], unit)}`;
+  const part = (name, unit = "") => {
+    const within = between(own[`${name}_low`][i], own[`${name}_high`][i], unit);
+    return `${name} ${figure(own[name][i], 3)}${unit}${within}`;
+  };
   return `at ${figure(omega[i], 3)} rad/s: ${part("gain")}, ${part("phase", "°")}`;
 }
 
@@ -361,12 +368,14 @@ function responseSummary({ input, output, omega, responses: [own] }) {
   );
 }
 
+const ENDS = { "": "", _low: ", low (95 %)", _high: ", high (95 %)" };
+
 function responseColumns(bench, { omega, responses, measured }) {
   const [own, ...kept] = responses;
   const parts = (of, before) =>
     ["gain", "phase"].flatMap((part) =>
-      ["", "_low", "_high"].map((end) => [
-        `${before}${part}${part === "phase" ? ", deg" : ""}${end.replace("_", " ")}${end ? " (95 %)" : ""}`,
+      Object.entries(ENDS).map(([end, words]) => [
+        `${before}${part}${words}${part === "phase" ? ", deg" : ""}`,
         of[part + end],
       ]),
     );
@@ -375,17 +384,21 @@ function responseColumns(bench, { omega, responses, measured }) {
     ...parts(own, ""),
     ...kept.flatMap((one) => parts(one, `${nameOf(bench, one.id)}: `)),
     ...(measured
-      ? [["from the runs: frequency, rad/s", measured.omega], ...parts(measured, "from the runs: "), ["from the runs: coherence", measured.coherence]]
+      ? [
+          ["from the runs: frequency, rad/s", measured.omega],
+          ...parts(measured, "from the runs: "),
+          ["from the runs: coherence", measured.coherence],
+        ]
       : []),
   ];
 }
 
 function polesPlot(bench, state, help) {
-  const dots = (colour) => ({
+  const dots = (colour, size) => ({
     paths: () => null,
     width: 0,
     dots: true,
-    points: { show: true, size: 9, width: 2, fill: () => bench.colours[colour] },
+    points: { show: true, size, width: 2, fill: () => bench.colours[colour] },
   });
   const edge = { label: "", inKey: false, dash: [3, 4] };
   const made = plotFigure(bench, {
@@ -405,8 +418,8 @@ function polesPlot(bench, state, help) {
         {},
         lineOf(bench, "soft", { ...edge, label: "edge of stability", inKey: true }),
         lineOf(bench, "soft", edge),
-        lineOf(bench, "simulated", { label: "this model", ...dots("simulated") }),
-        ...bench.lines.map((_, i) => lineOf(bench, `kept-${i + 1}`, dots(`kept-${i + 1}`))),
+        lineOf(bench, "simulated", { label: "this model", ...dots("simulated", 12) }),
+        ...bench.lines.map((_, i) => lineOf(bench, `kept-${i + 1}`, dots(`kept-${i + 1}`, 7))),
       ],
     },
   });
@@ -433,7 +446,8 @@ function polesPlot(bench, state, help) {
       ]),
     );
     const own = poles.filter(({ id, imag }) => id === 0 && imag >= 0);
-    made.describe(`Poles in the plane of ${plane}. ${own.map((pole) => poleInWords(pole, plane)).join(" ")}`);
+    const told = own.map((pole) => poleInWords(pole, plane)).join(" ");
+    made.describe(`Poles in the plane of ${plane}. ${told}`);
   };
   return { ...readOut, draw };
 }
@@ -461,7 +475,7 @@ function imaginariesOf(reply) {
 }
 
 function withError(value, sd) {
-  return `${figure(value, 3)}${Number.isFinite(sd) && sd !== null ? ` ± ${figure(sd, 2)}` : ""}`;
+  return `${figure(value, 3)}${Number.isFinite(sd) ? ` ± ${figure(sd, 2)}` : ""}`;
 }
 
 function poleInWords(pole, plane) {
@@ -529,7 +543,7 @@ function stepPlot(bench, state, help) {
     options: {
       scales: {
         x: { time: false, range: () => endsOf(state.reply, "time", [0, 1]) },
-        y: { range: (plot, low, high) => (low < high ? [low - 0.08 * (high - low), high + 0.08 * (high - low)] : [-1, 1]) },
+        y: { range: (plot, low, high) => withRoom(low, high) },
       },
       axes: [
         axisOf(bench, { size: 30, label: "time after the step, s" }),
@@ -540,7 +554,7 @@ function stepPlot(bench, state, help) {
     },
   });
   const readOut = readable(bench, made, {
-    points: () => (state.reply?.time ? Array.from(state.reply.time, (t, i) => [t, state.reply.steps[0].output[i]]) : []),
+    points: () => pointsOf(state.reply?.time, state.reply?.steps?.[0].output),
     words: (i) => {
       const { time, steps: [own] } = state.reply;
       const value = withUnit(figure(own.output[i], 3), bench.view.output.unit);
@@ -554,7 +568,12 @@ function stepPlot(bench, state, help) {
     const { to, output, input } = linearUnits(bench, state.reply);
     made.plot.axes[1].label = labelOf(output, to);
     made.plot.setData(
-      aligned([line(steps[0], "low"), line(steps[0], "high"), line(steps[0]), ...keptOf(bench, steps).map((one) => line(one))]),
+      aligned([
+        line(steps[0], "low"),
+        line(steps[0], "high"),
+        line(steps[0]),
+        ...keptOf(bench, steps).map((one) => line(one)),
+      ]),
     );
     const end = withUnit(figure(steps[0].output[time.length - 1], 3), to);
     made.describe(
@@ -563,6 +582,11 @@ function stepPlot(bench, state, help) {
     );
   };
   return { ...readOut, draw };
+}
+
+function withRoom(low, high) {
+  const room = 0.08 * (high - low);
+  return low < high ? [low - room, high + room] : [-1, 1];
 }
 
 function stepColumns(bench, { time, steps }) {
