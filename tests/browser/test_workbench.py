@@ -9,6 +9,7 @@ import sys
 import time
 from functools import partial
 
+import numpy as np
 import pandas as pd
 import pytest
 from sklearn.pipeline import make_pipeline
@@ -16,10 +17,13 @@ from sklearn.pipeline import make_pipeline
 from skhoid import (
     Decimator,
     DelayShift,
+    FrequencyResponse,
+    OperatorRegressor,
     RunInTrimmer,
     SimulatedARX,
     VAFScorer,
     make_tracking_runs,
+    read_runs,
 )
 from skhoid.effects import Bias, DeadZone
 
@@ -233,6 +237,44 @@ def test_files_are_dropped_on_the_page(serve, recorded):
     assert served.browser.console() == []
 
 
+def test_the_linear_part_follows_the_model(serve, recorded, tmp_path):
+    """What is saved is the library's to the last digit, also of a kept model and after a drag."""
+    served = serve(recorded).open()
+    served.one("#fit").click()
+    served.one('[data-sk-key="keep"]').click()
+    served.one('[aria-label="Add bias"]').click()
+    served.wait(lambda: "Remove bias" in served.labels())
+    served.one('[data-sk-key="line 1"]').click()
+    served.browser.command(
+        "Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path)
+    )
+
+    def save(name):
+        for old in tmp_path.glob("*.csv"):
+            old.unlink()
+        served.one(f'[aria-label="Save {name}"]').click()
+        served.one(f'[aria-label="Save {name} as CSV"]').click()
+        return pd.read_csv(served.wait(lambda: next(tmp_path.glob("*.csv"), None)))
+
+    served.one('[data-sk-key="tab Frequency response"]').click()
+    served.wait(lambda: "The points are measured" in served.text())
+    table = save("gain over frequency")
+    X, y = read_runs(recorded)
+    for name, effects in {"gain": ["bias"], "1: baseline: gain": None}.items():
+        model = OperatorRegressor(effects=effects).fit(X, y)
+        found = FrequencyResponse.of(model, table["frequency, rad/s"])
+        np.testing.assert_allclose(table[name], found.magnitude, rtol=1e-12)
+    assert table["from the runs: coherence"].notna().sum() > 3
+    before = table["gain"]
+    slider = served.one('[data-sk-key="slider K_e"]')
+    served.driver.execute_script("arguments[0].focus()", slider)
+    served.browser.press(*[Keys.ARROW_RIGHT] * 5)
+    served.wait(lambda: "Undo: move K_e" in served.text())
+    served.wait(lambda: (save("gain over frequency")["gain"] > before).all())
+    assert save("gain over frequency")["gain, low (95 %)"].isna().all()
+    assert served.browser.console() == []
+
+
 def write(served, field, text):
     """Type into a field, and leave it."""
     box = served.one(f"#{field}")
@@ -383,6 +425,8 @@ def test_hostile_names_at_each_stage(serve, recorded, tmp_path, width, colours):
         if stage == "model":
             served.one("#fit").click()
             served.one('[aria-label="Add bias"]')
+            served.one('[data-sk-key="tab Frequency response"]').click()
+            served.wait(lambda: "responds to" in served.text())
         assert served.browser.violations() == []
         assert served.browser.overflow() <= 0
         assert served.browser.js("return window.hacked === undefined")

@@ -19,6 +19,7 @@ from ...effects import effect as effect_of
 from ...exceptions import did_you_mean
 from ...model import simulated_model
 from ...runs import of_person
+from .linear import describe_linear, has_linear_part
 from .models import OUT, TRAIN, USES, History, Models, Position, Runs, own_values
 from .script import write_script
 from .view import (
@@ -32,7 +33,7 @@ from .view import (
 )
 
 MOST_NAMED = 3  # runs
-ACTIONS = ("change", "any", "drag", "split", "search", "script", "report", "session")
+ACTIONS = ("change", "any", "drag", "split", "search", "script", "report", "session", "linear")
 OPENS_ON = 15.0  # s of a run: over a whole one measured and simulated cannot be told apart
 USED = {"train": "Fit", "hold": "Hold out", "out": "Leave out"}
 
@@ -162,6 +163,7 @@ class Exploration:
             "trace": self._trace,
             "preview": self._preview,
             "model": self._model,
+            "linear": self._linear,
             "keep": self._keep,
             "drop": self._drop,
             "drag": self._drag,
@@ -256,7 +258,7 @@ class Exploration:
             "output": {"name": runs.output, "unit": runs.units.get(runs.output)},
             "dt": runs.layout.dt,
             "settling": float(getattr(self.estimator, "settling", 0.0)),
-            "can": dict.fromkeys(ACTIONS, True),
+            "can": dict.fromkeys(ACTIONS, True) | {"linear": has_linear_part(self.estimator)},
             "channels": [
                 {"name": name, "role": role, "unit": runs.units.get(name)}
                 for name, role in runs.roles.items()
@@ -428,6 +430,20 @@ class Exploration:
     def _model(self, args: Mapping[str, Any]) -> dict[str, Any]:
         one = self.kept[self.number_of(args)]
         return {"simulated": self._of_run(self.figures.prediction(one), args)}
+
+    def _linear(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        """The linear part of the present model, or as it is dragged, and of kept ones."""
+        to = moved(self, args) if "name" in args else self.here
+        kept = {n: self.kept[self.number_of({"model": n})] for n in args.get("models", [])}
+        return self.linear_of({0: to, **kept}, self.figures.measured(self.here))
+
+    def linear_of(self, positions: Mapping[int, Position], measured: Any) -> dict[str, Any]:
+        """What the component draws of the linear parts of models."""
+        models = {n: self.models.moved(p.effects, p.train, p.moved) for n, p in positions.items()}
+        roles = self.runs.roles
+        answered = "e" if "e" in roles.values() else "f_t"
+        same = roles.get(str(models[0].inputs_[0])) == answered
+        return describe_linear(models, measured if same else None, self.domain)
 
     def number_of(self, args: Mapping[str, Any]) -> int:
         """The number of the kept model that arguments name."""

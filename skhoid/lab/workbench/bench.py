@@ -35,7 +35,7 @@ from .session import SEARCH, NotSaved, SessionFolder, make_digest
 
 HISTORY = frozenset(("add", "remove", "release", "refit", "free", "undo", "redo", "use", "recall"))
 MODELS = frozenset(("keep", "drop"))
-READING = frozenset(("trace", "preview", "drag", "state", "script", "model"))
+READING = frozenset(("trace", "preview", "drag", "state", "script", "model", "linear"))
 UNFINISHED = (
     "The search was not finished when the workbench ended: nothing of it was kept. Start it again."
 )

@@ -105,7 +105,7 @@ function partsOf(bench) {
   const folded = columns.map((part) => part.node);
   const data = { node: el("div", { class: "sk-data sk-part" }, ...folded) };
   const all = [top, ...columns, plots, stair, ...inner];
-  return { top, data, folded, plots, stair, side, all, live: [runs, stair, effects] };
+  return { top, data, folded, plots, stair, side, all, live: [runs, stair, effects, plots.linear] };
 }
 
 function layOut(bench, { top, data, folded, plots, stair, side }) {
