@@ -23,15 +23,15 @@ X, y = X - middle, y - middle
 # A scikit-learn transformer may not drop rows, so :class:`skhoid.Decimator` does not: it filters
 # the channels and marks the rows that stay. :class:`skhoid.DelayShift` shifts at the full rate,
 # where the delay has fine resolution, whatever the factor. :class:`skhoid.ARXRegressor` thins the
-# output in the same way, fits, and returns a simulation for every row of the recording. The runs do
-# not end where they began, hence ``padding="odd"``.
+# output in the same way, fits, and returns a simulation for every row of the recording. The
+# filter reflects each run about its ends, for these do not end where they began.
 
 from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut
 from sklearn.pipeline import make_pipeline
 
 from skhoid import ARXRegressor, Decimator, DelayShift, VAFScorer, run_labels
 
-pipe = make_pipeline(Decimator(padding="odd"), DelayShift(), ARXRegressor(na=3, nb=2))
+pipe = make_pipeline(Decimator(), DelayShift(), ARXRegressor(na=3, nb=2))
 grid = {
     "decimator__factor": [1, 2, 4, 6, 10, 15],
     "delayshift__delay": [samples / 60 for samples in range(0, 13, 3)],
@@ -92,7 +92,7 @@ X_bike, y_bike = load_bicycle_rider(inputs="RollAngle", output="SteerTorque")
 first_half = X_bike.index.get_level_values("time") < 30
 rows = []
 for factor in (1, 8, 16, 25, 32, 40, 50):
-    model = make_pipeline(Decimator(factor, padding="odd"), ARXRegressor(na=2, nb=2))
+    model = make_pipeline(Decimator(factor), ARXRegressor(na=2, nb=2))
     model.fit(X_bike[first_half], y_bike[first_half])
     scores = [
         VAFScorer(window=(30, 60), rate=rate)(model, X_bike, y_bike) for rate in ("full", "model")

@@ -14,7 +14,7 @@ from scipy import fft, signal
 from ..runs import DecimationMark, RunLayout
 
 METHODS = ("ideal", "downsample", "aggregate")
-PADDINGS = ("periodic", "odd")
+PADDINGS = ("odd", "periodic")
 _ODD_ROWS = 50  # rows of the thinned grid reflected at each end
 
 

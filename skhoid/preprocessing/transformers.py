@@ -42,11 +42,12 @@ class Decimator(RowPreservingTransformer):
         ``"ideal"`` is the noncausal FFT filter that removes everything from the new Nyquist
         frequency on; ``"downsample"`` thins without a filter; ``"aggregate"`` is piecewise
         aggregate approximation, the mean of each block of ``factor`` rows.
-    padding : {"periodic", "odd"}, default="periodic"
-        What the ideal filter assumes beyond the ends of a run. ``"periodic"`` is the plain DFT,
-        exact when the measurement window holds whole periods of the forcing function (trim the
-        run-in before decimating). ``"odd"`` reflects the run about its end points; use it for runs
-        that end at a different value than they began, which otherwise ring near both ends.
+    padding : {"odd", "periodic"}, default="odd"
+        What the ideal filter assumes beyond the ends of a run. ``"odd"`` reflects the run about its
+        end points. ``"periodic"`` is the plain DFT: exact when the measurement window holds whole
+        periods of the forcing function (trim the run-in before decimating). Other runs end at a
+        different value than they began, ring near both ends, and bias the model: b0 of an ARX model
+        by a quarter in runs of 82 s with 6 s left out.
     {dt, run}
 
     Attributes
@@ -77,7 +78,7 @@ class Decimator(RowPreservingTransformer):
     >>> len(Xd) == len(X)
     True
     >>> list(Xd.index.names)
-    ['run', 'time', 'decimation 1/4 ideal periodic']
+    ['run', 'time', 'decimation 1/4 ideal odd']
     """
 
     _parameter_constraints: dict = {
@@ -93,7 +94,7 @@ class Decimator(RowPreservingTransformer):
         factor: int = 1,
         *,
         method: str = "ideal",
-        padding: str = "periodic",
+        padding: str = "odd",
         dt: float | None = None,
         run: Any = None,
     ) -> None:

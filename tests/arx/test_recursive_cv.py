@@ -41,7 +41,7 @@ def before(steps, model):
 PIPELINES = {
     "alone": [],
     "decimated": [Decimator(2), DelayShift(0.03)],
-    "odd": [RunInTrimmer(0.2), DelayShift(0.03), Decimator(3, padding="odd")],
+    "trimmed": [RunInTrimmer(0.2), DelayShift(0.03), Decimator(3)],
     "run-in": [RunInTrimmer(0.5)],
 }
 SCORERS = {

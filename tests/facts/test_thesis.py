@@ -247,7 +247,8 @@ def table_5_3_vaf(X, y, factor, filtered, orders):
     Filtered and thinned signals are judged; the whole window is filtered, and halved afterwards.
     """
     half = len(X) // 2
-    decimator = Decimator(factor, method="ideal" if filtered else "downsample")
+    method = "ideal" if filtered else "downsample"
+    decimator = Decimator(factor, method=method, padding="periodic")
     marked = decimator.fit_transform(X[["e"]])
     if filtered and factor > 1:
         measured = decimator.fit_transform(y.to_frame("e"))["e"].to_numpy()[::factor]

@@ -120,7 +120,7 @@ def test_window_shows_and_scores_its_rows_only(data, model):
 def test_decimated_pipeline_is_drawn_at_full_rate(data):
     X, y = data
     arx = ARXRegressor(na=1, nb=1, nk=0, initial="rest")
-    pipe = make_pipeline(Decimator(2, padding="odd"), DelayShift(DT), arx).fit(X, y)
+    pipe = make_pipeline(Decimator(2), DelayShift(DT), arx).fit(X, y)
     display = SimulationDisplay.from_estimator(pipe, X, y, runs="B")
     expected = pipe.predict(X)[N_ROWS : 2 * N_ROWS]
     np.testing.assert_array_equal(display.simulated_[0].get_ydata(), expected)

@@ -11,6 +11,7 @@ from skhoid import (
     ARXRegressor,
     Decimator,
     RunInTrimmer,
+    make_tracking_runs,
 )
 
 
@@ -19,7 +20,7 @@ from skhoid import (
 @pytest.mark.parametrize("method", ["ideal", "downsample", "aggregate"])
 def test_filters_against_their_twins(method, lengths, factor):
     X = signals(lengths)
-    out = Decimator(factor, method=method).fit_transform(X)
+    out = Decimator(factor, method=method, padding="periodic").fit_transform(X)
     twin = {"ideal": naive.brick_wall, "aggregate": naive.block_mean}.get(method, lambda s, _: s)
     for begin, end in stretches_of(X):
         for column in X:
@@ -31,7 +32,11 @@ def test_filters_against_their_twins(method, lengths, factor):
 
 def test_filters_cross_no_run_and_no_gap_and_no_end_of_the_run_in():
     X = signals([200, 200])
-    for decimator in (Decimator(4), Decimator(4, padding="odd"), Decimator(3, method="aggregate")):
+    for decimator in (
+        Decimator(4),
+        Decimator(4, padding="periodic"),
+        Decimator(3, method="aggregate"),
+    ):
         whole = decimator.fit_transform(X)
         np.testing.assert_array_equal(whole.loc[[2]], decimator.transform(X.loc[[2]]))
         gapped = X.drop(X.index[80:120])
@@ -47,7 +52,11 @@ def test_nan_stay_where_they_are_and_do_not_spread():
     holed = X.copy()
     holed.iloc[[20, 21, 22], 0] = np.nan
     holed.iloc[200:, 1] = np.nan
-    for decimator in (Decimator(4), Decimator(4, padding="odd"), Decimator(4, method="aggregate")):
+    for decimator in (
+        Decimator(4),
+        Decimator(4, padding="periodic"),
+        Decimator(4, method="aggregate"),
+    ):
         out = decimator.fit_transform(holed)
         np.testing.assert_array_equal(out.isna(), holed.isna())
         bridged = X.copy()
@@ -71,7 +80,8 @@ def test_factor_one_leaves_container_and_index():
 @pytest.mark.parametrize("method", ["ideal", "downsample", "aggregate"])
 def test_y_is_filtered_and_thinned_as_x_is(method):
     X, y = arx_runs(lengths=[120, 97], smooth=1)
-    pipe = make_pipeline(Decimator(3, method=method), ARXRegressor(2, 2, 1)).fit(X, y)
+    thinner = Decimator(3, method=method, padding="periodic")
+    pipe = make_pipeline(thinner, ARXRegressor(2, 2, 1)).fit(X, y)
     twin = {"ideal": naive.brick_wall, "aggregate": naive.block_mean}.get(method, lambda s, _: s)
     e, u, stretches = [], [], []
     for begin, end in stretches_of(X):
@@ -86,6 +96,21 @@ def test_y_is_filtered_and_thinned_as_x_is(method):
     np.testing.assert_allclose(pipe[-1].coef_, theta, rtol=1e-9)
     assert pipe[-1].n_rows_used_ == len(rows)
     assert pipe[-1].dt_ == pytest.approx(3 * DT)
+
+
+@pytest.mark.parametrize("run_in", [2.0, 6.0])
+def test_runs_that_are_no_whole_periods_give_the_same_model(run_in):
+    """A filter that takes them for periods rings at their ends: b0 is a quarter smaller."""
+    task = {"channels": ["e"], "sampling_rate": 200, "remnant_intensity": 0.08, "random_state": 70}
+    X, y = make_tracking_runs("C1", 3, **task)
+    whole, part = (
+        make_pipeline(RunInTrimmer(leave_out), Decimator(4, padding=padding), ARXRegressor(nk=14))
+        .fit(X, y)[-1]
+        .coef_
+        for leave_out, padding in ((None, "periodic"), (run_in, "odd"))
+    )
+    np.testing.assert_allclose(part, whole, rtol=0.02)
+    assert Decimator().padding == "odd"
 
 
 # The way back to full rate

@@ -33,7 +33,7 @@ ESTIMATORS = {
     "delay-vaf": DelaySearchCV(ARXRegressor(), nk=[1, 3], criterion="vaf"),
     "order": OrderSearchCV(ARXRegressor(), na=[1, 2], nb=[1, 2], nk=[3]),
     "pipeline": make_pipeline(
-        RunInTrimmer(0.2), DelayShift(0.03), Decimator(3, padding="odd"), ARXRegressor(2, 1)
+        RunInTrimmer(0.2), DelayShift(0.03), Decimator(3), ARXRegressor(2, 1)
     ),
     "aggregate": make_pipeline(Decimator(2, method="aggregate"), ARXRegressor(2, 2, 1)),
     "recursive": RecursiveARX(2, 2, 3, memory_horizon=30, init_window=0.6),

@@ -132,7 +132,7 @@ def _fir(nk: int, memory_time: float, dt: float) -> Any:
     factor = max(1, round(0.04 / dt))
     taps = round(1.0 / (factor * dt))
     model = RecursiveFIR(taps, memory_time=memory_time, every=32, store_covariance=True)
-    return make_pipeline(Decimator(factor), DelayShift(nk * dt), model)
+    return make_pipeline(Decimator(factor, padding="periodic"), DelayShift(nk * dt), model)
 
 
 def _lpv(nk: int, schedule: Any = None) -> Any:

@@ -48,7 +48,7 @@ CORES = ("operator", "arx")
 DISPLAYS = ("compensatory", "pursuit", "preview")
 LONGEST = 200  # characters of a unit
 METHODS = ("ideal", "aggregate", "downsample")
-PADDINGS = ("periodic", "odd")
+PADDINGS = ("odd", "periodic")
 SECONDS = {
     "dt": "The sampling time",
     "until": "The end",
