@@ -113,7 +113,7 @@ class Runs:
         return self.X, self.y
 
     def people(self) -> list[tuple[str, list[int]]]:
-        """People, each in each condition, and the numbers of their runs; as the index names them."""
+        """People, each in each condition, and the numbers of their runs, if the index says so."""
         index = getattr(self.X, "index", None)
         known = [level for level in WHO if level in getattr(index, "names", ())]
         if index is None or not known:

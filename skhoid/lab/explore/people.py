@@ -42,8 +42,9 @@ class PeopleFits:
 
     def told(self, here: Effects) -> dict[str, Any]:
         """How far it is, and whether the model has other effects now."""
+        names = self.effects.names
         return {
-            "title": titles_of(self.effects.names) or "baseline",
+            "title": titles_of(names) if names else "baseline",
             "done": len(self.rows),
             "running": not self.stopped,
             "changed": repr(self.effects.get_params()) != repr(here.get_params()),
