@@ -79,6 +79,11 @@ class ModelParameter:
                 return side
         return ""
 
+    @property
+    def is_vague(self) -> bool:
+        """Whether the standard error of a size, which is never below zero, exceeds the size."""
+        return self.free and self.min >= 0.0 and self.sd > self.value
+
     def checked(self, value: Any) -> float:
         """A value that is possible for it; an error says why another is not."""
         if not isinstance(value, Real) or not np.isfinite(float(value)):

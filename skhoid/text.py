@@ -156,6 +156,13 @@ class Step(str):
         return step
 
 
+def tell(said: Note | str, typed: bool = False) -> str:
+    """A note or a step as one says it to who writes Python, or to who types commands."""
+    if isinstance(said, Step):
+        return said.typed if typed else said
+    return said.with_hint if isinstance(said, Note) and not typed else str(said)
+
+
 @dataclass(frozen=True)
 class Heading:
     """The title of a part."""
@@ -245,7 +252,7 @@ class Document:
 
         ``say`` puts a note or a step into words; None takes what one writes in Python.
         """
-        say = say or (lambda said: said.with_hint if isinstance(said, Note) else said)
+        say = say or tell
         if not self.ruled:
             lines, after = wrapped(self.title, width=width), None
             for block in self.blocks:
@@ -467,7 +474,7 @@ def _lines(block: Block, width: int, say: Callable[[Note | str], str]) -> list[s
     """A block as lines of text."""
     match block:
         case Heading(text) | Paragraph(text):
-            return wrapped(text, width=width)
+            return wrapped(say(text), width=width)
         case Facts(facts, beside):
             return _in_two_columns(facts, width) if beside else _labelled(facts, width)
         case Items(items, numbered):

@@ -79,7 +79,8 @@ class LinearPart:
                 f"{purpose} takes a model that answers the error alone; a controller "
                 f"{model.controller_!r} answers the measurement too."
             )
-        covariance = model.covariance_.loc[names, names].to_numpy()
+        own = model.covariance_.columns.get_indexer(names)
+        covariance = model.covariance_.to_numpy()[np.ix_(own, own)]
         known = all(np.isfinite(table[name].sd) for name in names)
         return cls(
             place=place,

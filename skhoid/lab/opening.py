@@ -70,12 +70,13 @@ def about_means(data: Any) -> Any:
 
 
 def make_estimator(said: Any, X: Any, y: Any, **shared: Any) -> Any:
-    """The model, unfitted; the delay of an ARX model is found where it is not said."""
+    """The model, unfitted; the delay of an ARX model is found where nothing is said of it."""
     if said.core == "operator":
         return OperatorRegressor(delay=said.delay, **shared)
     orders = {name: getattr(said, name) for name in ("na", "nb", "nk")}
     arx = ARXRegressor(**shared, **{k: v for k, v in orders.items() if v is not None})
-    if said.nk is not None or getattr(said, "dry_run", False):
+    is_said = said.nk is not None or bool(getattr(said, "shift", None))
+    if is_said or getattr(said, "dry_run", False):
         return arx
     return arx.set_params(nk=DelaySearchCV(arx).fit(X, y).best_nk_)
 

@@ -564,6 +564,12 @@ class GreyBox(RunRegressor):
             notes.append(
                 "A dash in place of a standard error: given, at a bound, or not determined."
             )
+        vague = [name for name, one in self.parameter_table_.items() if one.is_vague]
+        if vague:
+            notes.append(
+                f"These runs do not determine {', '.join(vague)}: the standard error exceeds the "
+                "value. An effect that the model lacks may be why."
+            )
         notes += delay_notes(table, getattr(simulation.spec.core, "least", 0.0))
         least_error = getattr(self, "simulation_parameters_", None)  # of an operator
         if least_error is not None:

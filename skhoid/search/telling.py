@@ -26,6 +26,7 @@ from ..text import (
     Note,
     Notes,
     Paragraph,
+    Step,
     TextTable,
     ceiling_text,
     counted,
@@ -42,8 +43,14 @@ from .results import SearchResult, with_effects
 from .statuses import TRIED, UNKNOWN, Reason, Status, Verdict
 
 HOW_TO_GO_ON = {
-    Verdict.NOT_TRIED: 'Try the rest of the catalogue too: effects="all", which is the default.',
-    Verdict.CUT_SHORT: "Let the search add more effects: set a larger max_effects.",
+    Verdict.NOT_TRIED: Step(
+        'Try the rest of the catalogue too: effects="all", which is the default.',
+        "Try the rest of the catalogue too: leave out --effects.",
+    ),
+    Verdict.CUT_SHORT: Step(
+        "Let the search add more effects: set a larger max_effects.",
+        "Let the search add more effects: a larger --max-effects.",
+    ),
     Verdict.TOO_LITTLE: (
         "A held-out VAF below half of the noise ceiling or, where that is not known, below 5 % "
         "says nothing of effects: five numbers fitted to 100 independent rows explain as much by "
@@ -51,7 +58,10 @@ HOW_TO_GO_ON = {
         "synchronisation, runs that do not belong together."
     ),
 }
-LONGER = "Let the search take longer: set a larger time_limit."
+LONGER = Step(
+    "Let the search take longer: set a larger time_limit.",
+    "Let the search take longer: a larger --time-limit.",
+)
 ALLOWED_SHOWN = 6  # rows of limits in a summary
 IF_SHOWN = {"at most": "from", "at least": "up to"}
 P_OF_CHANGE = 0.005  # of a parameter that changes too: two are tested, which makes 0.01 for both

@@ -12,6 +12,7 @@ import pytest
 
 from skhoid import EffectSearchCV, OperatorRegressor, compare, make_tracking_runs, vaf_score
 from skhoid.effects import Bias, DeadZone
+from skhoid.interpret import FrequencyResponse, pole_table, step_response
 from skhoid.lab.explore import component
 from skhoid.lab.explore import payloads as wire
 from skhoid.lab.explore.payloads import payload_of, payload_of_comparison
@@ -39,8 +40,17 @@ def runs():
 
 
 @pytest.fixture(scope="module")
-def payload(runs):
-    search = EffectSearchCV(OperatorRegressor(), effects=["bias", "dead_zone"]).fit(*runs)
+def search(runs):
+    return EffectSearchCV(OperatorRegressor(), effects=["bias", "dead_zone"]).fit(*runs)
+
+
+@pytest.fixture(scope="module")
+def fitted(search):
+    return search.best_estimator_
+
+
+@pytest.fixture(scope="module")
+def payload(search, runs):
     payload = payload_of(search, None, *runs)
     payload["view"]["title"] = "A person"  # which a report says itself
     return payload
@@ -251,7 +261,8 @@ def test_keyboard_reaches_everything_and_the_focus_is_seen(hand):
     keys, seen = set(), 0
     wanted = hand.browser.js(
         "return [...document.querySelectorAll('button, input, select, summary, [tabindex=\"0\"]')]"
-        ".filter(e => e.checkVisibility() && !e.disabled && e.tabIndex === 0).length"
+        ".filter(e => e.checkVisibility({visibilityProperty: true}) && !e.disabled)"
+        ".filter(e => e.tabIndex === 0).length"
     )
     for _ in range(wanted + 5):
         hand.browser.press(Keys.TAB)
@@ -312,6 +323,95 @@ def test_tables_are_saved_as_csv(hand, payload, saved):
     assert table.set_index("parameter")["value"]["dead_zone__width"] == pytest.approx(0.3, abs=0.03)
 
 
+def test_the_curve_of_an_effect_and_the_stair_are_saved(hand, payload, saved):
+    state = payload["states"]["bias,dead_zone"]
+    words = {"curve of dead zone": "without it", "error that remains": "noise ceiling"}
+    for what, word in words.items():
+        for kind in ("SVG", "PNG"):
+            hand.labelled(f"Save {what}").click()
+            content = saved(f"Save {what} as {kind}", f"{what.replace(' ', '-')}.{kind.lower()}")
+            drawn = " ".join(ElementTree.fromstring(content).itertext()) if kind == "SVG" else word
+            assert word in drawn
+    hand.labelled("Save curve of dead zone").click()
+    table = pd.read_csv(io.BytesIO(saved("Save curve of dead zone as CSV", "curve*.csv")))
+    [line] = state["effects"][1]["curve"]["lines"]
+    np.testing.assert_allclose(table.iloc[:, 1], line["y"], atol=np.ptp(line["y"]) / 65_533)
+    hand.labelled("Save error that remains").click()
+    table = pd.read_csv(io.BytesIO(saved("Save error that remains as CSV", "error*.csv")))
+    assert [*table["step"]] == ["baseline", "bias", "dead zone"]
+    assert [*table["VAF, %"]] == [step["vaf"] for step in state["stair"]]
+    assert hand.browser.console() == []
+
+
+def chosen_tab(hand):
+    """The tab that is chosen, and the names of the panels that are seen."""
+    seen = "return [...document.querySelectorAll('[role=tabpanel]')].filter("
+    seen += "(e) => e.checkVisibility({visibilityProperty: true})).map("
+    seen += "(e) => document.getElementById(e.getAttribute('aria-labelledby')).textContent)"
+    [tab] = hand.all('[role="tab"][aria-selected="true"]')
+    return tab.text, hand.browser.js(seen)
+
+
+def test_tabs_by_mouse_and_by_keyboard(hand):
+    """One panel is seen at a time, none moves what is below, and arrows go round."""
+    names = [tab.text for tab in hand.all('[role="tab"]')]
+    assert names == ["Spectrum and residual", "Frequency response", "Poles", "Step response"]
+    below = "return [document.documentElement.scrollHeight, document.body.scrollWidth]"
+    before = hand.browser.js(below)
+    for tab, name in zip(hand.all('[role="tab"]'), names, strict=True):
+        tab.click()
+        assert chosen_tab(hand) == (name, [name])
+        hand.wait(lambda: hand.sentences())
+        assert hand.browser.js(below) == before
+    hand.browser.press(Keys.ARROW_RIGHT)
+    assert chosen_tab(hand) == (names[0], [names[0]])
+    hand.browser.press(Keys.END)
+    hand.browser.press(Keys.ARROW_LEFT)
+    assert chosen_tab(hand) == (names[2], [names[2]])
+    assert hand.browser.js("return document.activeElement.textContent") == names[2]
+
+
+def test_the_linear_part_is_read_and_saved_as_the_library_has_it(hand, fitted, saved):
+    hand.all('[role="tab"]')[1].click()
+    hand.wait(lambda: "gain" in (hand.plot("gain").get_attribute("aria-label") or ""))
+    hand.browser.js("arguments[0].focus()", hand.plot("gain"))
+    hand.browser.press(Keys.HOME)
+    first = FrequencyResponse.of(fitted, [0.1])
+    said = hand.wait(lambda: hand.all(".sk-status")[0].text)
+    assert float(re.search(r"gain ([\d.]+)", said)[1]) == pytest.approx(
+        first.magnitude[0], rel=6e-3
+    )
+    hand.labelled("Save gain over frequency").click()
+    table = pd.read_csv(io.BytesIO(saved("Save gain over frequency as CSV", "gain*.csv")))
+    found = FrequencyResponse.of(fitted, table["frequency, rad/s"])
+    np.testing.assert_allclose(table["gain"], found.magnitude, rtol=1e-5)
+    np.testing.assert_allclose(table["phase, deg"], found.phase, rtol=1e-4, atol=1e-2)
+    high = found.magnitude * np.exp(1.96 * found.magnitude_sd / found.magnitude)
+    np.testing.assert_allclose(table["gain, high (95 %)"], high, rtol=1e-5)
+    hand.all('[role="tab"]')[2].click()
+    hand.labelled("Save poles").click()
+    table = pd.read_csv(io.BytesIO(saved("Save poles as CSV", "poles*.csv")))
+    poles = pole_table(fitted)
+    np.testing.assert_allclose(table["frequency, rad/s"], poles["frequency"])
+    np.testing.assert_allclose(table["standard error of the damping"], poles["sd_damping"])
+    hand.all('[role="tab"]')[3].click()
+    hand.labelled("Save step response").click()
+    table = pd.read_csv(io.BytesIO(saved("Save step response as CSV", "step*.csv")))
+    step = step_response(fitted, table["time, s"])["output"]
+    np.testing.assert_allclose(table["response"], step, atol=1e-5)
+    hand.labelled("Save step response").click()
+    drawn = ElementTree.fromstring(saved("Save step response as SVG", "step*.svg"))
+    assert "95 % interval" in " ".join(drawn.itertext())
+    assert hand.browser.console() == []
+
+
+def test_a_comparison_of_any_model_has_no_tabs(browser, tmp_path, runs):
+    found = compare(OperatorRegressor().fit(*runs), *runs)
+    hand = Hand(browser, tmp_path / "page.html", payload_of_comparison(found))
+    assert hand.all('[role="tab"]') == []
+    assert hand.plot("spectrum").is_displayed()
+
+
 def test_what_the_operator_saw_is_beside_the_output(hand):
     """Inputs stand on the same axis of time: what is brushed there is brushed everywhere."""
     key = hand.all(".sk-toggle")
@@ -348,6 +448,11 @@ def test_all_can_be_read(browser, tmp_path, request, which, width, colours):
     assert browser.requests() == []
     assert browser.overflow() <= 0
     assert browser.violations() == []
+    for tab in hand.all('[role="tab"]')[1:]:
+        tab.click()
+        time.sleep(0.2)  # it is drawn in a later frame
+        assert browser.violations() == []
+        assert browser.overflow() <= 0
     assert browser.js("return window.hacked === undefined")
     sizes = browser.js(
         "return [...document.querySelectorAll('.sk-bench *')].filter(e => e.checkVisibility() &&"
@@ -496,7 +601,7 @@ def test_a_tall_stair_does_not_cover_the_cards(browser, tmp_path, payload):
     hand = Hand(browser, tmp_path / "page.html", payload, width=1400)
     placed = "return getComputedStyle(document.querySelector('.sk-stair')).position"
     assert browser.js(placed) == "sticky"
-    [about] = list(hand.all(".sk-stair summary"))
+    [about] = [one for one in hand.all(".sk-stair summary") if one.text.startswith("About")]
     about.click()
     hand.wait(lambda: browser.js(placed) == "static")
     about.click()

@@ -9,14 +9,27 @@ import sys
 import time
 from functools import partial
 
+import numpy as np
 import pandas as pd
 import pytest
+from sklearn.pipeline import make_pipeline
 
-from skhoid import make_tracking_runs
+from skhoid import (
+    Decimator,
+    DelayShift,
+    FrequencyResponse,
+    OperatorRegressor,
+    RunInTrimmer,
+    SimulatedARX,
+    VAFScorer,
+    make_tracking_runs,
+    read_runs,
+)
 from skhoid.effects import Bias, DeadZone
 
 By = pytest.importorskip("selenium.webdriver.common.by").By
 Keys = pytest.importorskip("selenium.webdriver.common.keys").Keys
+Select = pytest.importorskip("selenium.webdriver.support.ui").Select
 
 pytest.importorskip("uvicorn")
 
@@ -224,6 +237,102 @@ def test_files_are_dropped_on_the_page(serve, recorded):
     assert served.browser.console() == []
 
 
+def test_the_linear_part_follows_the_model(serve, recorded, tmp_path):
+    """What is saved is the library's to the last digit, also of a kept model and after a drag."""
+    served = serve(recorded).open()
+    served.one("#fit").click()
+    served.one('[data-sk-key="keep"]').click()
+    served.one('[aria-label="Add bias"]').click()
+    served.wait(lambda: "Remove bias" in served.labels())
+    served.one('[data-sk-key="line 1"]').click()
+    served.browser.command(
+        "Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path)
+    )
+
+    def save(name):
+        for old in tmp_path.glob("*.csv"):
+            old.unlink()
+        served.one(f'[aria-label="Save {name}"]').click()
+        served.one(f'[aria-label="Save {name} as CSV"]').click()
+        return pd.read_csv(served.wait(lambda: next(tmp_path.glob("*.csv"), None)))
+
+    served.one('[data-sk-key="tab Frequency response"]').click()
+    served.wait(lambda: "The points are measured" in served.text())
+    table = save("gain over frequency")
+    X, y = read_runs(recorded)
+    for name, effects in {"gain": ["bias"], "1: baseline: gain": None}.items():
+        model = OperatorRegressor(effects=effects).fit(X, y)
+        found = FrequencyResponse.of(model, table["frequency, rad/s"])
+        np.testing.assert_allclose(table[name], found.magnitude, rtol=1e-12)
+    assert table["from the runs: coherence"].notna().sum() > 3
+    before = table["gain"]
+    slider = served.one('[data-sk-key="slider K_e"]')
+    served.driver.execute_script("arguments[0].focus()", slider)
+    served.browser.press(*[Keys.ARROW_RIGHT] * 5)
+    served.wait(lambda: "Undo: move K_e" in served.text())
+    served.wait(lambda: (save("gain over frequency")["gain"] > before).all())
+    assert save("gain over frequency")["gain, low (95 %)"].isna().all()
+    assert served.browser.console() == []
+
+
+def write(served, field, text):
+    """Type into a field, and leave it."""
+    box = served.one(f"#{field}")
+    box.clear()
+    box.send_keys(text, Keys.TAB)
+
+
+@pytest.mark.slow  # a server
+def test_preparation_is_shown_fitted_and_copied(serve, recorded, tmp_path):
+    served = serve(recorded).open()
+    served.one("#fit")
+    write(served, "run_in", "90")
+    served.wait(lambda: "Run 0 lasts 81.92 s: give less." in served.one("#run_in-hint").text)
+    assert served.one("#run_in").get_attribute("aria-invalid") == "true"
+    top = served.one("#decimate").location["y"]
+    write(served, "run_in", "8")
+    served.wait(lambda: served.one("#steps").text == "run-in 8 s → operator")
+    assert served.one("#decimate").location["y"] == top  # nothing has moved
+    assert served.one("#run_in").get_attribute("aria-invalid") == "false"
+    write(served, "decimate", "2")
+    Select(served.one("#core")).select_by_value("arx")
+    write(served, "shift", "0.28")
+    steps = "run-in 8 s → one row in 2 (25 Hz) → delay 0.28 s → ARX 2, 2, 0"
+    served.wait(lambda: served.one("#steps").text == steps)
+    assert served.browser.violations() == []
+    served.one("#fit").click()
+    assert served.one(".sk-preparation").text == steps
+    fitted = measure_vaf(served.state())
+    table = pd.read_csv(recorded)
+    X = table.set_index(["trial", "Time [s]"]).rename_axis(["run", "time"])
+    y = X.pop("stick")
+    steps = RunInTrimmer(8.0), Decimator(2), DelayShift(0.28, inputs=["Tracking error (deg)"])
+    roles = {"Tracking error (deg)": "e", "pitch": "x", "target": "f_t"}
+    model = SimulatedARX(inputs=["Tracking error (deg)"], roles=roles)
+    pipeline = make_pipeline(*steps, model).fit(X, y)
+    assert fitted == pytest.approx(VAFScorer()(pipeline, X, y), abs=1e-9)
+    (tmp_path / "script.py").write_text(write_script(served), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert float(re.search(r"VAF, runs fitted: ([-\d.e]+)", done.stdout)[1]) == fitted
+    assert served.browser.console() == []
+
+
+@pytest.mark.slow  # a server
+def test_what_a_fit_refuses_is_said_beside_its_field(serve, recorded):
+    served = serve(recorded).open()
+    served.one("#fit")
+    write(served, "decimate", "1500")
+    served.one("#fit").click()
+    served.wait(lambda: "Too few rows are left." in served.one("#decimate-hint").text)
+    assert served.browser.js("return document.activeElement.id") == "decimate"
+    assert served.browser.violations() == []
+    write(served, "decimate", "1")
+    served.one("#fit").click()
+    served.one('[aria-label="Add bias"]')
+
+
 def focus_on(served, selector, most=80):
     """Press Tab until the focus is there."""
     for _ in range(most):
@@ -316,6 +425,8 @@ def test_hostile_names_at_each_stage(serve, recorded, tmp_path, width, colours):
         if stage == "model":
             served.one("#fit").click()
             served.one('[aria-label="Add bias"]')
+            served.one('[data-sk-key="tab Frequency response"]').click()
+            served.wait(lambda: "responds to" in served.text())
         assert served.browser.violations() == []
         assert served.browser.overflow() <= 0
         assert served.browser.js("return window.hacked === undefined")

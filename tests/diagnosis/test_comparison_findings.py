@@ -8,10 +8,11 @@ from support.person_in_loop import pursued
 
 from skhoid import (
     ARXRegressor,
+    OperatorRegressor,
     compare,
     make_tracking_runs,
 )
-from skhoid.effects import DeadZone
+from skhoid.effects import Bias, DeadZone
 
 pytestmark = pytest.mark.slow  # fits many models
 
@@ -38,6 +39,17 @@ def test_dead_zone_is_found():
     found = first_three(compared(Effects(dead_zone=0.3)))["nonlinearity"]
     assert found.title == "The response is weaker at small e than at large e"
     assert "dead zone" in found.meaning
+
+
+@pytest.mark.parametrize("level", [-0.06, 0.05])
+def test_small_errors_are_small_beside_an_offset_too(level):
+    """An offset in the loop moves all errors to one side of the dead zone."""
+    hidden = DeadZone(width=0.3) + Bias(level=level)
+    task = {"channels": ["e", "x", "f_t"], "sampling_rate": 50, "random_state": 9}
+    X, y = make_tracking_runs("C1", 3, effects=hidden, remnant_intensity=0.1, **task)
+    found = {f.name: f for f in compare(OperatorRegressor().fit(X, y), X, y).findings}
+    title = found["nonlinearity"].title
+    assert title == "The response is weaker at small e than at large e"
 
 
 def test_asymmetry_is_found():

@@ -36,6 +36,7 @@ from .parser import (
     DOMAINS,
     add_channel_options,
     add_command,
+    add_decimate,
     add_file_options,
     add_lost_control,
     add_output_options,
@@ -89,8 +90,7 @@ def add_identify(commands: Any) -> None:
     text = "who controls (default: human where e is given with x or f_t)"
     add("--domain", choices=DOMAINS, help=text)
     add = command.section("Model")
-    text = "decimation factor: of N rows one is fitted; predictions keep all (default: 1)"
-    add("--decimate", type=order, default=1, metavar="N", help=text)
+    add_decimate(add)
     several = "; one number, or one per input"
     text = f"delay in samples, not searched{several}"
     add("--nk", type=samples, nargs="+", metavar="N", help=text)

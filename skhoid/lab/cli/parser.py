@@ -284,6 +284,12 @@ def add_run_in(add: Callable[..., Any]) -> None:
     add("--run-in", type=not_negative, metavar="S", help=text)
 
 
+def add_decimate(add: Callable[..., Any]) -> None:
+    """The option that thins the rows that are fitted."""
+    text = "decimation factor: of N rows one is fitted; predictions keep all (default: 1)"
+    add("--decimate", type=order, default=1, metavar="N", help=text)
+
+
 def add_recording_options(command: Parser) -> None:
     """Options of files, their channels, and the model."""
     add = command.section("Data")

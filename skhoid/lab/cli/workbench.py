@@ -8,6 +8,7 @@ from typing import Any
 from .parser import (
     add_command,
     add_debug,
+    add_decimate,
     add_recording_options,
     add_search_options,
     read_roles,
@@ -35,6 +36,7 @@ def add_workbench(commands: Any) -> None:
     """Add the command to the parser."""
     command = add_command(commands, workbench, ABOUT, "[FILES] [OPTIONS]", EXAMPLES)
     add_recording_options(command)
+    add_decimate(command.section("Preparation"))
     add_search_options(command.section("Search"))
     add = command.section("Server")
     text = "where all is kept, and gone on with (default: skhoid-workbench)"
@@ -82,9 +84,9 @@ def read_choices(options: argparse.Namespace) -> Any:
     named = {key: value for key, value in named.items() if value}
     if options.input is not None:  # then no other channel is guessed
         named["signals"] = False
-    others = ["dt", "subject", "condition", "resample", "remove_means", "run_in", "core", "delay"]
-    others += ["na", "nb", "nk", "display", "controlled_element", "max_effects", "lost_control"]
-    others += ["time_limit", "exhaustive"]
+    others = ["dt", "subject", "condition", "resample", "remove_means", "run_in", "decimate"]
+    others += ["core", "delay", "na", "nb", "nk", "display", "controlled_element"]
+    others += ["max_effects", "lost_control", "time_limit", "exhaustive"]
     return Choices(
         named=named,
         effects=None if options.effects == ["all"] else options.effects,

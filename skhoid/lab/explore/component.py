@@ -165,7 +165,7 @@ class _Answers:
         except (ValueError, OSError) as error:
             reply = {"error": str(error)}
         self._send(number, reply)
-        if name not in ("drag", "preview", "trace", "script", "model"):
+        if name not in ("drag", "preview", "trace", "script", "model", "linear"):
             threading.Thread(target=self._judge, daemon=True).start()
 
     def _reply(self, name: str, args: dict[str, Any]) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from ...effects import effect as effect_of
 from ...exceptions import did_you_mean
 from ...model import simulated_model
 from ...runs import of_person
+from .linear import describe_linear, has_linear_part
 from .models import OUT, TRAIN, USES, History, Models, Position, Runs, own_values
 from .people import MOST, PeopleFits
 from .script import write_script
@@ -33,7 +34,18 @@ from .view import (
 )
 
 MOST_NAMED = 3  # runs
-ACTIONS = ("change", "any", "drag", "split", "search", "script", "report", "session", "people")
+ACTIONS = (
+    "change",
+    "any",
+    "drag",
+    "split",
+    "search",
+    "script",
+    "report",
+    "session",
+    "linear",
+    "people",
+)
 OPENS_ON = 15.0  # s of a run: over a whole one measured and simulated cannot be told apart
 USED = {"train": "Fit", "hold": "Hold out", "out": "Leave out"}
 
@@ -61,6 +73,8 @@ class Exploration:
         What :meth:`memory` returned: go on from there; ``search`` in it is what was found.
     fitted : sequence of estimators, default=()
         Models that are fitted to all runs already, known by their effects.
+    preparation : str or None, default=None
+        What was done to the recordings before, and the model, in words.
 
     Examples
     --------
@@ -86,6 +100,7 @@ class Exploration:
         source: Sequence[str] | None = None,
         memory: Mapping[str, Any] | None = None,
         fitted: Sequence[Any] = (),
+        preparation: str | None = None,
     ):
         estimator = simulated_model(estimator, "Exploration")
         self.estimator = clone(estimator)
@@ -107,6 +122,7 @@ class Exploration:
         self._take_controller()
         self.models = Models(self.estimator, self.runs, fitted)
         self.source = None if source is None else list(source)
+        self.preparation = preparation
         self.title = title or f"{type(estimator).__name__} against measured {self.runs.output}"
         self.lock = threading.RLock()
         self.revision = 0
@@ -160,6 +176,7 @@ class Exploration:
             "trace": self._trace,
             "preview": self._preview,
             "model": self._model,
+            "linear": self._linear,
             "keep": self._keep,
             "drop": self._drop,
             "people": lambda _: {"people": [] if self.people is None else [*self.people.rows]},
@@ -264,7 +281,8 @@ class Exploration:
             "output": {"name": runs.output, "unit": runs.units.get(runs.output)},
             "dt": runs.layout.dt,
             "settling": float(getattr(self.estimator, "settling", 0.0)),
-            "can": {**dict.fromkeys(ACTIONS, True), "people": len(people) > 1},
+            "can": dict.fromkeys(ACTIONS, True)
+            | {"linear": has_linear_part(self.estimator), "people": len(people) > 1},
             "channels": [
                 {"name": name, "role": role, "unit": runs.units.get(name)}
                 for name, role in runs.roles.items()
@@ -281,6 +299,7 @@ class Exploration:
             ],
             "shown": 0,
             "opens_on": OPENS_ON,
+            "preparation": self.preparation,
             "note": self._note(),
             "state": self.state(),
         }
@@ -438,6 +457,20 @@ class Exploration:
     def _model(self, args: Mapping[str, Any]) -> dict[str, Any]:
         one = self.kept[self.number_of(args)]
         return {"simulated": self._of_run(self.figures.prediction(one), args)}
+
+    def _linear(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        """The linear part of the present model, or as it is dragged, and of kept ones."""
+        to = moved(self, args) if "name" in args else self.here
+        kept = {n: self.kept[self.number_of({"model": n})] for n in args.get("models", [])}
+        return self.linear_of({0: to, **kept}, self.figures.measured(self.here))
+
+    def linear_of(self, positions: Mapping[int, Position], measured: Any) -> dict[str, Any]:
+        """What the component draws of the linear parts of models."""
+        models = {n: self.models.moved(p.effects, p.train, p.moved) for n, p in positions.items()}
+        roles = self.runs.roles
+        answered = "e" if "e" in roles.values() else "f_t"
+        same = roles.get(str(models[0].inputs_[0])) == answered
+        return describe_linear(models, measured if same else None, self.domain)
 
     def number_of(self, args: Mapping[str, Any]) -> int:
         """The number of the kept model that arguments name."""

@@ -25,6 +25,7 @@ from ...effects import Effects
 from ...model import GreyBox
 from ...runs import RunLayout, read_layout, run_name
 from .exploration import ACTIONS, OPENS_ON, Exploration
+from .linear import has_linear_part, round_numbers
 from .models import History, Position, own_values
 from .script import plain
 
@@ -49,24 +50,32 @@ def payload_of(
         return None if comparison is None else payload_of_comparison(comparison)
     fitted = [search.baseline_, search.best_estimator_]
     exploration = Exploration(search.estimator, X, y, search=search, fitted=fitted).at_result()
-    return payload_in_report(exploration)
+    return payload_in_report(exploration, comparison)
 
 
-def payload_in_report(exploration: Exploration) -> dict[str, Any]:
+def payload_in_report(
+    exploration: Exploration, comparison: Comparison | None = None
+) -> dict[str, Any]:
     """The same of an exploration, without what the page around it says."""
-    payload = payload_of_exploration(exploration, exploration.found.before.names)
+    measured = None if comparison is None else comparison.by_frequency
+    payload = payload_of_exploration(exploration, exploration.found.before.names, measured)
     for state in payload["states"].values():
         state |= {"verdict": "", "verdict_kind": "", "limits": []}
     payload["view"]["title"] = ""
     return payload
 
 
-def payload_of_exploration(exploration: Exploration, kept: Sequence[str] = ()) -> dict[str, Any]:
+def payload_of_exploration(
+    exploration: Exploration, kept: Sequence[str] = (), by_frequency: Any = None
+) -> dict[str, Any]:
     """The same of what an exploration has now, and of what its search found beside.
 
-    Effects that are ``kept`` are in every subset.
+    Effects that are ``kept`` are in every subset. ``by_frequency`` is that of a comparison; None
+    takes what the exploration has found.
     """
     here, runs = exploration.here, exploration.runs
+    measured = exploration.figures.measured(here) if by_frequency is None else by_frequency
+    shows_linear = has_linear_part(exploration.estimator)
     offered = exploration.with_found()
     names = [name for name in offered.names if name not in kept]
     states: dict[str, Any] = {}
@@ -81,11 +90,14 @@ def payload_of_exploration(exploration: Exploration, kept: Sequence[str] = ()) -
         state |= {"ceiling_pending": False, "findings": [], "search": None}
         key = ",".join(sorted(chosen))
         states[key] = {**state, "to_add": [], "models": []}
+        if shows_linear:
+            linear = exploration.linear_of({0: position}, measured)
+            states[key]["linear"] = round_numbers(linear)
         predictions[key] = exploration.models.prediction(effects, here.train, moved)
     view = exploration.view()
     start = ",".join(sorted(n for n in here.effects.names if n not in kept))
     view |= {
-        "can": {**dict.fromkeys(ACTIONS, False), "change": len(names) > 0},
+        "can": dict.fromkeys(ACTIONS, False) | {"change": len(names) > 0, "linear": shows_linear},
         "state": states[start],
     }
     channels = {str(n): runs.frame.iloc[:, i].to_numpy(float) for i, n in enumerate(runs.frame)}
@@ -139,6 +151,7 @@ def payload_of_comparison(found: Comparison) -> dict[str, Any]:
         ],
         "shown": 0,
         "opens_on": OPENS_ON,
+        "preparation": None,
         "note": None if np.isfinite(found.noise_ceiling) else note,
         "state": state,
     }

@@ -48,6 +48,8 @@ def write_script(
 def _imports(effects: Effects, body: str) -> list[str]:
     names = set(re.findall(r"\b\w+(?=\()", body)) & {*dir(skhoid)}
     lines = ["import numpy as np", ""] if "np." in body else []
+    if "make_pipeline(" in body:
+        lines += ["from sklearn.pipeline import make_pipeline", ""]
     lines += [f"from skhoid import {', '.join(sorted(names))}"]
     classes = {type(e) for _, e in effects}
     own = sorted(c.__name__ for c in classes if not c.__module__.startswith("skhoid."))

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ... import EffectSearchCV, OperatorRegressor, compare
 from ...effects import Effect, Effects, title_of, titles_of
@@ -101,9 +102,11 @@ def make_curve(model: Any, name: str) -> dict[str, Any] | None:
     return {"xlabel": found.xlabel, "ylabel": found.ylabel, "lines": lines, "without": without}
 
 
-def _bound_in_words(one: ModelParameter) -> str:
-    """Words for a parameter that ended at a bound: it is not estimated there."""
-    return f"; at its {one.at_bound} bound" if one.at_bound else ""
+def _doubt_in_words(one: ModelParameter) -> str:
+    """Words for a parameter that is not estimated: it ended at a bound, or may have any size."""
+    if one.at_bound:
+        return f"; at its {one.at_bound} bound"
+    return "; these runs do not determine it" if one.is_vague else ""
 
 
 def _thinned(values: Any) -> np.ndarray:
@@ -135,7 +138,7 @@ def _parameter(
     return {
         "name": one.name,
         "label": label,
-        "meaning": one.meaning + _bound_in_words(one),
+        "meaning": one.meaning + _doubt_in_words(one),
         "unit": one.unit,
         "value": one.value,
         "sd": one.sd if np.isfinite(one.sd) and one.sd > 0 else None,
@@ -417,12 +420,14 @@ class Figures:
         settling = float(getattr(self.models.estimator, "settling", 0.0)) or None
         model = self.models.moved(here.effects, here.train, here.moved)
         judged: dict[str, Any] = {"ceiling": None, "note": "", "findings": [], "vaf": LEAST}
+        judged["by_frequency"] = None
         try:
             found = compare(model, *self.runs.part(here.train), run_in=settling, domain=self.domain)
         except ValueError as error:
             judged["note"] = str(error)
         else:
             judged |= {"note": found.ceiling_note, "vaf": found.vaf}
+            judged["by_frequency"] = found.by_frequency
             if np.isfinite(found.noise_ceiling):
                 judged["ceiling"] = {"vaf": found.noise_ceiling}
             judged["findings"] = [{"what": f.title, "why": f.meaning} for f in found.findings]
@@ -439,8 +444,7 @@ class Figures:
     def ceiling(self, here: Position, found: Found) -> dict[str, Any]:
         """The noise ceiling as the best model on these runs has it: a worse one shows less."""
         pending = judged_key(here) not in self._judged
-        same = [one for key, one in list(self._judged.items()) if key[0] == here.uses]
-        known = [one for one in same if one["ceiling"] is not None]
+        known = [one for one in self._judged_on(here) if one["ceiling"] is not None]
         best = max(known, key=lambda one: one["vaf"], default=None)
         last = found.last if found.runs == here.train else {}
         of_search = np.isfinite(last.get("ceiling", np.nan))
@@ -451,6 +455,15 @@ class Figures:
         else:
             ceiling = None
         return {"ceiling": ceiling, "ceiling_pending": pending}
+
+    def measured(self, here: Position) -> pd.DataFrame | None:
+        """What a comparison found over frequency; the response measured there is of no model."""
+        known = (one["by_frequency"] for one in self._judged_on(here))
+        return next((table for table in known if table is not None), None)
+
+    def _judged_on(self, here: Position) -> list[dict[str, Any]]:
+        """What was found of models on the same runs."""
+        return [one for key, one in list(self._judged.items()) if key[0] == here.uses]
 
 
 def judged_key(here: Position) -> tuple[Any, ...]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -39,16 +40,21 @@ from ...text import (
     VAF_RULE,
     Estimate,
     Facts,
+    Note,
+    Step,
     TextTable,
     as_sentence,
     ceiling_text,
     counted,
     gap_text,
     number,
+    tell,
 )
 from ..explore.payloads import pack_text
 from .page import advise, provenance
 from .plots import Gallery, Plot
+
+Say = Callable[[Note | str], str]  # to who writes Python, or who types commands
 
 NEAREST = "Nearest names. Distance 0: the same curve; 1: nothing in common"
 MANY = 40  # runs in a table
@@ -125,6 +131,7 @@ def read_content(
     layout = raw_layout(baseline, X)
     names = [*frame.columns, output.name, *units.values(), repr(baseline), *layout.labels]
     gallery = Gallery(map(str, names))
+    say = partial(tell, typed="command" in (made_with or {}))
     added = results.final_name
     compared = [
         {
@@ -132,8 +139,8 @@ def read_content(
             "folded": found is comparison and after is not None,
             "rows": rows,
             "figures": _figures(found),
-            "findings": list(_findings(found, None if found is after else after, added)),
-            "notes": [as_sentence(note.with_hint) for note in found.notes],
+            "findings": list(_findings(found, None if found is after else after, added, say)),
+            "notes": [as_sentence(say(note)) for note in found.notes],
             "false_alarm": f"{100 * found.false_alarm:g}",
             "pictures": gallery.comparison(found),
         }
@@ -166,7 +173,7 @@ def read_content(
         "with_before": final is not None,
         "effects": [] if final is None else gallery.effects(final, X, y),
         "paths": _paths(baseline, gallery),
-        "next_steps": list(_next_steps(results)),
+        "next_steps": list(_next_steps(results, say)),
         "made": provenance(search if search is not None else baseline, X, y, made_with),
         **embed(payload),
     }
@@ -238,7 +245,9 @@ def _verdict(search: EffectSearchCV | None, comparison: Comparison | None) -> di
     return {"kind": kind, "headline": headline, "sentences": [sentence]}
 
 
-def _findings(found: Comparison, after: Comparison | None, added: str) -> Iterator[dict[str, str]]:
+def _findings(
+    found: Comparison, after: Comparison | None, added: str, say: Say
+) -> Iterator[dict[str, str]]:
     """Findings of a comparison, and which of them are gone with the effects found."""
     left = None if after is None else {finding.name for finding in after.findings}
     for finding in found.findings:
@@ -247,7 +256,7 @@ def _findings(found: Comparison, after: Comparison | None, added: str) -> Iterat
             "title": finding.title,
             "evidence": finding.evidence,
             "meaning": finding.meaning,
-            "next_step": "" if gone else finding.next_step,
+            "next_step": "" if gone else say(finding.next_step),
             "explained": f"Explained {added.replace('with', 'by', 1)}." if gone else "",
         }
 
@@ -534,7 +543,18 @@ def _paths(baseline: Any, gallery: Gallery) -> list[Plot]:
     return gallery.paths(model) if hasattr(model, "coef_path_") else []
 
 
-def _next_steps(results: Results) -> Iterator[dict[str, str]]:
+def _go_on(results: Results, added: list[str]) -> Step:
+    """How one goes on with the model that was found."""
+    typed = "skhoid diagnose --save model.joblib keeps it, for skhoid compare."
+    ids = [name.split("-")[0] for name in added]
+    if not set(catalogue().index) >= set(ids):  # effects of the user's own
+        return Step("It is search.best_estimator_.", typed)
+    calls = "".join(f'.with_effect("{name}")' for name in ids)
+    model = f"{type(results.baseline).__name__}(...){calls}"
+    return Step(f"It is search.best_estimator_, or by hand: {model}.fit(X, y).", typed)
+
+
+def _next_steps(results: Results, say: Say) -> Iterator[dict[str, str]]:
     """What to do next, the most important first."""
     search = results.search
     if search is None:
@@ -542,35 +562,28 @@ def _next_steps(results: Results) -> Iterator[dict[str, str]]:
     else:
         added = [str(name) for name in search.error_path_["effect"].iloc[1:]]
         if added and not search.stand_ins_:
-            ids = [name.split("-")[0] for name in added]
-            known = set(catalogue().index) >= set(ids)  # no effects of the user's own
-            calls = "".join(f'\n    .with_effect("{name}")' for name in ids)
-            name = type(results.baseline).__name__
-            code = f"model = (\n    {name}(...){calls}\n    .fit(X, y)\n)"
-            yield advise(
-                f"Go on with the model {with_effects(added)}",
-                f"It is search.best_estimator_{', or by hand:' if known else '.'}",
-                code if known else "",
-            )
+            yield advise(f"Go on with the model {with_effects(added)}", say(_go_on(results, added)))
         shape = search.shape_
         recordings = [] if shape is None else shape.recordings
         for sentence in (*search.experiments_, *recordings):
             yield advise("Record what tells effects apart", sentence)
         if shape is not None and search.verdict_ not in HOW_TO_GO_ON:  # which may name it
-            why = "A file with its curve, and with a short formula where one fits:"
-            yield advise("Make the shape an effect of your own", why, BY_HAND)
+            why = "{} writes a file with its curve, and with a short formula where one fits."
+            sketch = Step(why.format(BY_HAND), why.format("skhoid diagnose --sketch my_effect.py"))
+            yield advise("Make the shape an effect of your own", say(sketch))
         if search.verdict_.leaves_unknown:
-            own = (
-                "Record the channel that carries it, or write an effect of your own and add it to "
-                "effects=[...]."
+            channel = "Record the channel that carries it, or"
+            own = Step(
+                f"{channel} write an effect of your own and add it to effects=[...].",
+                f"{channel} write an effect of your own in Python.",
             )
-            how = HOW_TO_GO_ON.get(search.verdict_, own)
+            how = say(HOW_TO_GO_ON.get(search.verdict_, own))
             what = f"Look at what {unexplained_by(search.result_)}"
             yield advise(what, f"{as_sentence(_unexplained(search))} {how}")
         for note in search.notes_:
-            yield advise("Note", note.with_hint)
+            yield advise("Note", say(note))
     found = results.comparison if results.after is None else results.after
     everything = search is not None and search.tries_all
     for finding in found.findings if found is not None else []:
         if not (everything and finding.name in ANSWERED):
-            yield advise(finding.next_step, f"{finding.title}. {finding.evidence}")
+            yield advise(say(finding.next_step), f"{finding.title}. {finding.evidence}")

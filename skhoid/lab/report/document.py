@@ -105,7 +105,8 @@ def report(
     source : str or None, default=None
         Where the data are from, in a sentence.
     made_with : dict of str or None, default=None
-        More lines for the section "How this was made": the command, a seed.
+        More lines for the section "How this was made": a seed, or the "command"; with one, what to
+        do next is told in commands.
 
     Returns
     -------

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from ...effects import title_of, titles_of
 from ...recordings import ExperimentCheck
 from ...runs import read_layout
-from ...text import DASH, VAF_RULE, TextTable, as_sentence, counted, p_number
+from ...text import DASH, VAF_RULE, Note, Step, TextTable, as_sentence, counted, p_number, tell
 from ..experiment.factors import Factors
 from ..experiment.group import (
     GroupEffectSearch,
@@ -105,6 +105,7 @@ def experiment_content(
     names = [*given.subjects, *given.conditions, *given.people.runs["run"].unique()]
     gallery = ExperimentGallery(map(str, names))
     anchors = {who: f"person-{number}" for number, who in enumerate(given.subjects, 1)}
+    say = partial(tell, typed="command" in (made_with or {}))
     parameters, statistics = parameters_section(given, reference, factors, gallery)
     content = {
         "in_short": _in_short(given),
@@ -118,7 +119,7 @@ def experiment_content(
         "parameters": parameters,
         "people": people_section(given, groups, anchors, gallery),
         "differs": _differs(given, anchors),
-        "next_steps": list(_next_steps(given, check)),
+        "next_steps": list(_next_steps(given, check, say)),
         "made": _made(given, X, y, made_with),
     }
     return content, statistics
@@ -453,7 +454,9 @@ def _unlike_the_group(group: GroupEffectSearch) -> Iterator[tuple[Any, str]]:
         yield who, f"{said}; probability of having it: {sure}."
 
 
-def _next_steps(given: Experiment, check: ExperimentCheck | None) -> Iterator[dict[str, str]]:
+def _next_steps(
+    given: Experiment, check: ExperimentCheck | None, say: Callable[[Note | str], str]
+) -> Iterator[dict[str, str]]:
     """What to do next: what, and why."""
     if check is None:
         yield advise(
@@ -471,14 +474,25 @@ def _next_steps(given: Experiment, check: ExperimentCheck | None) -> Iterator[di
         yield advise(
             "Look at who and what looks wrong, before believing the means",
             "They count in all that is told. Look at the person's part of this page and at the "
-            "recording; --leave-out leaves them out, and "
-            'outlying="leave_out" in skhoid.lab.experiment.mixed_model shows what depends on it.',
+            + say(
+                Step(
+                    'recording; outlying="leave_out" in skhoid.lab.experiment.mixed_model shows '
+                    "what depends on it.",
+                    "recording; --leave-out leaves them out.",
+                )
+            ),
         )
     if given.group is None:
         yield advise(
             "Ask what the models miss",
-            "skhoid.GroupEffectSearch(EffectSearchCV(OperatorRegressor())).fit(X, y) searches in "
-            "everybody, and says what the group shares.",
+            say(
+                Step(
+                    "skhoid.GroupEffectSearch(EffectSearchCV(OperatorRegressor())).fit(X, y) "
+                    "searches in everybody, and says what the group shares.",
+                    "Without --effects none the command searches in everybody, and says what the "
+                    "group shares.",
+                )
+            ),
         )
     else:
         for note in notes(given.group):
@@ -486,13 +500,25 @@ def _next_steps(given: Experiment, check: ExperimentCheck | None) -> Iterator[di
                 yield advise("Note", as_sentence(note.text))
     yield advise(
         "Go on in other programs",
-        "skhoid.lab.experiment.write_long writes the rows, and an R script for lme4; write_wide a "
-        "table for SPSS or JASP.",
+        say(
+            Step(
+                "skhoid.lab.experiment.write_long writes the rows, and an R script for lme4; "
+                "write_wide a table for SPSS or JASP.",
+                "--tables FOLDER writes the rows, an R script for lme4, and a table for SPSS or "
+                "JASP.",
+            )
+        ),
     )
     yield advise(
         "Look at one person in full",
-        "skhoid.report(search, X_of_person, y_of_person) makes a page of one person's model, with "
-        "comparison, ranking and error path.",
+        say(
+            Step(
+                "skhoid.report(search, X_of_person, y_of_person) makes a page of one person's "
+                "model, with comparison, ranking and error path.",
+                "skhoid report FILES, with the files of one person, makes a page of their model, "
+                "with comparison, ranking and error path.",
+            )
+        ),
     )
 
 
@@ -588,7 +614,8 @@ def report_experiment(
     source : str or None, default=None
         Where the data are from, in a sentence.
     made_with : dict of str or None, default=None
-        More lines for the section "How this was made": the command, a seed.
+        More lines for the section "How this was made": a seed, or the "command"; with one, what to
+        do next is told in commands.
 
     Returns
     -------

@@ -39,9 +39,9 @@ def provenance(model: Any, X: Any, y: Any, made_with: dict[str, str] | None) -> 
     return stated | {name: text for name, text in made.items() if name not in stated}
 
 
-def advise(what: str, why: str, code: str = "") -> dict[str, str]:
-    """What to do next: what, why, and code where there is some."""
-    return {"what": what, "why": why, "code": code}
+def advise(what: str, why: str) -> dict[str, str]:
+    """What to do next: what, and why."""
+    return {"what": what, "why": why}
 
 
 def settings(model: Any, name: str = "") -> dict[str, str]:

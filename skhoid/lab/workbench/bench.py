@@ -8,24 +8,34 @@ import json
 import threading
 from collections.abc import AsyncIterator, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ... import report
-from ...exceptions import IrregularSamplingError
+from ...exceptions import IrregularSamplingError, ShortRunError
 from ...io import shown
 from ..explore import Exploration
 from ..explore.view import Found
 from ..guessing import UnclearColumnsError
 from ..opening import make_estimator
-from .columns import KINDS, Choices, Columns, Recorded, look, noted, read, search_settings
+from .columns import (
+    KINDS,
+    Choices,
+    Columns,
+    Recorded,
+    UnfitChoiceError,
+    look,
+    noted,
+    read,
+    search_settings,
+)
 from .jobs import SearchJob
+from .preparation import Prepared, prepare, tell_steps
 from .session import SEARCH, NotSaved, SessionFolder, make_digest
 
 HISTORY = frozenset(("add", "remove", "release", "refit", "free", "undo", "redo", "use", "recall"))
 MODELS = frozenset(("keep", "drop"))
-READING = frozenset(("trace", "preview", "drag", "state", "script", "model", "people"))
+READING = frozenset(("trace", "preview", "drag", "state", "script", "model", "linear", "people"))
 UNFINISHED = (
     "The search was not finished when the workbench ended: nothing of it was kept. Start it again."
 )
@@ -34,6 +44,7 @@ UNFINISHED = (
 ONTO_A_GRID = (
     'The clock is irregular: tick "Bring an irregular clock onto a grid" below, and check again.'
 )
+LEAVING_FEW = ("decimate", "measurement_time", "run_in", "until")  # the likeliest first
 QUIET = 15.0  # s, after which a comment keeps the connection alive
 
 
@@ -45,6 +56,13 @@ def put_in_words(error: BaseException) -> str:
         return f"{error.filename or 'The file'}: {error.strerror}."
     text = error.args[0] if isinstance(error, KeyError) and error.args else error
     return " ".join(str(text).split()) or type(error).__name__
+
+
+def tell_preparation(prepared: Prepared | None, choices: Choices) -> dict[str, str]:
+    """The pipeline in words, and what it costs; nothing of it before there is any."""
+    if prepared is None:
+        return {"steps": "", "note": ""}
+    return {"steps": tell_steps(prepared, choices), "note": prepared.note}
 
 
 class News:
@@ -116,12 +134,13 @@ class Workbench:
         self.news = News()
         self.files: dict[str, dict[str, Any]] = {}
         self.chosen: list[str] = []
-        self.phase, self.doing, self.message = "empty", "", ""
+        self.phase, self.doing, self.message, self.field = "empty", "", "", ""
         self.notes: list[str] = []
         self.unsaved = ""
         self._keeps_more = False  # whether the folder holds what could not be opened again
         self.columns: Columns | None = None
         self.recorded: Recorded | None = None
+        self.prepared: Prepared | None = None
         self.problems: list[dict[str, Any]] = []
         self.exploration: Exploration | None = None
         self._found: Found | None = None  # what the folder holds of a search
@@ -222,6 +241,7 @@ class Workbench:
                 "phase": self.phase,
                 "doing": self.doing,
                 "message": self.message,
+                "field": self.field,
                 "notes": [*self.notes, *filter(None, [self.unsaved])],
                 "session": str(self.folder.path),
                 "kept": self._keeps_more,
@@ -233,13 +253,8 @@ class Workbench:
                 "recorded": "" if recorded is None else recorded.words,
                 "findings": [] if recorded is None else recorded.findings,
                 "checked": recorded is not None,
-                "model": {
-                    "core": self.choices.core,
-                    "display": self.choices.display,
-                    "dt": self.choices.dt,
-                    "remove_means": self.choices.remove_means,
-                    "resample": self.choices.resample,
-                },
+                "model": self.choices.as_dict(),
+                **tell_preparation(self.prepared, self.choices),
             }
 
     def _file(self, name: str) -> dict[str, Any]:
@@ -276,11 +291,22 @@ class Workbench:
     def fit(self, asked: Mapping[str, Any]) -> None:
         """Fit the model to what is chosen, and then search if that is asked for, too."""
         with self._lock:
-            before = self.choices
+            before = self.choices.of_reading
             self._take(asked)
-            of_model: dict[str, Any] = {"core": self.choices.core, "display": self.choices.display}
-            self._discard(read_again=replace(before, **of_model) != self.choices)
+            self._discard(read_again=before != self.choices.of_reading)
         self._open(None, fit=True, search=bool(asked.get("search")))
+
+    def try_preparation(self, asked: Mapping[str, Any]) -> dict[str, str]:
+        """What would be done to the recordings with these choices, which are not taken yet."""
+        with self._lock:
+            columns, recorded = self.columns, self.recorded
+            choices = self.choices
+        try:
+            choices = choices.corrected(asked, [] if columns is None else columns.names)
+            prepared = None if recorded is None else prepare(recorded, choices)
+        except UnfitChoiceError as error:
+            return {**tell_preparation(None, choices), "message": str(error), "field": error.field}
+        return tell_preparation(prepared, choices)
 
     def back(self) -> None:
         """Back to the columns: what was explored is given up, as the page has asked before."""
@@ -307,7 +333,8 @@ class Workbench:
         if self.exploration is not None and self.exploration.people is not None:
             self.exploration.people.stopped = True
         self.exploration = None
-        self.message = ""
+        self.message = self.field = ""
+        self.prepared = None
         self._round += 1
         if read_again:
             self.recorded, self.problems = None, []
@@ -331,6 +358,7 @@ class Workbench:
             if self.recorded is None:
                 self._look(this, paths)
                 self._read(this, paths)
+            self._prepare(this)
             if why:
                 raise ValueError(why)
             if fit:
@@ -390,22 +418,38 @@ class Workbench:
             self.files[name]["digest"] = make_digest(self.files[name]["path"])
         self._now(this, recorded=recorded, problems=[])
 
+    def _prepare(self, this: int) -> None:
+        assert self.recorded is not None
+        self._now(this, prepared=prepare(self.recorded, self.choices))
+
     def _fit(self, this: int, memory: Any) -> None:
-        recorded = self.recorded
+        recorded, prepared = self.recorded, self.prepared
         assert recorded is not None
+        assert prepared is not None
         self._now(this, phase="fitting", doing="Fitting the model without effects ...")
         about = {"inputs": recorded.inputs, "roles": recorded.roles or None}
-        exploration = Exploration(
-            make_estimator(self.choices, recorded.X, recorded.y, **about),
-            recorded.X,
-            recorded.y,
-            options=search_settings(self.choices),
-            title=", ".join(self.files[name]["name"] for name in self.chosen),
-            source=recorded.source,
-            memory=memory,
-        )
-        exploration.state()
+        try:
+            model = make_estimator(self.choices, prepared.X, prepared.y, **about)
+            exploration = Exploration(
+                model,
+                prepared.X,
+                prepared.y,
+                options=search_settings(self.choices),
+                title=", ".join(self.files[name]["name"] for name in self.chosen),
+                source=prepared.source,
+                memory=memory,
+                preparation=tell_steps(prepared, self.choices, model),
+            )
+            exploration.state()
+        except ShortRunError as error:
+            field = next((name for name in LEAVING_FEW if self._leaves_fewer(name)), "")
+            if not field:
+                raise
+            raise UnfitChoiceError(f"Too few rows are left. {error}", field) from error
         self._now(this, exploration=exploration, phase="bench")
+
+    def _leaves_fewer(self, name: str) -> bool:
+        return getattr(self.choices, name) != getattr(Choices(), name)
 
     def _unclear(self, this: int, error: UnclearColumnsError) -> None:
         with contextlib.suppress(_Overtaken):
@@ -420,7 +464,8 @@ class Workbench:
             message = put_in_words(error)
             if isinstance(error, IrregularSamplingError):
                 message = f"{ONTO_A_GRID} {message}"
-            self._now(this, phase=phase, doing="", message=message)
+            field = getattr(error, "field", "")
+            self._now(this, phase=phase, doing="", message=message, field=field)
 
     # The component.
 
@@ -567,10 +612,14 @@ class Workbench:
 
     def report(self) -> dict[str, Any]:
         """Write the report on the present model into the session's folder."""
+        exploration = self._open_exploration()
         page = report(
-            self._open_exploration(),
+            exploration,
             source=", ".join(self.files[name]["name"] for name in self.chosen),
-            made_with={"Session": f"skhoid workbench --session {self.folder.path}"},
+            made_with={
+                "Session": f"skhoid workbench --session {self.folder.path}",
+                "Fitted": str(exploration.preparation),
+            },
         )
         try:
             path = page.save(self.folder.free("report.html"))

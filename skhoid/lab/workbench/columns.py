@@ -19,7 +19,7 @@ from ...io import FileTable, first_table, numbers_of, split_header
 from ...runs import read_layout, role_of
 from ...text import counted
 from ..guessing import ColumnGuess, Problem, guess_columns
-from ..opening import read_chosen, read_element, trimmed
+from ..opening import read_chosen, read_element
 
 WIDTH = 96  # columns of the script
 PEEK = 1000  # rows
@@ -47,6 +47,27 @@ CHANNELS = ("e", "x", "f_t", "dist", "motion", "other")
 CORES = ("operator", "arx")
 DISPLAYS = ("compensatory", "pursuit", "preview")
 LONGEST = 200  # characters of a unit
+METHODS = ("ideal", "aggregate", "downsample")
+PADDINGS = ("periodic", "odd")
+SECONDS = {
+    "dt": "The sampling time",
+    "until": "The end",
+    "run_in": "The run-in",
+    "measurement_time": "The end that is kept",
+    "shift": "The delay shift",
+    "delay": "The delay",
+}
+MAY_BE_ZERO = ("run_in", "shift", "delay")
+COUNTS = {"decimate": 1, "na": 1, "nb": 1, "nk": 0}  # and the least of each
+OF_READING = ("named", "kinds", "units", "dt", "subject", "condition", "resample")
+
+
+class UnfitChoiceError(ValueError):
+    """A choice that is not possible, or not with these data; ``field`` is its name."""
+
+    def __init__(self, text: str, field: str):
+        super().__init__(text)
+        self.field = field
 
 
 @dataclass(frozen=True)
@@ -64,8 +85,14 @@ class Choices:
     subject: str | None = None
     condition: str | None = None
     resample: bool = False
+    until: float | None = None
     remove_means: bool = False
     run_in: float | None = None
+    measurement_time: float | None = None
+    decimate: int = 1
+    method: str = METHODS[0]
+    padding: str = PADDINGS[0]
+    shift: float | None = None
     core: str = "operator"
     delay: float | None = None
     na: int | None = None
@@ -84,6 +111,11 @@ class Choices:
         """The sampling time where no column is the time; of a resampled one it is the new."""
         return None if self.resample else self.dt
 
+    @property
+    def of_reading(self) -> dict[str, Any]:
+        """Those that say how the files are read."""
+        return {name: getattr(self, name) for name in OF_READING}
+
     def as_dict(self) -> dict[str, Any]:
         """The same for JSON."""
         return asdict(self)
@@ -93,19 +125,24 @@ class Choices:
 
         ``columns`` are those of the files, the only ones that may be named.
         """
-        kinds = asked.get("kinds", self.kinds)
-        units = asked.get("units", self.units)
+        told = {**self.as_dict(), **asked}
+        kinds, units = told["kinds"], told["units"]
+        seconds: dict[str, Any] = {name: _read_seconds(told[name], name) for name in SECONDS}
+        counts: dict[str, Any] = {name: _read_count(told[name], name) for name in COUNTS}
+        if seconds["run_in"] and seconds["measurement_time"]:
+            raise UnfitChoiceError("Give the run-in or this, not both.", "measurement_time")
         return replace(
             self,
             kinds=None if kinds is None else _by_column(kinds, columns, "kind", KINDS),
             units=None if units is None else _by_column(units, columns, "unit", None),
-            dt=_number(asked.get("dt", self.dt), "The sampling time"),
-            core=_one_of(asked.get("core", self.core), CORES, "core"),
-            display=_one_of(
-                asked.get("display", self.display) or None, (None, *DISPLAYS), "display"
-            ),
-            remove_means=bool(asked.get("remove_means", self.remove_means)),
-            resample=bool(asked.get("resample", self.resample)),
+            core=_one_of(told["core"], CORES, "core"),
+            display=_one_of(told["display"] or None, (None, *DISPLAYS), "display"),
+            method=_one_of(told["method"], METHODS, "filter"),
+            padding=_one_of(told["padding"], PADDINGS, "end of runs"),
+            remove_means=bool(told["remove_means"]),
+            resample=bool(told["resample"]),
+            **seconds,
+            **counts | {"decimate": counts["decimate"] or 1},
         )
 
 
@@ -124,16 +161,29 @@ def _by_column(
     return {str(column): value.strip() for column, value in given.items()}
 
 
-def _number(value: Any, what: str) -> float | None:
+def _read_seconds(value: Any, field: str) -> float | None:
     if value is None or value == "":
         return None
     try:
         number = float(value)
     except (TypeError, ValueError):
         number = math.nan
-    if not (math.isfinite(number) and number > 0):
-        raise ValueError(f"{what} must be a number above 0, in seconds; got {value!r:.80}.")
+    least = "0 or more" if field in MAY_BE_ZERO else "above 0"
+    if not math.isfinite(number) or number < 0 or (number == 0 and field not in MAY_BE_ZERO):
+        text = f"{SECONDS[field]} must be a number {least}, in seconds; got {value!r:.80}."
+        raise UnfitChoiceError(text, field)
     return number
+
+
+def _read_count(value: Any, field: str) -> int | None:
+    if value is None or value == "":
+        return None
+    text = str(value).strip()
+    if not (text.isascii() and text.isdecimal() and len(text) < 7 and int(text) >= COUNTS[field]):
+        raise UnfitChoiceError(
+            f"It must be a whole number, at least {COUNTS[field]}; got {value!r:.80}.", field
+        )
+    return int(text)
 
 
 def _one_of(value: Any, allowed: tuple[Any, ...], what: str) -> Any:
@@ -329,7 +379,6 @@ def read(paths: list[Path], columns: Columns, choices: Choices) -> Recorded:
     guess = columns.guess
     X, y = read_chosen(guess, choices)
     findings = [] if choices.resample else check_channels(X, y)
-    X, y = trimmed(X, y, choices)
     said = [
         {
             "title": one.title,
@@ -381,7 +430,7 @@ def _source(paths: list[Path], columns: Columns, choices: Choices, X: Any) -> li
     names = [str(path) for path in paths]
     listed = pprint.pformat(names[0] if len(names) == 1 else names, width=WIDTH - 4)
     if not columns.asked and not choices.resample:
-        return [f"X, y = read_runs({listed})", *_worked_on(choices)]
+        return [f"X, y = read_runs({listed})", *_choose_runs(choices)]
     guess = columns.guess
     assert guess.output is not None
     said: dict[str, Any] = {"inputs": guess.channels, "output": dict([guess.output])}
@@ -398,10 +447,10 @@ def _source(paths: list[Path], columns: Columns, choices: Choices, X: Any) -> li
         lines += [f'X.insert(0, "e", X[{f_t!r}] - X[{x!r}])']
         if unit := X.attrs["units"].get("e"):
             lines += [f'X.attrs["units"]["e"] = {unit!r}']
-    return lines + _worked_on(choices)
+    return lines + _choose_runs(choices)
 
 
-def _worked_on(choices: Choices) -> list[str]:
+def _choose_runs(choices: Choices) -> list[str]:
     lines = []
     for level in ("subject", "condition"):
         label = getattr(choices, level)
@@ -413,12 +462,4 @@ def _worked_on(choices: Choices) -> list[str]:
             ]
     if choices.resample:
         lines += [f"X, y = resample_runs(X, y, dt={choices.dt})"]
-    if choices.run_in:
-        lines += [f"X = RunInTrimmer(run_in={choices.run_in!r}).fit_transform(X)"]
-    if choices.remove_means:
-        lines += [
-            "units = X.attrs, y.attrs",
-            "X, y = X - X.mean(), y - y.mean()",
-            "X.attrs, y.attrs = units",
-        ]
     return lines

@@ -251,6 +251,8 @@ class _Answers:
             "fit": lambda: bench.fit(asked),
             "back": bench.back,
         }
+        if name == "prepare":
+            return await _tried(lambda: bench.try_preparation(asked), JSONResponse)
         if name in plain:
             return await _tried(plain[name], lambda _: JSONResponse(bench.opening()))
         by = request.headers.get("x-page", "")[:64]
@@ -274,17 +276,17 @@ async def _tried(work: Callable[[], Any], answer: Callable[[Any], Any]) -> Any:
     except NotSaved as error:
         return _failed(str(error), 507)
     except (ValueError, KeyError, MemoryError, OSError) as error:
-        return _failed(put_in_words(error), 400)
+        return _failed(put_in_words(error), 400, getattr(error, "field", ""))
     except Exception as error:
         text = f"Unexpected error: {type(error).__name__}: {put_in_words(error)} Please report it."
         return _failed(text, 500)
     return answer(found)
 
 
-def _failed(message: str, status: int) -> Any:
+def _failed(message: str, status: int, field: str = "") -> Any:
     from starlette.responses import JSONResponse
 
-    return JSONResponse({"message": message}, status)
+    return JSONResponse({"message": message, "field": field}, status)
 
 
 def _saved_as(name: str) -> dict[str, str]:

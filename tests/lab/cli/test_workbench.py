@@ -42,6 +42,12 @@ def test_nothing_need_be_said(served, run_files):
     assert more["browser"] is True
 
 
+def test_preparation_may_be_said(served, run_files):
+    assert main(["workbench", *run_files, "--run-in", "3", "--decimate", "2"]) == 0
+    choices = served[0][3]
+    assert (choices.run_in, choices.decimate) == (3.0, 2)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -49,6 +55,7 @@ def test_nothing_need_be_said(served, run_files):
         (["--port", "70000"], "must be"),
         (["no-such-file.csv"], "no-such-file.csv"),
         (["--nk", "3"], "--core arx"),
+        (["--decimate", "0"], "at least 1"),
         (["--effects", "no_such"], "No effect is called 'no_such'"),
         (["--session", "a.txt"], "is a file; name a folder"),
         (["--unit", "e"], "NAME=UNIT"),

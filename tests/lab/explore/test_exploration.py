@@ -7,8 +7,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skhoid import EffectSearchCV, OperatorRegressor, RecursiveARX, VAFScorer, select_runs
+from skhoid import (
+    ARXRegressor,
+    EffectSearchCV,
+    FrequencyResponse,
+    OperatorRegressor,
+    RecursiveARX,
+    VAFScorer,
+    compare,
+    select_runs,
+)
 from skhoid.effects import Bias, DeadZone
+from skhoid.interpret import pole_table, step_response
 from skhoid.lab.explore import Exploration
 
 
@@ -144,6 +154,57 @@ def test_the_numbers_of_the_operator_can_be_moved_too(exploration, runs):
     assert refitted["vaf"] == before["vaf"]
     with pytest.raises(ValueError, match="'T_L' is no parameter of this model that can be moved"):
         exploration.act("drag", {"name": "T_L", "value": 0.5, "run": 0})
+
+
+def test_the_linear_part_is_that_of_the_library(exploration, runs):
+    """Of the present model, of kept ones, and of one whose number is dragged."""
+    exploration.act("keep", {})
+    exploration.act("add", {"effect": "bias"})
+    reply = exploration.act("linear", {"models": [1]})
+    models = [OperatorRegressor(effects=effects).fit(*runs) for effects in (Bias(), None)]
+    for model, response, step in zip(models, reply["responses"], reply["steps"], strict=True):
+        found = FrequencyResponse.of(model, reply["omega"])
+        np.testing.assert_array_equal(response["gain"], found.magnitude)
+        np.testing.assert_array_equal(response["phase"], found.phase)
+        low = found.magnitude * np.exp(-1.96 * found.magnitude_sd / found.magnitude)
+        np.testing.assert_allclose(response["gain_low"], low)
+        answer = step_response(model, reply["time"])
+        np.testing.assert_array_equal(step["output"], answer["output"])
+        np.testing.assert_allclose(step["high"], answer["output"] + 1.96 * answer["sd"])
+    assert [pole["id"] for pole in reply["poles"]] == [0, 0, 1, 1]
+    assert reply["poles"][2]["frequency"] == pole_table(models[1])["frequency"][0]
+    assert reply["without_effects"]
+    dragged = exploration.act("linear", {"name": "K_e", "value": 0.05})
+    moved = models[0].with_parameters({"K_e": 0.05})
+    found = FrequencyResponse.of(moved, dragged["omega"])
+    np.testing.assert_array_equal(dragged["responses"][0]["gain"], found.magnitude)
+    assert np.isnan(dragged["responses"][0]["gain_low"]).all()
+    assert exploration.state()["undo"] == "Add bias"
+
+
+def test_the_response_of_the_runs_is_that_of_a_comparison(exploration, runs):
+    assert exploration.act("linear", {})["measured"] is None
+    exploration.judge()
+    measured = exploration.act("linear", {})["measured"]
+    table = compare(exploration.model, *runs, run_in=3.0).by_frequency.set_index("omega")
+    table = table.loc[measured["omega"]]
+    np.testing.assert_array_equal(measured["gain"], table["measured_gain"])
+    turns = (measured["phase"] - table["measured_phase"]) / 360
+    np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
+    assert (measured["gain"] > 1.96 * table["sd_gain"]).all()
+    assert (measured["coherence"] > 0.1).all()
+
+
+def test_an_arx_model_has_its_poles_in_the_plane_of_z(runs):
+    exploration = Exploration(ARXRegressor(nk=14), *runs)
+    reply = exploration.act("linear", {})
+    assert reply["plane"] == "z"
+    assert reply["poles"][0]["frequency"] == pole_table(exploration.model)["frequency"][0]
+
+
+def test_a_controller_that_answers_the_measurement_has_no_single_response(runs):
+    exploration = Exploration(OperatorRegressor(controller="i-p"), *runs)
+    assert "answers the measurement" in exploration.act("linear", {})["refused"]
 
 
 def test_releasing_is_a_step_and_refitting_keeps_what_was_moved(exploration, runs):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.envelopes import unpack_text
 
-from skhoid import ARXRegressor, OperatorRegressor, VAFScorer, compare
+from skhoid import ARXRegressor, FrequencyResponse, OperatorRegressor, VAFScorer, compare
 from skhoid.effects import Bias
 from skhoid.lab.explore import Exploration, payloads
 from skhoid.lab.explore import payloads as wire
@@ -44,9 +44,21 @@ def test_between_are_models_fitted_to_the_same_runs(payload, runs):
 def test_it_cannot_compute_and_says_so(payload):
     can = payload["view"]["can"]
     assert can.pop("change")
+    assert can.pop("linear")
     assert not any(can.values())
     assert [c["id"] for c in payload["states"]["bias"]["cards"]] == ["dead_zone"]
     assert payload["states"]["bias,dead_zone"]["cards"] == []
+
+
+def test_each_subset_has_its_linear_part_to_six_digits(payload, search, runs):
+    ends = {"": search.baseline_, "bias,dead_zone": search.best_estimator_}
+    for key, model in ends.items():
+        linear = payload["states"][key]["linear"]
+        found = FrequencyResponse.of(model, linear["omega"])
+        np.testing.assert_allclose(linear["responses"][0]["gain"], found.magnitude, rtol=2e-5)
+        assert linear["without_effects"] == (key != "")
+    small = {key: {"linear": state["linear"]} for key, state in payload["states"].items()}
+    assert len(wire.pack_text(small)) < 6_000 * len(small)  # of 16 subsets less than 100 kB
 
 
 def test_survives_the_page(payload):

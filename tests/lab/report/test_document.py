@@ -330,3 +330,13 @@ def test_the_frame_in_a_notebook_holds_the_page(made: Report) -> None:
     assert frame.attributes["sandbox"] == "allow-scripts allow-downloads"
     assert not re.search(r"&amp;(amp|lt|gt|quot|#\d+);", made.html)  # the page, not escaped twice
     assert "lambda &lt; 1 &amp; more" in made.html
+
+
+def test_a_page_made_by_a_command_goes_on_in_commands(
+    made: Report, runs: tuple[pd.DataFrame, pd.Series]
+) -> None:
+    page = report(made.search, *runs, made_with={"command": "skhoid report run*.csv"})
+    steps = section(parse(page.html), "next").text
+    assert "skhoid diagnose --save" in steps
+    assert "search." not in steps
+    assert "fit(X, y)" not in steps

@@ -88,9 +88,9 @@ def test_the_script_reads_the_same(table, written):
     swapped = {"pitch [deg]": "other"}
     for paths, choices in (
         (plain, Choices()),
-        (plain, Choices(kinds=swapped, remove_means=True)),
+        (plain, Choices(kinds=swapped)),
         (plain, Choices(kinds={"error": "", "pitch [deg]": "x"}, units={"target": "deg"})),
-        (plain, Choices(kinds={"t [s]": ""}, dt=0.02, run_in=1.0)),
+        (plain, Choices(kinds={"t [s]": ""}, dt=0.02)),
         (plain, Choices(resample=True, dt=0.04)),
         ([numbered], Choices(kinds={"who": "subject"}, subject="S2")),
         ([restarting], Choices(kinds=swapped)),
@@ -162,6 +162,10 @@ def test_a_sampling_time_replaces_the_clock(table, written):
         ({"units": {"a": "m" * 1000}}, "too long"),
         ({"dt": "fast"}, "above 0, in seconds; got 'fast'"),
         ({"core": "black box"}, "no core 'black box'"),
+        ({"run_in": -1}, "run-in must be a number 0 or more, in seconds; got -1"),
+        ({"run_in": 1, "measurement_time": 2}, "not both"),
+        ({"decimate": "2.5"}, "whole number, at least 1; got '2.5'"),
+        ({"method": "magic"}, "no filter 'magic'"),
     ],
 )
 def test_what_the_page_sends_is_checked(asked, said):
@@ -178,13 +182,6 @@ def test_the_search_is_what_was_chosen():
     assert "s" in str(settings["controlled_element"])
     both = search_settings(Choices(controlled_element="1.5 0.2"))["controlled_element"]
     assert (both.K_c, both.omega_b) == (1.5, 0.2)
-
-
-def test_the_start_of_runs_and_means_are_taken_off(runs_file):
-    choices = Choices(run_in=2.0, remove_means=True)
-    recorded = read([runs_file], look([runs_file], choices), choices)
-    assert recorded.y.mean() == pytest.approx(0.0, abs=1e-12)
-    assert any("RunInTrimmer" in line for line in recorded.source)
 
 
 def test_an_irregular_clock_is_brought_onto_a_grid(runs, tmp_path):

@@ -106,7 +106,8 @@ function partsOf(bench) {
   const folded = columns.map((part) => part.node);
   const data = { node: el("div", { class: "sk-data sk-part" }, ...folded) };
   const all = [top, people, ...columns, plots, stair, ...inner];
-  return { top, people, data, folded, plots, stair, side, all, live: [runs, stair, effects] };
+  const live = [runs, stair, effects, plots.linear];
+  return { top, people, data, folded, plots, stair, side, all, live };
 }
 
 function layOut(bench, { top, people, data, folded, plots, stair, side }) {

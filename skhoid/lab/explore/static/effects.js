@@ -99,7 +99,7 @@ function effectCard(bench, effect) {
   const heading = el("h4", {}, named(effect.title));
   const about = el("p");
   const form = el("p", { class: "sk-form" });
-  const curve = curvePlot();
+  const curve = curvePlot(bench, effect.title);
   const rows = effect.parameters.map((p) => parameterRow(bench, effect, p));
   const live = el("p", { class: "sk-live" });
   const remove = button("Remove", () => removeEffect(bench, effect), {
@@ -122,7 +122,7 @@ function effectCard(bench, effect) {
     setText(about, now.words);
     setText(form, now.form);
     form.hidden = !now.form;
-    curve.update(shown, now.title);
+    curve.update(shown);
     now.parameters.forEach((p, i) => rows[i].update(p));
     const own = bench.live && bench.live.of === now.name;
     setText(live, own ? `By hand: ${fromTo(bench.state.vaf.train, bench.live.vaf.train)}` : "");

@@ -121,7 +121,7 @@ function personPanel(bench, name) {
     svg.replaceChildren();
     if (row && !row.failure) {
       for (const [key, look] of [["measured", "sk-seen"], ["simulated", "sk-with"]]) {
-        svg.append(svgEl("path", { d: pathOf(row[key], size), class: look }));
+        svg.append(svgEl("path", { d: traceDrawn(row[key], size), class: look }));
       }
     }
     update();
@@ -129,7 +129,7 @@ function personPanel(bench, name) {
   return { node, update, draw };
 }
 
-function pathOf(values, size) {
+function traceDrawn(values, size) {
   const step = 100 / Math.max(values.length - 1, 1);
   let [d, pen] = ["", "M"];
   values.forEach((value, i) => {

@@ -15,6 +15,8 @@ const COLOURS = [
   "residual",
   "misfit",
   "shade",
+  "bar",
+  "noise",
   "line-1",
   "line-2",
   "line-3",

@@ -20,9 +20,31 @@ function plotsPart(bench) {
   previewKey.classList.add("sk-reserved");
   const keptKeys = el("div", { class: "sk-legend sk-kept-keys" });
   previewKey.setAttribute("aria-live", "polite");
+  const pair = pairOf(
+    [
+      el("h4", {}, "Spectrum"),
+      el(
+        "div",
+        { class: "sk-legend" },
+        keyOf("measured", "measured"),
+        keyOf("residual", "residual"),
+        saveMenu(bench, "spectrum", spectrum, () => columnsDrawn(spectrum.plot)),
+      ),
+      spectrum.frame,
+      spectrum.keys,
+      ranges.band.node,
+      texts.band,
+    ],
+    [el("h4", {}, channel.node), ...over.nodes],
+  );
+  const linear = bench.view.can.linear ? linearParts(bench) : null;
+  const tabs = linear ? [{ title: "Spectrum and residual", nodes: [pair] }, ...linear.tabs] : [];
   const node = el(
     "div",
     { class: "sk-plots sk-part", role: "group", "aria-labelledby": `${bench.id}-run` },
+    bench.view.preparation
+      ? el("p", { class: "sk-soft sk-preparation" }, bench.view.preparation)
+      : null,
     head.node,
     texts.away,
     el(
@@ -48,35 +70,17 @@ function plotsPart(bench) {
     el("div", { class: "sk-row sk-window-row" }, ranges.time.node, zooms.node),
     texts.time,
     times.keys,
-    el(
-      "div",
-      { class: "sk-pair" },
-      el(
-        "div",
-        {},
-        el("h4", {}, "Spectrum"),
-        el(
-          "div",
-          { class: "sk-legend" },
-          keyOf("measured", "measured"),
-          keyOf("residual", "residual"),
-          saveMenu(bench, "spectrum", spectrum, () => columnsDrawn(spectrum.plot)),
-        ),
-        spectrum.frame,
-        spectrum.keys,
-        ranges.band.node,
-        texts.band,
-      ),
-      el(
-        "div",
-        {},
-        el("h4", {}, channel.node),
-        ...over.nodes,
-      ),
-    ),
+    linear ? tabsOf(bench, "What the plots show", tabs, (i) => linear.show(i > 0)) : pair,
   );
   const small = { spectrum, amplitude, lags };
-  const parts = { times, ...small, texts, zooms, ranges, filteredKey, previewKey, keptKeys };
+  const figures = [
+    times.upper,
+    times.lower,
+    times.inputs,
+    ...Object.values(small),
+    ...(linear?.figures ?? []),
+  ];
+  const parts = { times, ...small, figures, texts, zooms, ranges, filteredKey, previewKey, keptKeys };
   bench.redraw = drawer(bench, parts);
   bench.brush = brusher(bench, texts);
   bench.see = (range) => {
@@ -85,9 +89,14 @@ function plotsPart(bench) {
   };
   return {
     node,
-    figures: [times.upper, times.lower, times.inputs, spectrum, amplitude, lags],
-    update: head.update,
+    figures,
+    linear: { update: () => linear?.update() },
+    update: () => {
+      head.update();
+      linear?.update();
+    },
     resize: () => {
+      linear?.resize();
       times.resize();
       for (const part of Object.values(small)) part.resize();
     },
@@ -325,8 +334,8 @@ function placeSmall({ spectrum, amplitude }) {
   }
 }
 
-function repaint({ times, spectrum, amplitude, lags }) {
-  for (const { plot } of [...times.figures, spectrum, amplitude, lags]) plot.redraw(false);
+function repaint({ figures }) {
+  for (const { plot } of figures) plot.redraw(false);
 }
 
 function drawRun(bench, { times, filteredKey, previewKey, keptKeys }, linesOnly = false) {

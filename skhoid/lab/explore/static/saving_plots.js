@@ -6,13 +6,13 @@ const ASIDE = 14; // px, for its label
 const LETTER = 6.8; // px, of which a letter of the key has about so many
 const SHARP = 2; // pixels of a PNG for one of the screen
 
-function saveMenu(bench, what, figureMade, columns) {
-  const { plot } = figureMade;
-  const name = () => `${runName(bench.view.runs[bench.run].label)} ${what}`;
-  const size = () => [ASIDE + plot.width, heightOf(plot)];
+// What has a plot, or draws itself for a picture. What is of all runs is not called after one.
+function saveMenu(bench, what, { plot, draw }, columns, ofRun = true) {
+  const name = () => (ofRun ? `${runName(bench.view.runs[bench.run].label)} ${what}` : what);
+  const svg = () => new XMLSerializer().serializeToString(plot ? plotDrawn(bench, plot) : draw());
   const kinds = {
-    SVG: async () => download(`${name()}.svg`, svgOf(bench, plot), "image/svg+xml"),
-    PNG: async () => download(`${name()}.png`, await pngOf(svgOf(bench, plot), ...size())),
+    SVG: async () => download(`${name()}.svg`, svg(), "image/svg+xml"),
+    PNG: async () => download(`${name()}.png`, await pngOf(svg())),
     CSV: async () => download(`${name()}.csv`, csvOf(await columns()), "text/csv"),
   };
   const save = async (kind) => {
@@ -106,7 +106,7 @@ function keyPlaces(plot) {
   const left = ASIDE + plot.bbox.left / uPlot.pxRatio;
   let [at, row] = [left, 0];
   return plot.series.flatMap((series, i) => {
-    if (!i || !isDrawn(plot, i)) return [];
+    if (!i || series.inKey === false || !isDrawn(plot, i)) return [];
     const width = 50 + LETTER * [...series.label].length;
     if (at > left && at + width > ASIDE + plot.width) [at, row] = [left, row + 1];
     at += width;
@@ -115,19 +115,12 @@ function keyPlaces(plot) {
 }
 
 // A plot as it is seen: drawn again, since a canvas has no lines to take.
-function svgOf(bench, plot) {
+function plotDrawn(bench, plot) {
   const { colours } = bench;
   const [left, top, width, height] = ["left", "top", "width", "height"].map(
     (side) => plot.bbox[side] / uPlot.pxRatio,
   );
-  const svg = svgEl("svg", {
-    xmlns: SVG,
-    width: ASIDE + plot.width,
-    height: heightOf(plot),
-    "font-family": "system-ui, sans-serif",
-    "font-size": 12,
-  });
-  svg.append(svgEl("rect", { width: "100%", height: "100%", fill: colours.paper }));
+  const svg = sheet(bench, ASIDE + plot.width, heightOf(plot));
   svg.append(keyDrawn(bench, plot));
   const inner = svgEl("g", { transform: `translate(${ASIDE + left} ${top + aboveOf(plot)})` });
   svg.append(inner);
@@ -142,10 +135,37 @@ function svgOf(bench, plot) {
       svgEl("rect", { x: box.left - from, width: box.width, height, fill: colours.brush }),
     );
   }
+  for (const { series: ends, fill } of plot.bands) clip.append(bandDrawn(plot, ends, fill(plot)));
   plot.series.forEach((series, i) => {
     if (i && isDrawn(plot, i)) clip.append(...lineDrawn(plot, series, i));
   });
-  return new XMLSerializer().serializeToString(svg);
+  return svg;
+}
+
+function sheet({ colours }, width, height) {
+  const svg = svgEl("svg", {
+    xmlns: SVG,
+    width,
+    height,
+    "font-family": "system-ui, sans-serif",
+    "font-size": 12,
+  });
+  svg.append(svgEl("rect", { width: "100%", height: "100%", fill: colours.paper }));
+  return svg;
+}
+
+function bandDrawn(plot, ends, fill) {
+  const [high, low] = ends.map((i) => placesOf(plot, i).filter((place) => place));
+  return svgEl("polygon", { points: [...high, ...low.reverse()].join(" "), fill });
+}
+
+// Where the points of a line are; null where it has a gap.
+function placesOf(plot, i) {
+  return plot.data[i].flatMap((y, k) => {
+    if (y === undefined) return []; // the row of another line
+    if (y === null) return [null];
+    return [[plot.valToPos(plot.data[0][k], "x").toFixed(1), plot.valToPos(y, "y").toFixed(1)]];
+  });
 }
 
 function textDrawn(text, given) {
@@ -196,30 +216,24 @@ function axesInto(inner, plot, colours, width, height) {
 
 function lineDrawn(plot, series, i) {
   const stroke = strokeOf(plot, series, i);
-  const points = [];
-  let d = "";
-  let pen = "M";
-  plot.data[0].forEach((x, k) => {
-    const y = plot.data[i][k];
-    if (y === null || y === undefined) {
-      pen = "M";
-      return;
-    }
-    const [a, b] = [plot.valToPos(x, "x"), plot.valToPos(y, "y")].map((at) => at.toFixed(1));
-    d += `${pen}${a} ${b}`;
-    pen = "L";
-    if (series.dots) points.push(svgEl("circle", { cx: a, cy: b, r: 3, fill: stroke }));
+  const places = placesOf(plot, i);
+  const d = places.map((place, k) => place && `${k && places[k - 1] ? "L" : "M"}${place.join(" ")}`);
+  const path = svgEl("path", {
+    d: d.filter(Boolean).join(""),
+    fill: "none",
+    stroke,
+    "stroke-width": series.width,
   });
-  const path = svgEl("path", { d, fill: "none", stroke, "stroke-width": series.width });
   if (series.dash) path.setAttribute("stroke-dasharray", series.dash.join(" "));
-  return [path, ...points];
+  const dots = series.dots ? places.filter((place) => place) : [];
+  return [path, ...dots.map(([cx, cy]) => svgEl("circle", { cx, cy, r: 3, fill: stroke }))];
 }
 
-async function pngOf(svg, width, height) {
+async function pngOf(svg) {
   const image = new Image();
   image.src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(svg)}`;
   await image.decode();
-  const canvas = el("canvas", { width: SHARP * width, height: SHARP * height });
+  const canvas = el("canvas", { width: SHARP * image.width, height: SHARP * image.height });
   canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
   return new Promise((go) => canvas.toBlob(go, "image/png"));
 }

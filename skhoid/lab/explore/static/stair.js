@@ -13,14 +13,22 @@ function stairPart(bench) {
     el("summary", {}, "About the noise ceiling"),
     note,
   );
-  const key = el("p", { class: "sk-legend" }, keyOf("noise", "noise ceiling"));
+  const key = keyOf("noise", "noise ceiling");
+  const now = () => ({ ...bench.state, ...bench.live });
+  const save = saveMenu(
+    bench,
+    "error that remains",
+    { draw: () => stairDrawn(bench, now()) },
+    () => stairColumns(now()),
+    false,
+  );
   const title = el("h3", { id: `${bench.id}-stair` }, "Error that remains");
   const node = el(
     "div",
     { class: "sk-stair sk-part", role: "group", "aria-labelledby": title.id },
     el("div", { class: "sk-head" }, title, bench.busyNode),
     sentence,
-    key,
+    el("div", { class: "sk-legend" }, key, save),
     steps,
     held,
     about,
@@ -38,8 +46,7 @@ function stairPart(bench) {
   };
   const where = bench.view.state.uses.some(Boolean) ? "On the runs fitted: " : "";
   const update = () => {
-    const { stair, vaf } = { ...bench.state, ...bench.live };
-    const { ceiling, ceiling_pending: pending, impossible } = { ...bench.state, ...bench.live };
+    const { stair, vaf, ceiling, ceiling_pending: pending, impossible } = now();
     setText(sentence, impossible ?? where + stairInWords(stair, ceiling, pending));
     sentence.classList.toggle("sk-warning", Boolean(impossible));
     key.classList.toggle("sk-unseen", !ceiling);
@@ -106,6 +113,48 @@ function newStep() {
     part("gain"),
     part("held"),
   );
+}
+
+const BAR = 150; // px, of a step in a picture
+const HIGH = 160; // px, of the largest error
+const FLOOR = ABOVE + 10 + HIGH; // px, where the bars stand
+
+// The picture of the stair, for a file: upright bars with their figures below.
+function stairDrawn(bench, { stair, ceiling }) {
+  const { colours } = bench;
+  const svg = sheet(bench, 20 + BAR * stair.length, FLOOR + 70);
+  const most = topOf(stair, ceiling);
+  const heightOfBar = (vaf) => (HIGH * errorOf(vaf)) / most;
+  stair.forEach(({ title, vaf }, i) => {
+    const x = 10 + BAR * i;
+    const height = heightOfBar(vaf);
+    const fill = i === stair.length - 1 ? colours.simulated : colours.bar;
+    const gain = i ? `${points(gained(stair[i - 1].vaf, vaf))} points` : "";
+    svg.append(
+      svgEl("rect", { x, y: FLOOR - height, width: BAR - 2, height, fill }),
+      textDrawn(shortened(title, 20), { x, y: FLOOR + 20, fill: colours.ink, "font-weight": 600 }),
+      textDrawn(`VAF ${percent(vaf)}`, { x, y: FLOOR + 38, fill: colours.ink }),
+      textDrawn(gain, { x, y: FLOOR + 56, fill: colours.soft }),
+    );
+  });
+  if (ceiling) {
+    const dotted = { stroke: colours.noise, "stroke-width": 3, "stroke-dasharray": "3 3" };
+    const y = FLOOR - heightOfBar(ceiling.vaf);
+    const words = `noise ceiling: VAF at least ${percent(ceiling.vaf)}`;
+    svg.append(
+      svgEl("path", { d: `M10 ${y}h${BAR * stair.length}`, ...dotted }),
+      svgEl("path", { d: "M10 14h24", ...dotted }),
+      textDrawn(words, { x: 40, y: 18, fill: colours.ink }),
+    );
+  }
+  return svg;
+}
+
+function stairColumns({ stair, ceiling }) {
+  return [
+    ...columnsByKey(stair, { step: "title", "VAF, %": "vaf", RMSE: "rmse", "VAF held out, %": "held" }),
+    ["noise ceiling at least, % VAF", ceiling ? [ceiling.vaf] : []],
+  ];
 }
 
 function stairInWords(stair, ceiling, pending) {

@@ -55,6 +55,7 @@ function staticBackend(payload) {
       const names = [...added, effect];
       return { simulated: simulated(run, names), vaf: states[keyOf(names)].vaf.train };
     },
+    linear: () => states[keyOf(added)].linear,
     undo: ({ run }) => step(past, future, run),
     redo: ({ run }) => step(future, past, run),
   };

@@ -22,13 +22,13 @@
       throw new Error(SILENT);
     }
     if (reply.ok) return reply;
-    let message = `The workbench answers with error ${reply.status}.`;
+    let told = { message: `The workbench answers with error ${reply.status}.` };
     try {
-      message = (await reply.json()).message;
+      told = await reply.json();
     } catch {
       // It has said nothing that can be read.
     }
-    throw new Error(message);
+    throw Object.assign(new Error(told.message), { field: told.field });
   }
 
   function post(path, args = {}) {
@@ -40,12 +40,29 @@
     return skhoidBench.wire.unpack(await (await post(name, args)).arrayBuffer());
   }
 
+  // What is wrong with a field is said beside it.
   function says(error) {
-    at("wrong").textContent = error ? error.message : "";
+    const field = fieldOf(error);
+    at("wrong").textContent = error && !field ? error.message : "";
+    for (const one of settings()) {
+      const hint = at(`${one.id}-hint`);
+      if (!hint) continue;
+      const wrong = one === field;
+      hint.textContent = wrong ? error.message : hint.dataset.hint;
+      one.setAttribute("aria-invalid", String(wrong));
+    }
+  }
+
+  const settings = () => [...at("choices").querySelectorAll(".settings [name]")];
+
+  function fieldOf(error) {
+    const field = error?.field ? at(error.field) : null;
+    return field?.checkVisibility() ? field : null;
   }
 
   // Does something the user asked for; buttons rest meanwhile.
   async function tried(work) {
+    trial += 1;
     says(null);
     asking += 1;
     rest();
@@ -81,7 +98,6 @@
       else item.removeAttribute("aria-current");
     }
     at("doing").textContent = found.doing;
-    if (found.message) says(new Error(found.message));
     list(at("notes"), found.notes.map((note) => text("li", note)));
     at("session").textContent = found.session;
     at("files").hidden = stage === "bench";
@@ -92,6 +108,11 @@
       ? `Open: ${found.files.map((file) => file.name).join(", ")}`
       : "No file is open yet.";
     if (stage === "columns") showColumns(found, before);
+    if (found.message) {
+      const error = Object.assign(new Error(found.message), { field: found.field });
+      says(error);
+      if (found.message !== before?.message) fieldOf(error)?.focus();
+    }
     if (found.phase === "bench") mount();
     else unmount();
     rest();
@@ -112,6 +133,7 @@
   function showColumns(found, before) {
     at("guess").textContent = found.guess;
     at("recorded").textContent = found.recorded;
+    showSteps(found);
     at("problems").hidden = found.problems.length === 0;
     at("problems").querySelector("ul").replaceChildren(...found.problems.map(problem));
     at("findings").hidden = !found.checked;
@@ -123,8 +145,21 @@
     if (same && drawn === JSON.stringify([before.columns, before.model])) return;
     const body = at("choices").querySelector("tbody");
     body.replaceChildren(...found.columns.map((column, n) => row(column, n, found.kinds)));
-    for (const name of ["core", "display", "dt"]) at(name).value = found.model[name] ?? "";
-    for (const name of ["remove_means", "resample"]) at(name).checked = found.model[name];
+    for (const one of settings()) {
+      if (one.type === "checkbox") one.checked = found.model[one.name];
+      else one.value = found.model[one.name] ?? "";
+    }
+    showOfCore();
+  }
+
+  function showSteps({ steps, note }) {
+    at("steps").textContent = steps || "nothing yet, see above";
+    at("cost").textContent = note;
+  }
+
+  function showOfCore() {
+    for (const one of at("choices").querySelectorAll("[data-core]"))
+      one.hidden = one.dataset.core !== at("core").value;
   }
 
   function finding(one) {
@@ -223,15 +258,29 @@
       kinds[one.dataset.column] = one.querySelector("select").value;
       units[one.dataset.column] = one.querySelector("input").value.trim();
     }
-    return {
-      kinds,
-      units,
-      core: at("core").value,
-      display: at("display").value,
-      dt: at("dt").value,
-      remove_means: at("remove_means").checked,
-      resample: at("resample").checked,
-    };
+    return { kinds, units, ...chosenSettings() };
+  }
+
+  function chosenSettings() {
+    const read = (one) => (one.type === "checkbox" ? one.checked : one.value.trim());
+    return Object.fromEntries(settings().map((one) => [one.name, read(one)]));
+  }
+
+  // What a setting leads to is said at once; nothing waits for it, and the newest counts.
+  let trial = 0;
+  async function tryOut() {
+    showOfCore();
+    trial += 1;
+    const mine = trial;
+    let error = null;
+    try {
+      const told = await (await post("prepare", chosenSettings())).json();
+      if (mine === trial) showSteps(told);
+      error = told.message ? told : null;
+    } catch (found) {
+      error = found;
+    }
+    if (mine === trial) says(error);
   }
 
   const check = () => tried(async () => show(await (await post("columns", chosen())).json()));
@@ -383,6 +432,9 @@
   at("chooser").addEventListener("change", chosenFiles);
   for (const kind of ["dragover", "dragleave", "drop"]) document.addEventListener(kind, dragged);
   at("choices").addEventListener("submit", fit);
+  at("choices").addEventListener("change", (event) => {
+    if (event.target.closest(".settings")) tryOut();
+  });
   at("check").addEventListener("click", check);
   at("back").addEventListener("click", back);
   at("sure-yes").addEventListener("click", () => at("sure").close("yes"));
