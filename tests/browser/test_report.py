@@ -118,7 +118,7 @@ def test_tabs_and_panels_name_each_other(browser, path):
         "  return [panel.getAttribute('role'), panel.getAttribute('aria-labelledby') === tab.id];"
         "})"
     )
-    assert pairs == [["tabpanel", True]] * 3
+    assert pairs == [["tabpanel", True]] * (3 + 4)  # the steps, and those of the component
 
 
 def test_steps_by_keyboard(browser, path):
@@ -165,6 +165,10 @@ def test_arrows_walk_the_steps_from_anywhere_on_the_page(browser, path):
 
     browser.open(path)
     browser.press(Keys.ARROW_LEFT)
+    assert browser.js(SHOWN) == [False, True, False]
+    browser.js("document.querySelector('.sk-tab[aria-selected=true]').focus()")
+    browser.press(Keys.ARROW_RIGHT)  # the component's own tabs
+    assert browser.js("return document.activeElement.textContent") == "Frequency response"
     assert browser.js(SHOWN) == [False, True, False]
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from sklearn.base import clone
 
-from ... import EffectSearchCV
+from ... import DelayShift, EffectSearchCV
 from ...effects import Effects, catalogue, title_of
 from ...effects import effect as effect_of
 from ...exceptions import did_you_mean
@@ -75,6 +75,8 @@ class Exploration:
         Models that are fitted to all runs already, known by their effects.
     preparation : str or None, default=None
         What was done to the recordings before, and the model, in words.
+    shift : DelayShift or None, default=None
+        The fitted step that has shifted the input of X, which the linear part of models includes.
 
     Examples
     --------
@@ -101,6 +103,7 @@ class Exploration:
         memory: Mapping[str, Any] | None = None,
         fitted: Sequence[Any] = (),
         preparation: str | None = None,
+        shift: DelayShift | None = None,
     ):
         estimator = simulated_model(estimator, "Exploration")
         self.estimator = clone(estimator)
@@ -122,7 +125,7 @@ class Exploration:
         self._take_controller()
         self.models = Models(self.estimator, self.runs, fitted)
         self.source = None if source is None else list(source)
-        self.preparation = preparation
+        self.preparation, self.shift = preparation, shift
         self.title = title or f"{type(estimator).__name__} against measured {self.runs.output}"
         self.lock = threading.RLock()
         self.revision = 0
@@ -470,7 +473,7 @@ class Exploration:
         roles = self.runs.roles
         answered = "e" if "e" in roles.values() else "f_t"
         same = roles.get(str(models[0].inputs_[0])) == answered
-        return describe_linear(models, measured if same else None, self.domain)
+        return describe_linear(models, measured if same else None, self.domain, self.shift)
 
     def number_of(self, args: Mapping[str, Any]) -> int:
         """The number of the kept model that arguments name."""

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from sklearn.pipeline import make_pipeline
 
-from ... import FrequencyResponse, OperatorRegressor, SimulatedARX
+from ... import DelayShift, FrequencyResponse, OperatorRegressor, SimulatedARX
 from ...interpret import pole_table, step_response
 from ...parameters import NORMAL_95
 
@@ -32,10 +33,18 @@ def has_linear_part(estimator: Any) -> bool:
 
 
 def describe_linear(
-    models: Mapping[int, Any], measured: pd.DataFrame | None, domain: str
+    models: Mapping[int, Any],
+    measured: pd.DataFrame | None,
+    domain: str,
+    shift: DelayShift | None = None,
 ) -> dict[str, Any]:
-    """What the component draws of fitted models; the first is the present one."""
+    """What the component draws of fitted models, behind a fitted ``shift`` of their input.
+
+    The first is the present one.
+    """
     first = next(iter(models.values()))
+    if shift is not None:
+        models = {n: make_pipeline(shift, model) for n, model in models.items()}
     nyquist = np.pi / first.dt_
     highest = nyquist if domain == "machine" else min(HIGHEST, nyquist)
     omega = np.geomspace(min(LOWEST, highest / 100), highest, N_LINES)
@@ -59,7 +68,7 @@ def describe_linear(
         "without_effects": len(first.effects_) > 0,
         "omega": omega,
         "responses": [{"id": n, **_gain_and_phase(one)} for n, one in responses.items()],
-        "measured": None if measured is None else _measured(measured, own),
+        "measured": None if measured is None else _measured(measured, own, shift),
         "plane": next(iter(poles.values())).attrs["plane"],
         "poles": [{"id": n, **row} for n, one in poles.items() for row in one.to_dict("records")],
         "time": time,
@@ -92,14 +101,21 @@ def _with_intervals(
     }
 
 
-def _measured(table: pd.DataFrame, model: FrequencyResponse) -> dict[str, Any] | None:
-    """The response by way of the target where its interval leaves zero out, in the model's turn."""
+def _measured(
+    table: pd.DataFrame, model: FrequencyResponse, shift: DelayShift | None
+) -> dict[str, Any] | None:
+    """The response by way of the target where its interval leaves zero out, in the model's turn.
+
+    It was measured behind a ``shift`` of the input.
+    """
     omega, gain, sd = (table[name].to_numpy() for name in ("omega", "measured_gain", "sd_gain"))
     seen = (NORMAL_95 * sd < gain) & (omega >= model.omega[0]) & (omega <= model.omega[-1])
     if not seen.any():
         return None
     omega, table = omega[seen], table[seen]
     phase = table["measured_phase"].to_numpy()
+    if shift is not None:
+        phase = phase - np.degrees(omega * shift.delay_)
     near = np.interp(np.log(omega), np.log(model.omega), model.phase)
     phase = phase - 360 * np.round((phase - near) / 360)
     sd_phase = table["sd_phase"].to_numpy()

@@ -439,6 +439,7 @@ class Workbench:
                 source=prepared.source,
                 memory=memory,
                 preparation=tell_steps(prepared, self.choices, model),
+                shift=prepared.shift,
             )
             exploration.state()
         except ShortRunError as error:

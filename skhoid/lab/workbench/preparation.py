@@ -22,7 +22,7 @@ WORSE_BY = 1.0  # points of VAF, as identify counts a model worse
 class Prepared:
     """X and y to fit, the lines of Python that make them of files, and what was done in words.
 
-    ``note`` is what the decimation costs, where it costs much.
+    ``note`` is what the decimation costs, where it costs much; ``shift`` is the fitted step.
     """
 
     X: Any
@@ -30,6 +30,7 @@ class Prepared:
     source: list[str]
     words: list[str]
     note: str
+    shift: DelayShift | None
 
 
 def prepare(recorded: Recorded, choices: Choices) -> Prepared:
@@ -68,7 +69,8 @@ def prepare(recorded: Recorded, choices: Choices) -> Prepared:
     if len(steps) > 1:
         listed = f"make_pipeline({listed})"
     source += [f"X = {listed}.fit_transform(X)"] if steps else []
-    return Prepared(X, y, source, words, note)
+    shift, _ = steps.get("shift", (None, ""))
+    return Prepared(X, y, source, words, note, shift)
 
 
 def make_steps(recorded: Recorded, choices: Choices) -> dict[str, tuple[Any, str]]:

@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.pipeline import make_pipeline
-from support.workbench import same
+from support.workbench import same, until
 
 from skhoid import (
     Decimator,
     DelayShift,
+    FrequencyResponse,
     OperatorRegressor,
     RunInTrimmer,
     SimulatedARX,
@@ -65,6 +66,27 @@ def test_the_page_fits_what_the_stock_pipeline_fits(columns, runs_file, asked, m
     scored = columns.call("trace", run=1)["scored"]
     assert not scored[:200].any()  # of 50 Hz
     assert scored[200:].all()
+
+
+@pytest.mark.parametrize("judged", [True])
+def test_the_linear_part_has_the_delay_of_the_shift(columns, runs_file):
+    measured = []
+    for asked in ({**ARX, "shift": "", "nk": "7"}, ARX):
+        fit(columns, **THIN, **asked)
+        until(lambda: not columns.call("state")["state"]["ceiling_pending"])
+        told = columns.call("linear")
+        measured.append(told["measured"])
+        columns.post("back")
+    X, y = read_runs(str(runs_file))
+    steps = RunInTrimmer(4.0), Decimator(2, padding="odd"), DelayShift(0.29)
+    pipeline = make_pipeline(*steps, SimulatedARX()).fit(X, y)
+    phase = FrequencyResponse.of(pipeline, told["omega"]).phase
+    assert told["responses"][0]["phase"] == pytest.approx(phase)
+    assert not told["steps"][0]["output"][told["time"] < 0.27].any()
+    one, other = (np.exp(1j * np.radians(m["phase"])) for m in measured)
+    # What was measured does not depend on the steps, but that bands are turned at their middle; as
+    # it is measured behind the shift it is turned by up to 160 degrees.
+    assert np.abs(other - one).max() < 0.6
 
 
 def test_the_script_reprints_the_figures_of_every_step(columns):

@@ -177,6 +177,7 @@ function readable(bench, made, { points, words, plane }) {
     const to = { ArrowLeft: before, ArrowRight: after, Home: 0, End: n - 1 }[event.key];
     if (to === undefined || !n) return;
     event.preventDefault();
+    event.stopPropagation();
     at = clamp(to, [0, n - 1]);
     const [left, top] = place(points()[at]);
     plot.setCursor({ left, top });

@@ -37,6 +37,7 @@ function tabsOf(bench, label, tabs, onShow) {
     const to = { ArrowLeft: at - 1, ArrowRight: at + 1, Home: 0, End: n - 1 }[event.key];
     if (to === undefined || event.altKey || event.ctrlKey || event.metaKey) return;
     event.preventDefault();
+    event.stopPropagation();
     const next = (to + n) % n;
     show(next);
     buttons[next].focus();
