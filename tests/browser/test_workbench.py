@@ -197,10 +197,12 @@ def test_from_a_csv_to_a_saved_report_and_the_same_numbers(serve, recorded, tmp_
     )[1]
     assert served.browser.js("return window.clicks") + 1 <= 8
     assert served.browser.js("return window.typed") == 0
+    served.one('[data-sk-key="keep"]').click()  # and does not draw it
+    served.wait(lambda: "2: bias and dead zone" in served.one(".sk-models").text)
     served.one('[aria-label="Save output over time"]').click()
     served.one('[aria-label="Save output over time as CSV"]').click()
     traces = served.wait(lambda: next(tmp_path.glob("*.csv"), None)).read_text(encoding="utf-8")
-    assert '"residual","1: baseline",' in traces
+    assert '"residual","1: baseline","2: bias and dead zone",' in traces
     assert served.text().count("Found and added: bias (") == 1
     state = served.state()
     assert len(served.stair()) == 3
