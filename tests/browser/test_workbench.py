@@ -197,10 +197,12 @@ def test_from_a_csv_to_a_saved_report_and_the_same_numbers(serve, recorded, tmp_
     )[1]
     assert served.browser.js("return window.clicks") + 1 <= 8
     assert served.browser.js("return window.typed") == 0
+    served.one('[data-sk-key="keep"]').click()  # and does not draw it
+    served.wait(lambda: "2: bias and dead zone" in served.one(".sk-models").text)
     served.one('[aria-label="Save output over time"]').click()
     served.one('[aria-label="Save output over time as CSV"]').click()
     traces = served.wait(lambda: next(tmp_path.glob("*.csv"), None)).read_text(encoding="utf-8")
-    assert '"residual","1: baseline",' in traces
+    assert '"residual","1: baseline","2: bias and dead zone",' in traces
     assert served.text().count("Found and added: bias (") == 1
     state = served.state()
     assert len(served.stair()) == 3
@@ -431,4 +433,89 @@ def test_hostile_names_at_each_stage(serve, recorded, tmp_path, width, colours):
         assert served.browser.overflow() <= 0
         assert served.browser.js("return window.hacked === undefined")
     assert EVIL in served.browser.js("return document.body.textContent")
+    assert served.browser.console() == []
+
+
+@pytest.fixture(scope="module")
+def people_recorded(tmp_path_factory):
+    """Four people in one file, each with a wider dead zone than the one before."""
+    parts = []
+    for person in range(4):
+        X, y = make_tracking_runs(
+            "C1",
+            2,
+            duration=20.48,
+            effects=DeadZone(width=0.2 + 0.1 * person),
+            channels=["e", "x", "f_t"],
+            sampling_rate=50,
+            remnant_intensity=0.05,
+            random_state=person,
+        )
+        parts.append(X.assign(u=y, subject=f"P{person + 1}").reset_index())
+    path = tmp_path_factory.mktemp("lab") / "people.csv"
+    pd.concat(parts).to_csv(path, index=False)
+    return path
+
+
+def shown_people(served):
+    """Texts of the panels."""
+    return served.browser.js(
+        "return [...document.querySelectorAll('.sk-person-panel')].map((e) => e.innerText)"
+    )
+
+
+@pytest.mark.slow  # a server, and fits
+def test_people_stand_side_by_side(serve, people_recorded, tmp_path):
+    served = serve(people_recorded).open()
+    served.one("#fit").click()
+    served.one('[aria-label="Add dead zone"]').click()
+    served.wait(lambda: "Remove dead zone" in served.labels())
+    served.one('[data-sk-key="people"]').click()
+    served.one('[data-sk-key="fit people"]').click()
+    served.wait(lambda: "4 of 4 fitted with: dead zone." in served.text())
+    served.wait(lambda: all("VAF" in text for text in shown_people(served)))
+    served.browser.command(
+        "Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path)
+    )
+    served.one('[aria-label="Save the people as CSV"]').click()
+    path = served.wait(lambda: next(tmp_path.glob("people*.csv"), None))
+    table = pd.read_csv(path).set_index(["quantity", "person"])
+    width = table.loc["dead_zone__width"]
+    assert list(width.index) == ["P1", "P2", "P3", "P4"]
+    assert (width["low"] < width["value"]).all()
+    assert width["value"].is_monotonic_increasing
+    for person, vaf in table.loc["VAF", "value"].items():
+        assert any(f"{person}\nVAF {vaf:.1f} %" in text for text in shown_people(served))
+    drawn = served.browser.js(
+        "return [...document.querySelectorAll('.sk-dots')].map((e) => e.ariaLabel"
+        " || e.getAttribute('aria-label'))"
+    )
+    assert any(text.startswith("dead_zone__width") for text in drawn)
+    panels = served.driver.find_elements(By.CSS_SELECTOR, ".sk-person-panel")
+    panels[2].click()
+    served.wait(lambda: "P3" in served.one(".sk-run-title").text)
+    assert served.browser.violations() == []
+    served.one('[aria-label="Remove dead zone"]').click()
+    served.wait(lambda: "has other effects: fit each person again" in served.text())
+    assert served.browser.console() == []
+
+
+@pytest.mark.slow  # a server for each
+@pytest.mark.parametrize("colours", ["light", "dark"])
+@pytest.mark.parametrize("width", [400, 1024, 1400])
+def test_people_by_keyboard_at_each_width(serve, people_recorded, width, colours):
+    served = serve(people_recorded).open(width=width, colours=colours)
+    served.one("#fit").click()
+    served.one('[data-sk-key="people"]')
+    focus_on(served, '[data-sk-key="people"]', most=300)
+    served.browser.press(Keys.ENTER)
+    focus_on(served, '[data-sk-key="fit people"]')
+    served.browser.press(Keys.ENTER)
+    served.wait(lambda: "4 of 4 fitted with: baseline." in served.text())
+    served.wait(lambda: all("VAF" in text for text in shown_people(served)))
+    focus_on(served, '[data-sk-key="panel P4"]')
+    served.browser.press(Keys.ENTER)
+    served.wait(lambda: "P4" in served.one(".sk-run-title").text)
+    assert served.browser.overflow() <= 0
+    assert served.browser.violations() == []
     assert served.browser.console() == []

@@ -172,7 +172,7 @@ class _Answers:
         if name != "view":
             return self.exploration.act(name, args)
         view = self.exploration.view()
-        can = {**view["can"], "search": False, "report": False, "session": False}
+        can = {**view["can"], **dict.fromkeys(("search", "report", "session", "people"), False)}
         return {"view": {**view, "can": can}}
 
     def _judge(self) -> None:

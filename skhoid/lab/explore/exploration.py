@@ -21,6 +21,7 @@ from ...model import simulated_model
 from ...runs import of_person
 from .linear import describe_linear, has_linear_part
 from .models import OUT, TRAIN, USES, History, Models, Position, Runs, own_values
+from .people import MOST, PeopleFits
 from .script import write_script
 from .view import (
     Figures,
@@ -33,7 +34,18 @@ from .view import (
 )
 
 MOST_NAMED = 3  # runs
-ACTIONS = ("change", "any", "drag", "split", "search", "script", "report", "session", "linear")
+ACTIONS = (
+    "change",
+    "any",
+    "drag",
+    "split",
+    "search",
+    "script",
+    "report",
+    "session",
+    "linear",
+    "people",
+)
 OPENS_ON = 15.0  # s of a run: over a whole one measured and simulated cannot be told apart
 USED = {"train": "Fit", "hold": "Hold out", "out": "Leave out"}
 
@@ -120,6 +132,7 @@ class Exploration:
         self.own = {e.name: e for e in self._candidates()}
         self._progress: dict[str, Any] | None = None
         self.figures = Figures(self.models, self.domain)
+        self.people: PeopleFits | None = None
         uses = self._first_uses() if search is None else (TRAIN,) * self.runs.n
         first = Position(uses, Effects.of(self.estimator.effects), {}, "Begin")
         self.history = History(first)
@@ -169,6 +182,7 @@ class Exploration:
             "linear": self._linear,
             "keep": self._keep,
             "drop": self._drop,
+            "people": lambda _: {"people": [] if self.people is None else [*self.people.rows]},
             "drag": self._drag,
             "state": self._shown,
             "script": lambda _: {"text": self.script()},
@@ -233,6 +247,15 @@ class Exploration:
         with self.lock:
             self._progress = None if progress is None else dict(progress)
 
+    def begin_people(self) -> PeopleFits:
+        """The present effects, to be fitted to each person alone; what was begun before ends."""
+        with self.lock:
+            if self.people is not None:
+                self.people.stopped = True
+            # Models of their own: a fit that takes long is not to hold up those of the page.
+            self.people = PeopleFits(Models(self.estimator, self.runs), self.here.effects)
+            return self.people
+
     def judge(self) -> None:
         """Find the noise ceiling and the findings of the present model."""
         with self.lock:
@@ -261,12 +284,14 @@ class Exploration:
             "output": {"name": runs.output, "unit": runs.units.get(runs.output)},
             "dt": runs.layout.dt,
             "settling": float(getattr(self.estimator, "settling", 0.0)),
-            "can": dict.fromkeys(ACTIONS, True) | {"linear": has_linear_part(self.estimator)},
+            "can": dict.fromkeys(ACTIONS, True)
+            | {"linear": has_linear_part(self.estimator), "people": len(people) > 1},
             "channels": [
                 {"name": name, "role": role, "unit": runs.units.get(name)}
                 for name, role in runs.roles.items()
             ],
             "people": [{"name": name, "runs": numbers} for name, numbers in people],
+            "most_people": MOST,
             "runs": [
                 {
                     "label": label,
@@ -315,6 +340,7 @@ class Exploration:
             "findings": self.figures.findings(here, self.found),
             "limits": self.found.limits if self.found.is_of(here.train) else [],
             "search": self._progress,
+            "people": self.people and self.people.told(here.effects),
         }
 
     def _verdict(self, here: Position) -> dict[str, str]:
@@ -378,7 +404,8 @@ class Exploration:
         people = self.runs.people()
         if len(people) > 1:
             notes.append(
-                f"Only the runs of {people[0][0]} are fitted at first: each person is another. "
+                f"Only the runs of {people[0][0]} are fitted at first: each person, in each "
+                "condition, is another. "
                 "Runs of several that are ticked together are fitted as those of one."
             )
         return " ".join(notes) or None

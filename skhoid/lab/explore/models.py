@@ -28,6 +28,7 @@ from ...search import control_of, without_output
 
 TRAIN, HOLD, OUT = "train", "hold", "out"
 USES = (TRAIN, HOLD, OUT)
+WHO = ("subject", "condition")  # levels of the index, each of which is fitted alone
 KEPT = 96  # models
 FEW = 8  # with parameters moved by hand: of each there are many, one after the other
 KEPT_ROWS = 20_000_000  # of predictions
@@ -112,14 +113,16 @@ class Runs:
         return self.X, self.y
 
     def people(self) -> list[tuple[str, list[int]]]:
-        """People and the numbers of their runs, where a level of the index names them."""
+        """People, each in each condition, and the numbers of their runs, if the index says so."""
         index = getattr(self.X, "index", None)
-        if index is None or "subject" not in index.names:
+        known = [level for level in WHO if level in getattr(index, "names", ())]
+        if index is None or not known:
             return []
-        names = index.get_level_values("subject")[self.layout.run_starts[:-1]]
+        rows = self.layout.run_starts[:-1]
+        names = zip(*(index.get_level_values(level)[rows] for level in known), strict=True)
         found: dict[str, list[int]] = {}
         for run, name in enumerate(names):
-            found.setdefault(str(name), []).append(run)
+            found.setdefault(", ".join(map(str, name)), []).append(run)
         return list(found.items())
 
     def vaf(self, prediction: np.ndarray, runs: tuple[int, ...]) -> float | None:

@@ -292,9 +292,10 @@ class Found:
         if step is None:
             cards = [_untried(e, domain) for e in catalogue if e.name not in ids and not e.noise]
             others = "people" if domain == "machine" else "machines"
-            noise = titles_of([e.name for e in catalogue if e.noise])
             words = f"{NOT_SEARCHED} Effects of {others} alone are not listed"
-            return cards, f"{words}{f'; {noise} is looked for in what is left' if noise else ''}."
+            if noise := [e.name for e in catalogue if e.noise]:
+                words += f"; {titles_of(noise)} is looked for in what is left"
+            return cards, f"{words}."
         own = self.is_of(here.train)
         cards = [card if own else _elsewhere(card) for card in step.cards if card["id"] not in ids]
         cards.sort(key=lambda card: ORDER.index(card["status"]))  # else as the search ranks them

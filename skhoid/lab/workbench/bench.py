@@ -35,7 +35,7 @@ from .session import SEARCH, NotSaved, SessionFolder, make_digest
 
 HISTORY = frozenset(("add", "remove", "release", "refit", "free", "undo", "redo", "use", "recall"))
 MODELS = frozenset(("keep", "drop"))
-READING = frozenset(("trace", "preview", "drag", "state", "script", "model", "linear"))
+READING = frozenset(("trace", "preview", "drag", "state", "script", "model", "linear", "people"))
 UNFINISHED = (
     "The search was not finished when the workbench ended: nothing of it was kept. Start it again."
 )
@@ -330,6 +330,8 @@ class Workbench:
         self.choices = self.choices.corrected(asked, self.columns.names)
 
     def _discard(self, *, read_again: bool) -> None:
+        if self.exploration is not None and self.exploration.people is not None:
+            self.exploration.people.stopped = True
         self.exploration = None
         self.message = self.field = ""
         self.prepared = None
@@ -488,6 +490,8 @@ class Workbench:
             "search": self.search,
             "stop": self.stopped,
             "report": self.report,
+            "fit_people": self.fit_people,
+            "stop_people": self.stop_people,
         }
         if name in others:
             return others[name]()
@@ -585,6 +589,26 @@ class Workbench:
         self.stop()
         self.save()
         self.news.tell("state")
+        return {"state": self.state()}
+
+    def fit_people(self) -> dict[str, Any]:
+        """Fit the present effects to each person alone, in a thread."""
+        exploration = self._open_exploration()
+        fits = exploration.begin_people()
+
+        def fitting() -> None:
+            for _ in fits.fit():
+                self.news.tell("state")
+            self.news.tell("state")
+
+        threading.Thread(target=fitting, daemon=True, name="skhoid-people").start()
+        return {"state": exploration.state()}
+
+    def stop_people(self) -> dict[str, Any]:
+        """Fit no further person; those fitted stay."""
+        people = self._open_exploration().people
+        if people is not None:
+            people.stopped = True
         return {"state": self.state()}
 
     def report(self) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import shutil
 import threading
 from html.parser import HTMLParser
 
+import pandas as pd
 import pytest
 from support.workbench import same, until
 
@@ -245,3 +246,43 @@ def test_reports_are_of_the_fitted_runs_and_beside_each_other(fitted):
     for name in ("session.json", "..%2fsession.json", "../lock", "report-3.html", "lock"):
         assert fitted.client.get(f"/api/report/{name}").status_code in (404, 405)
     assert "report-2.html" in os.listdir(failed.path)
+
+
+@pytest.fixture(scope="module")
+def people_file(runs, tmp_path_factory):
+    """One run as of two people, of whom one is rested and tired: only the gain differs."""
+    parts = []
+    for subject, condition, gain in (
+        ("A", "rested", 1.0),
+        ("A", "tired", 0.5),
+        ("B", "rested", 2.0),
+    ):
+        X, y = (one.loc[[0]] for one in runs)
+        table = X.assign(stick=gain * y, subject=subject, condition=condition)
+        parts.append(table.reset_index())
+    path = tmp_path_factory.mktemp("people") / "people.csv"
+    pd.concat(parts).to_csv(path, index=False)
+    return path
+
+
+def test_each_person_in_each_condition_is_fitted_alone(begun, people_file):
+    page = begun(people_file)
+    page.wait("columns")
+    page.post("fit")
+    page.wait("bench")
+    view = page.call("view")["view"]
+    assert page.call("state")["state"]["uses"] == ["train", "out", "out"]
+    names = [one["name"] for one in view["people"]]
+    assert names == ["A, rested", "A, tired", "B, rested"]
+    assert page.call("people")["people"] == []
+    page.call("fit_people")
+    until(lambda: not page.call("state")["state"]["people"]["running"])
+    rows = page.call("people")["people"]
+    assert [row["name"] for row in rows] == names
+    gains = [{p["name"]: p["value"] for p in row["parameters"]}["K_e"] for row in rows]
+    assert gains[1] / gains[0] == pytest.approx(0.5, rel=1e-3)
+    assert gains[2] / gains[0] == pytest.approx(2.0, rel=1e-3)
+    vaf = page.call("state")["state"]["vaf"]["train"]
+    assert rows[0]["vaf"] == vaf  # the page shows this person now
+    page.call("add", effect="bias")
+    assert page.call("state")["state"]["people"]["changed"]

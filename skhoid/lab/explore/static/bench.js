@@ -101,14 +101,16 @@ function partsOf(bench) {
   const inner = [effects, candidatesPart(bench)];
   const side = { node: el("div", { class: "sk-side sk-part" }, ...inner.map((part) => part.node)) };
   const models = modelsPart(bench);
+  const people = peoplePart(bench);
   const columns = [runs, models, model];
   const folded = columns.map((part) => part.node);
   const data = { node: el("div", { class: "sk-data sk-part" }, ...folded) };
-  const all = [top, ...columns, plots, stair, ...inner];
-  return { top, data, folded, plots, stair, side, all, live: [runs, stair, effects, plots.linear] };
+  const all = [top, people, ...columns, plots, stair, ...inner];
+  const live = [runs, stair, effects, plots.linear];
+  return { top, people, data, folded, plots, stair, side, all, live };
 }
 
-function layOut(bench, { top, data, folded, plots, stair, side }) {
+function layOut(bench, { top, people, data, folded, plots, stair, side }) {
   const width = bench.root.clientWidth;
   if (width === 0 || bench.gone) return;
   const layout = width >= WIDE ? "wide" : width > NARROW ? "middle" : "narrow";
@@ -116,7 +118,9 @@ function layOut(bench, { top, data, folded, plots, stair, side }) {
     bench.root.dataset.layout = layout;
     bench.narrow = layout === "narrow";
     for (const node of folded) node.open = layout === "wide";
-    const order = bench.narrow ? [top, stair, plots, side, data] : [top, data, plots, stair, side];
+    const order = bench.narrow
+      ? [top, stair, plots, side, data, people]
+      : [top, people, data, plots, stair, side];
     keepFocus(bench.root, () =>
       arrange(
         bench.root,

@@ -124,17 +124,20 @@ function showModel(bench, id, shown) {
 }
 
 async function traceModel(bench, id) {
-  const run = bench.run;
-  const key = `${id} ${run}`;
+  const { run } = bench;
   try {
-    if (!bench.traces.has(key)) {
-      const reply = await bench.backend.call("model", { model: id, run });
-      bench.traces.set(key, reply.simulated);
-    }
+    await traceOfModel(bench, id, run);
     if (!bench.gone && run === bench.run) bench.redraw("time");
   } catch (error) {
     if (!bench.gone) fail(bench, error);
   }
+}
+
+// What a kept model simulates in a run, asked for once.
+async function traceOfModel({ traces, backend }, id, run) {
+  const key = `${id} ${run}`;
+  if (!traces.has(key)) traces.set(key, (await backend.call("model", { model: id, run })).simulated);
+  return traces.get(key);
 }
 
 // What is known of the lines that are shown, in the run that is shown.

@@ -13,13 +13,18 @@ function saveMenu(bench, what, { plot, draw }, columns, ofRun = true) {
   const kinds = {
     SVG: async () => download(`${name()}.svg`, svg(), "image/svg+xml"),
     PNG: async () => download(`${name()}.png`, await pngOf(svg())),
-    CSV: async () => download(`${name()}.csv`, csvOf(columns()), "text/csv"),
+    CSV: async () => download(`${name()}.csv`, csvOf(await columns()), "text/csv"),
   };
   const save = async (kind) => {
     node.open = false;
     summary.focus();
-    await kinds[kind]();
-    bench.say(`${upperFirst(isolated(name()))} is saved as ${kind}.`);
+    const saved = upperFirst(isolated(name()));
+    try {
+      await kinds[kind]();
+      bench.say(`${saved} is saved as ${kind}.`);
+    } catch (error) {
+      fail(bench, error);
+    }
   };
   const summary = el("summary", { "data-sk-key": `save ${what}`, "aria-label": `Save ${what}` }, "Save");
   const buttons = Object.keys(kinds).map((kind) =>

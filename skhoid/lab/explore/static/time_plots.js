@@ -202,11 +202,13 @@ function drawTime(bench, state, figures) {
   inputs.setData([times, ...seen.map(all)]);
 }
 
-// Of the run that is shown, all rows of it, with the models that are drawn beside.
-function columnsOverTime(bench) {
-  const { record, model, view } = bench;
-  const traces = tracesOf(bench);
-  const kept = keptShown(bench).flatMap((one, i) => (one ? [[modelName(one), traces[i] ?? []]] : []));
+// Of the run that is shown, all rows of it, with all models that were kept.
+async function columnsOverTime(bench) {
+  const { record, model, view, run, state } = bench;
+  const others = state.models.filter(({ id }) => id);
+  const kept = await Promise.all(
+    others.map(async (one) => [modelName(one), await traceOfModel(bench, one.id, run)]),
+  );
   return [
     ["time, s", record.t],
     [`measured ${view.output.name}`, record.measured],
