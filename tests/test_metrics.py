@@ -207,7 +207,8 @@ def test_scorer_equals_the_function(data, options):
 
 def test_scorer_at_model_rate(data):
     X, y = data
-    pipe = make_pipeline(DelayShift(0.03), Decimator(3), ARXRegressor(2, 2)).fit(X, y)
+    thinner = Decimator(3, padding="periodic")
+    pipe = make_pipeline(DelayShift(0.03), thinner, ARXRegressor(2, 2)).fit(X, y)
     marked = pipe[:-1].transform(X)
     e, u, stretches = [], [], []
     for run in (1, 2, 3, 4):

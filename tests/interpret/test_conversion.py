@@ -148,7 +148,9 @@ def test_remnant_free_poles_miss_table_II_because_e_is_not_held(remnant_free):
 @pytest.mark.parametrize(("factor", "nk", "rel"), [(8, 4, 0.03), (16, 2, 0.035)])
 def test_fit_of_decimated_models_of_table_5_3(remnant_free, factor, nk, rel):
     state, X, y = remnant_free
-    pipe = make_pipeline(Decimator(factor=factor), ARXRegressor(na=3, nb=4, nk=nk)).fit(X, y)
+    pipe = make_pipeline(
+        Decimator(factor=factor, padding="periodic"), ARXRegressor(na=3, nb=4, nk=nk)
+    ).fit(X, y)
     found = operator_parameters(pipe, method="fit").iloc[0]
     for name, value in (TRUTH[state] | {"tau_e": 0.28}).items():
         assert found[name] == pytest.approx(value, rel=rel)

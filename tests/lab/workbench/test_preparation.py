@@ -57,7 +57,7 @@ def printed(page):
 )
 def test_the_page_fits_what_the_stock_pipeline_fits(columns, runs_file, asked, more, model):
     vaf = fit(columns, **THIN, **asked)["vaf"]["train"]
-    steps = [RunInTrimmer(4.0), Decimator(2, padding="odd"), *more]
+    steps = [RunInTrimmer(4.0), Decimator(2), *more]
     X, y = read_runs(str(runs_file))
     pipeline = make_pipeline(*steps, model).fit(X, y)
     settling = pipeline[-1].settling
@@ -78,7 +78,7 @@ def test_the_linear_part_has_the_delay_of_the_shift(columns, runs_file):
         measured.append(told["measured"])
         columns.post("back")
     X, y = read_runs(str(runs_file))
-    steps = RunInTrimmer(4.0), Decimator(2, padding="odd"), DelayShift(0.29)
+    steps = RunInTrimmer(4.0), Decimator(2), DelayShift(0.29)
     pipeline = make_pipeline(*steps, SimulatedARX()).fit(X, y)
     phase = FrequencyResponse.of(pipeline, told["omega"]).phase
     assert told["responses"][0]["phase"] == pytest.approx(phase)
@@ -94,7 +94,7 @@ def test_the_script_reprints_the_figures_of_every_step(columns):
     columns.call("use", runs=[2], use="hold")
     columns.call("add", effect="bias")
     script = columns.client.get("/api/script.py").text
-    steps = "RunInTrimmer(run_in=4.0), Decimator(factor=2, padding='odd'), DelayShift(delay=0.29"
+    steps = "RunInTrimmer(run_in=4.0), Decimator(factor=2), DelayShift(delay=0.29"
     assert f"make_pipeline({steps}" in script
     assert columns.call("trace", run=0)["t"][-1] == pytest.approx(17.98)
     assert printed(columns) == list(columns.state()["vaf"].values())
