@@ -322,6 +322,44 @@ def test_preparation_is_shown_fitted_and_copied(serve, recorded, tmp_path):
 
 
 @pytest.mark.slow  # a server
+def test_structures_stand_side_by_side(serve, recorded):
+    """ARX 2, 2, 9 and the operator in one session, each with the library's VAF and its line."""
+    served = serve(recorded).open()
+    served.one("#fit").click()
+
+    def choose(core, *orders):
+        Select(served.one('[data-sk-key="core"]')).select_by_value(core)
+        for name, order in zip(("na", "nb", "nk"), orders, strict=False):
+            box = served.one(f'[data-sk-key="order {name}"]')
+            box.clear()
+            box.send_keys(order)
+
+    choose("arx", "2", "2", "9")
+    box = served.one('[data-sk-key="order nk"]')
+    top = box.location["y"]
+    box.send_keys(Keys.ENTER)
+    served.wait(lambda: served.one(".sk-preparation").text == "ARX 2, 2, 9")
+    assert box.location["y"] == top  # nothing has moved
+    served.one('[data-sk-key="keep"]').click()
+    served.wait(lambda: "1: ARX 2, 2, 9, baseline" in served.one(".sk-models").text)
+    choose("operator")
+    assert not box.is_enabled()
+    served.one('[data-sk-key="fit structure"]').click()
+    served.wait(lambda: "this model: operator, baseline" in served.one(".sk-models").text)
+    served.one('[data-sk-key="line 1"]').click()
+    served.wait(lambda: served.one(".sk-kept-keys").text == "1: ARX 2, 2, 9, baseline")
+    X, y = read_runs(recorded)
+    models = OperatorRegressor(), SimulatedARX(nk=9, settling=3.0)
+    vaf = [f"{VAFScorer(run_in=3.0)(model.fit(X, y), X, y):.1f}" for model in models]
+    shown = [cell.text for cell in served.driver.find_elements(By.CSS_SELECTOR, ".sk-models td")]
+    assert shown == vaf
+    served.one('[data-sk-key="tab Poles"]').click()
+    served.wait(lambda: {"this", "1"} <= {*served.one(".sk-poles").text.split()})
+    assert served.browser.violations() == []
+    assert served.browser.console() == []
+
+
+@pytest.mark.slow  # a server
 def test_what_a_fit_refuses_is_said_beside_its_field(serve, recorded):
     served = serve(recorded).open()
     served.one("#fit")

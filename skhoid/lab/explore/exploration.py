@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,8 +21,20 @@ from ...effects import effect as effect_of
 from ...exceptions import did_you_mean
 from ...model import simulated_model
 from ...runs import of_person
+from ..opening import make_estimator
 from .linear import describe_linear, has_linear_part
-from .models import OUT, TRAIN, USES, History, Models, Position, Runs, own_values
+from .models import (
+    OUT,
+    STRUCTURES,
+    TRAIN,
+    USES,
+    History,
+    Models,
+    Position,
+    Runs,
+    name_structure,
+    own_values,
+)
 from .people import MOST, PeopleFits
 from .script import write_script
 from .view import (
@@ -45,8 +59,10 @@ ACTIONS = (
     "session",
     "linear",
     "people",
+    "structure",
 )
 OPENS_ON = 15.0  # s of a run: over a whole one measured and simulated cannot be told apart
+OF_STRUCTURE = {"operator": ("delay",), "arx": ("na", "nb", "nk")}
 USED = {"train": "Fit", "hold": "Hold out", "out": "Leave out"}
 
 
@@ -73,8 +89,8 @@ class Exploration:
         What :meth:`memory` returned: go on from there; ``search`` in it is what was found.
     fitted : sequence of estimators, default=()
         Models that are fitted to all runs already, known by their effects.
-    preparation : str or None, default=None
-        What was done to the recordings before, and the model, in words.
+    preparation : list of str or None, default=None
+        What was done to the recordings before, in words; the page shows it before the model.
     shift : DelayShift or None, default=None
         The fitted step that has shifted the input of X, which the linear part of models includes.
 
@@ -102,7 +118,7 @@ class Exploration:
         source: Sequence[str] | None = None,
         memory: Mapping[str, Any] | None = None,
         fitted: Sequence[Any] = (),
-        preparation: str | None = None,
+        preparation: Sequence[str] | None = None,
         shift: DelayShift | None = None,
     ):
         estimator = simulated_model(estimator, "Exploration")
@@ -117,13 +133,14 @@ class Exploration:
         domain, lost = self.options.get("domain"), self.options.get("lost_control", "leave_out")
         self.runs = Runs.of(self.estimator, X, y, domain, lost)
         self.domain = domain or ("human" if self._of_person() else "machine")
+        uses = self._first_uses() if search is None else (TRAIN,) * self.runs.n
+        first = Position(uses, Effects.of(self.estimator.effects), {}, "Begin")
         self.found = Found()
         if memory is not None and memory.get("search") is not None:
             self.found = Found.of_dict(memory["search"], self.runs)
         if search is not None:
-            self.found = Found.of(search, range(self.runs.n))
-        self._take_controller()
-        self.models = Models(self.estimator, self.runs, fitted)
+            self.found = Found.of(search, first)
+        self.models = Models(self.estimator, self.runs, fitted, self.found.controller)
         self.source = None if source is None else list(source)
         self.preparation, self.shift = preparation, shift
         self.title = title or f"{type(estimator).__name__} against measured {self.runs.output}"
@@ -133,14 +150,12 @@ class Exploration:
         self._progress: dict[str, Any] | None = None
         self.figures = Figures(self.models, self.domain)
         self.people: PeopleFits | None = None
-        uses = self._first_uses() if search is None else (TRAIN,) * self.runs.n
-        first = Position(uses, Effects.of(self.estimator.effects), {}, "Begin")
         self.history = History(first)
         self.kept: dict[int, Position] = {}
         if memory is not None:
             self.history = History.of_dict(memory["history"])
             self.kept = {int(n): Position.of_dict(one) for n, one in memory["kept"].items()}
-        self.models.fitted(self.here.effects, self.here.train)
+        self.models.fitted(self.here)
 
     @property
     def here(self) -> Position:
@@ -149,8 +164,7 @@ class Exploration:
     @property
     def model(self) -> Any:
         """The present model, fitted."""
-        here = self.here
-        return self.models.moved(here.effects, here.train, here.moved)
+        return self.models.moved(self.here)
 
     def at_result(self) -> Exploration:
         """The same, gone on to the model that the search found; undo leads back to the start."""
@@ -202,45 +216,42 @@ class Exploration:
         with self.lock:
             vaf = self.figures.vaf(self.figures.prediction(self.here), self.here)
             figures = {"fitted": vaf["train"], "held out": vaf["hold"]}
-            return write_script(self.estimator, self.runs, self.here, self.source, figures)
+            estimator = self.models.estimator_of(self.here)
+            return write_script(estimator, self.runs, self.here, self.source, figures)
 
     def search_for(self) -> tuple[EffectSearchCV, Any, Any]:
         """A search, unfitted, from the present model, and the runs to fit it to."""
         with self.lock:
-            effects = with_moved(self)
-            model = clone(self.estimator).set_params(effects=effects if len(effects) else None)
+            model = self.models.estimator_of(replace(self.here, effects=with_moved(self)))
             return EffectSearchCV(model, **self.options), *self.runs.part(self.here.train)
 
-    def take_search(self, search: EffectSearchCV, train: Sequence[int] | None = None) -> None:
-        """Take what a search found: cards, verdict and noise ceiling.
+    def take_search(self, search: EffectSearchCV, began: Position | None = None) -> None:
+        """Take what a search found that began at a position: cards, verdict and noise ceiling.
 
-        Where it found that a controller answers, the models are of that from here on.
+        Where it found that a controller answers, operators are of that from here on.
         """
         with self.lock:
-            self.found = Found.of(search, self.here.train if train is None else train)
-            if self._take_controller():
-                self.models = Models(self.estimator, self.runs)
+            known = self.models.controller
+            found = Found.of(search, began or self.here)
+            self.found = replace(found, controller=known or found.controller)
+            if self.found.controller != known:
+                self.models = Models(self.estimator, self.runs, (), self.found.controller)
                 self.figures = Figures(self.models, self.domain)
             self._progress = None
             self._changed()
 
-    def _take_controller(self) -> bool:
-        """Model the controller that a search found to answer; whether it found one."""
-        form = self.found.controller
-        found = form is not None and self.estimator.controller is None
-        if found:
-            self.estimator.set_params(controller=form)
-        return found
-
     def searched(self) -> EffectSearchCV | None:
         """The search of the runs that are fitted now, its models as all here; None without one."""
         with self.lock:
-            found, train = self.found, self.here.train
-            if found.result is None or not found.is_of(train):
+            found = self.found
+            if found.result is None or not found.is_of(self.here):
                 return None
-            estimator = clone(self.estimator).set_params(effects=found.before or None)
-            models = [self.models.fitted(one, train) for one in (found.before, found.effects)]
-            return EffectSearchCV(estimator, **self.options).take_result(found.result, *models)
+            before, best = (
+                replace(self.here, effects=effects) for effects in (found.before, found.effects)
+            )
+            search = EffectSearchCV(self.models.estimator_of(before), **self.options)
+            models = self.models.fitted(before), self.models.fitted(best)
+            return search.take_result(found.result, *models)
 
     def searching(self, progress: Mapping[str, Any] | None) -> None:
         """Say how far a search is: share (0 to 1) and words; None where none is running."""
@@ -253,7 +264,8 @@ class Exploration:
             if self.people is not None:
                 self.people.stopped = True
             # Models of their own: a fit that takes long is not to hold up those of the page.
-            self.people = PeopleFits(Models(self.estimator, self.runs), self.here.effects)
+            models = Models(self.estimator, self.runs, (), self.models.controller)
+            self.people = PeopleFits(models, replace(self.here, moved={}))
             return self.people
 
     def judge(self) -> None:
@@ -285,7 +297,8 @@ class Exploration:
             "dt": runs.layout.dt,
             "settling": float(getattr(self.estimator, "settling", 0.0)),
             "can": dict.fromkeys(ACTIONS, True)
-            | {"linear": has_linear_part(self.estimator), "people": len(people) > 1},
+            | dict.fromkeys(("linear", "structure"), has_linear_part(self.estimator))
+            | {"people": len(people) > 1},
             "channels": [
                 {"name": name, "role": role, "unit": runs.units.get(name)}
                 for name, role in runs.roles.items()
@@ -302,7 +315,6 @@ class Exploration:
             ],
             "shown": 0,
             "opens_on": OPENS_ON,
-            "preparation": self.preparation,
             "note": self._note(),
             "state": self.state(),
         }
@@ -315,8 +327,7 @@ class Exploration:
     def state_at(self, history: History) -> dict[str, Any]:
         """The same at the present position of another history."""
         here = history.here
-        model = self.models.moved(here.effects, here.train, here.moved)
-        fitted = self.models.fitted(here.effects, here.train)
+        model, fitted = self.models.moved(here), self.models.fitted(here)
         prediction = self.figures.prediction(here)
         cards, cards_of = self._cards(here)
         return {
@@ -338,17 +349,37 @@ class Exploration:
             "to_add": self._to_add(here),
             "models": self._models(here),
             "findings": self.figures.findings(here, self.found),
-            "limits": self.found.limits if self.found.is_of(here.train) else [],
+            "limits": self.found.limits if self.found.is_of(here) else [],
             "search": self._progress,
-            "people": self.people and self.people.told(here.effects),
+            "people": self.people and self.people.told(here),
+            "structure": self._structure(here),
+            "preparation": self.preparation_of(here),
         }
+
+    def _structure(self, here: Position) -> dict[str, Any] | None:
+        """What the model is, as :func:`structured` takes it."""
+        estimator = self.models.estimator_of(here)
+        for core, kind in STRUCTURES.items():
+            if isinstance(estimator, kind):
+                own = {name: getattr(estimator, name) for name in OF_STRUCTURE[core]}
+                return {"core": core, **own, "name": name_structure(estimator)}
+        return None
+
+    def preparation_of(self, here: Position) -> str | None:
+        """What was done to the recordings, and the model, in one line."""
+        if self.preparation is None:
+            return None
+        return " → ".join([*self.preparation, name_structure(self.models.estimator_of(here))])
 
     def _verdict(self, here: Position) -> dict[str, str]:
         """What the search said, and how the runs fitted now differ from its own."""
         found = self.found
         said = found.verdict_added if not self._lacking(here) else found.verdict
-        if found.is_of(here.train):
+        if found.is_of(here):
             return {"verdict": said, "verdict_kind": found.kind}
+        if found.structure != here.structure:
+            of = name_structure(self.models.estimator_of(replace(here, structure=found.structure)))
+            return {"verdict": f"The search was of the {of}. There: {said}", "verdict_kind": ""}
         more, fewer = ({*found.runs} - {*here.train}, {*here.train} - {*found.runs})
         differ = [f"on {self._list_runs(more)} too"] if more else []
         differ += [f"not on {self._list_runs(fewer)}"] if fewer else []
@@ -362,7 +393,7 @@ class Exploration:
 
     def _to_add(self, here: Position) -> list[str]:
         """What the verdict names and the model does not have yet."""
-        return self._lacking(here) if self.found.is_of(here.train) else []
+        return self._lacking(here) if self.found.is_of(here) else []
 
     def _lacking(self, here: Position) -> list[str]:
         present = {e.name for _, e in here.effects}
@@ -438,7 +469,7 @@ class Exploration:
     def _preview(self, args: Mapping[str, Any]) -> dict[str, Any]:
         here = self.here
         effects = here.effects + self.effect(str(args["effect"]))
-        prediction = self.models.prediction(effects, here.train, here.moved)
+        prediction = self.models.prediction(replace(here, effects=effects))
         return {
             "simulated": self._of_run(prediction, args),
             "vaf": self.runs.vaf(prediction, here.train),
@@ -469,7 +500,7 @@ class Exploration:
 
     def linear_of(self, positions: Mapping[int, Position], measured: Any) -> dict[str, Any]:
         """What the component draws of the linear parts of models."""
-        models = {n: self.models.moved(p.effects, p.train, p.moved) for n, p in positions.items()}
+        models = {n: self.models.moved(one) for n, one in positions.items()}
         roles = self.runs.roles
         answered = "e" if "e" in roles.values() else "f_t"
         same = roles.get(str(models[0].inputs_[0])) == answered
@@ -488,8 +519,10 @@ class Exploration:
 
     def _told(self, number: int, one: Position, here: Position) -> dict[str, Any]:
         prediction = self.figures.prediction(one)
-        table = self.models.moved(one.effects, one.train, one.moved).parameter_table_
+        table = self.models.moved(one).parameter_table_
         title = " and ".join(map(title_of, one.effects.names)) or "baseline"
+        if any(position.structure for position in (here, *self.kept.values())):
+            title = f"{name_structure(self.models.estimator_of(one))}, {title}"
         return {
             "id": number,
             "title": title + (", moved by hand" if one.moved else ""),
@@ -503,7 +536,7 @@ class Exploration:
 
     def _drag(self, args: Mapping[str, Any]) -> dict[str, Any]:
         to, name = moved(self, args), str(args["name"])
-        model = self.models.moved(to.effects, to.train, to.moved)  # refuses what is not possible
+        model = self.models.moved(to)  # refuses what is not possible
         prediction = self.figures.prediction(to)
         return {
             "simulated": self._of_run(prediction, args),
@@ -573,7 +606,7 @@ def removed(of: Exploration, args: Mapping[str, Any]) -> Position:
 def moved(of: Exploration, args: Mapping[str, Any]) -> Position:
     """A parameter at another value, all others as they are."""
     name, value, here = str(args["name"]), args["value"], of.here
-    if not is_movable(of.models.fitted(here.effects, here.train), name):
+    if not is_movable(of.models.fitted(here), name):
         raise ValueError(f"{name!r} is no parameter of this model that can be moved.")
     if not isinstance(value, int | float) or isinstance(value, bool):
         raise ValueError(f"{name} must be a number; got {value!r}.")
@@ -584,7 +617,7 @@ def moved(of: Exploration, args: Mapping[str, Any]) -> Position:
 
 def check_possible(of: Exploration, name: str, value: float) -> None:
     """Refuse what is beyond the bounds of a parameter, in the words that the user sees."""
-    model = of.models.fitted(of.here.effects, of.here.train)
+    model = of.models.fitted(of.here)
     one = model.parameter_table_.get(name)
     if one is None or one.min <= value <= one.max:
         return
@@ -629,6 +662,28 @@ def used(of: Exploration, args: Mapping[str, Any]) -> Position:
     return of.here.with_changes(f"{USED[use]} {names}", uses=tuple(uses))
 
 
+def structured(of: Exploration, args: Mapping[str, Any]) -> Position:
+    """The same effects with another structure, whose delay nk is found where nothing is said."""
+    here, core = of.here, args["core"]
+    if core not in STRUCTURES:
+        raise ValueError(f"A structure is one of {', '.join(STRUCTURES)}; got {core!r:.20}.")
+    if core == "operator" and of.shift is not None:
+        raise ValueError(
+            f"The input is shifted by {of.shift.delay:g} s already, and the operator has a delay "
+            "of its own: go back to the columns, and empty the delay shift."
+        )
+    unsaid = dict.fromkeys(("na", "nb", "nk", "delay"))
+    said = SimpleNamespace(**{**unsaid, **args}, shift=of.shift)
+    about = {name: getattr(of.estimator, name) for name in ("inputs", "roles", "dt", "run")}
+    made = make_estimator(said, *of.runs.part(here.train), **about)
+    own = {"core": core} | {name: getattr(made, name) for name in OF_STRUCTURE[core]}
+    words = name_structure(made)
+    if words == name_structure(of.models.estimator_of(here)):
+        raise ValueError(f"The model is this already: {words}.")
+    structure = {} if words == name_structure(of.estimator) else own
+    return here.with_changes(f"Fit {words}", structure=structure, moved={})
+
+
 STEPS: dict[str, Callable[[Exploration, Mapping[str, Any]], Position]] = {
     "add": added,
     "remove": removed,
@@ -637,6 +692,7 @@ STEPS: dict[str, Callable[[Exploration, Mapping[str, Any]], Position]] = {
     "free": freed,
     "use": used,
     "recall": recalled,
+    "structure": structured,
 }
 
 
@@ -646,7 +702,7 @@ def with_moved(of: Exploration) -> Effects:
     if not here.moved:
         return here.effects
     kept, steps = dict(here.effects.steps), []
-    for name, effect in of.models.fitted(here.effects, here.train).simulation_.effects:
+    for name, effect in of.models.fitted(here).simulation_.effects:
         start = f"{name}__"
         own = {k[len(start) :]: v for k, v in here.moved.items() if k.startswith(start)}
         steps.append((name, effect.with_choices(**own) if own else kept[name]))

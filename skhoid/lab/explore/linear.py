@@ -70,7 +70,11 @@ def describe_linear(
         "responses": [{"id": n, **_gain_and_phase(one)} for n, one in responses.items()],
         "measured": None if measured is None else _measured(measured, own, shift),
         "plane": next(iter(poles.values())).attrs["plane"],
-        "poles": [{"id": n, **row} for n, one in poles.items() for row in one.to_dict("records")],
+        "poles": [
+            {"id": n, "plane": one.attrs["plane"], **row}
+            for n, one in poles.items()
+            for row in one.to_dict("records")
+        ],
         "time": time,
         "steps": [{"id": n, **_answer(one)} for n, one in steps.items()],
     }

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from sklearn.base import clone
 
+from ... import OperatorRegressor, SimulatedARX
 from ...effects import Effects
 from ...effects import effect as effect_of
 from ...metrics import scored_rows, vaf_of_rows
@@ -32,6 +33,8 @@ WHO = ("subject", "condition")  # levels of the index, each of which is fitted a
 KEPT = 96  # models
 FEW = 8  # with parameters moved by hand: of each there are many, one after the other
 KEPT_ROWS = 20_000_000  # of predictions
+STRUCTURES = {"operator": OperatorRegressor, "arx": SimulatedARX}
+OWN = ("effects", "start")  # parameters that no other structure takes over
 
 
 @dataclass(frozen=True)
@@ -161,13 +164,15 @@ class Position:
 
     ``uses`` says of each run whether it is fitted, held out or left out; ``effects`` hold numbers
     where a parameter is given; ``moved`` are values of parameters that were moved by hand since the
-    fit. ``words`` say how this state came about.
+    fit. ``words`` say how this state came about. ``structure`` has the "core" (operator or arx) and
+    its parameters; empty, the model is the estimator that the exploration began with.
     """
 
     uses: tuple[str, ...]
     effects: Effects
     moved: Mapping[str, float] = field(default_factory=dict)
     words: str = ""
+    structure: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def train(self) -> tuple[int, ...]:
@@ -191,12 +196,14 @@ class Position:
             "effects": pack_effects(self.effects),
             "moved": dict(self.moved),
             "words": self.words,
+            "structure": dict(self.structure),
         }
 
     @classmethod
     def of_dict(cls, given: Mapping[str, Any]) -> Position:
         effects = unpack_effects(given["effects"])
-        return cls(tuple(given["uses"]), effects, dict(given["moved"]), str(given["words"]))
+        moved, structure = dict(given["moved"]), dict(given["structure"])
+        return cls(tuple(given["uses"]), effects, moved, str(given["words"]), structure)
 
 
 def pack_effects(effects: Effects) -> list[list[Any]]:
@@ -270,53 +277,80 @@ class Kept:
 
 
 class Models:
-    """Fits an estimator with effects to runs, and predicts."""
+    """Fits an estimator with effects to runs, and predicts.
 
-    def __init__(self, estimator: Any, runs: Runs, given: Iterable[Any] = ()):
-        self.estimator, self.runs = estimator, runs
-        everything = tuple(range(runs.n))
-        self.given = {make_key(Effects.of(one.effects), everything): one for one in given}
+    ``controller`` is the form of the controller that operators have where they are given none.
+    """
+
+    def __init__(
+        self, estimator: Any, runs: Runs, given: Iterable[Any] = (), controller: str | None = None
+    ):
+        self.estimator, self.runs, self.controller = estimator, runs, controller
+        uses = (TRAIN,) * runs.n
+        self.given = {make_key(Position(uses, Effects.of(one.effects))): one for one in given}
         self._models = Kept(KEPT)
         self._predictions = Kept(max(4, KEPT_ROWS // max(runs.layout.n_rows, 1)))
         self._moved, self._predicted = Kept(FEW), Kept(FEW)
 
-    def fitted(self, effects: Effects, train: tuple[int, ...]) -> Any:
-        """The estimator with these effects, fitted to these runs."""
-        key = make_key(effects, train)
+    def estimator_of(self, here: Position) -> Any:
+        """The estimator of a position, unfitted.
+
+        All have the settling time of the first, so that all are fitted and scored on the same rows.
+        """
+        estimator = clone(self.estimator)
+        if here.structure:
+            own = dict(here.structure)
+            made = STRUCTURES[own.pop("core")]()
+            known = made.get_params(deep=False).keys() - OWN
+            shared = {k: v for k, v in estimator.get_params(deep=False).items() if k in known}
+            estimator = made.set_params(**{**shared, **own})
+        if isinstance(estimator, OperatorRegressor) and estimator.controller is None:
+            estimator.set_params(controller=self.controller)
+        return estimator.set_params(effects=here.effects if len(here.effects) else None)
+
+    def fitted(self, here: Position) -> Any:
+        """The model of a position, before any parameter was moved."""
+        key = make_key(here)
         if key in self.given:
             return self.given[key]
-        return self._models.of(key, lambda: self._fit(effects, train))
+        return self._models.of(key, lambda: self._fit(here))
 
-    def moved(self, effects: Effects, train: tuple[int, ...], moved: Mapping[str, float]) -> Any:
+    def moved(self, here: Position) -> Any:
         """The same with parameters moved by hand, those that it has."""
-        own = own_values(moved, effects)
+        own = own_values(here.moved, here.effects)
         if not own:
-            return self.fitted(effects, train)
-        key = make_key(effects, train), tuple(own.items())
-        return self._moved.of(key, lambda: self.fitted(effects, train).with_parameters(own))
+            return self.fitted(here)
+        key = make_key(here), tuple(own.items())
+        return self._moved.of(key, lambda: self.fitted(here).with_parameters(own))
 
-    def prediction(
-        self, effects: Effects, train: tuple[int, ...], moved: Mapping[str, float]
-    ) -> np.ndarray:
+    def prediction(self, here: Position) -> np.ndarray:
         """Free run on all runs."""
-        own = own_values(moved, effects)
-        key = make_key(effects, train), tuple(own.items())
+        own = own_values(here.moved, here.effects)
+        key = make_key(here), tuple(own.items())
         kept = self._predicted if own else self._predictions
-        model = self.moved(effects, train, own)
+        model = self.moved(here)
         return kept.of(key, lambda: prediction_from(model, self.runs.X, self.runs.y)[0])
 
-    def _fit(self, effects: Effects, train: tuple[int, ...]) -> Any:
-        if not train:
+    def _fit(self, here: Position) -> Any:
+        if not here.train:
             raise ValueError("No run is left to fit: tick one for training.")
-        model = clone(self.estimator).set_params(effects=effects if len(effects) else None)
-        X, y = self.runs.part(train)
-        return model.fit(X, y)
+        X, y = self.runs.part(here.train)
+        return self.estimator_of(here).fit(X, y)
 
 
-def make_key(effects: Effects, train: tuple[int, ...]) -> tuple:
+def make_key(here: Position) -> tuple:
     """By which a model is known again."""
-    chosen = tuple((name, type(e), repr(e.get_params())) for name, e in effects)
-    return chosen, train
+    chosen = tuple((name, type(e), repr(e.get_params())) for name, e in here.effects)
+    return chosen, here.train, tuple(here.structure.items())
+
+
+def name_structure(estimator: Any) -> str:
+    """What a model is without its effects: "ARX 2, 2, 9"."""
+    if hasattr(estimator, "nk"):
+        return f"ARX {estimator.na}, {estimator.nb}, {estimator.nk}"
+    if not isinstance(estimator, OperatorRegressor):
+        return type(estimator).__name__
+    return "operator" if estimator.delay is None else f"operator, delay {estimator.delay:g} s"
 
 
 def own_values(moved: Mapping[str, float], effects: Effects) -> dict[str, float]:

@@ -26,7 +26,7 @@ from ...model import GreyBox
 from ...runs import RunLayout, read_layout, run_name
 from .exploration import ACTIONS, OPENS_ON, Exploration
 from .linear import has_linear_part, round_numbers
-from .models import History, Position, own_values
+from .models import History, own_values
 from .script import plain
 
 MOST_SUBSETS_OF = 4  # effects; of more only those that a search went through
@@ -83,7 +83,7 @@ def payload_of_exploration(
     for chosen in _subsets(names):
         effects = Effects([(n, e) for n, e in offered if n in kept or n in chosen])
         moved = own_values(here.moved, effects)
-        position = Position(here.uses, effects, moved)
+        position = here.with_changes("", effects=effects, moved=moved)
         state = exploration.state_at(History(position))
         ready = {e.name for n, e in offered if n not in effects.names}
         state["cards"] = [card for card in state["cards"] if card["id"] in ready]
@@ -93,7 +93,7 @@ def payload_of_exploration(
         if shows_linear:
             linear = exploration.linear_of({0: position}, measured)
             states[key]["linear"] = round_numbers(linear)
-        predictions[key] = exploration.models.prediction(effects, here.train, moved)
+        predictions[key] = exploration.models.prediction(position)
     view = exploration.view()
     start = ",".join(sorted(n for n in here.effects.names if n not in kept))
     view |= {
@@ -136,6 +136,8 @@ def payload_of_comparison(found: Comparison) -> dict[str, Any]:
         "to_add": [],
         "models": [],
         "search": None,
+        "structure": None,
+        "preparation": None,
     }
     view = {
         "title": f"{found.model_name} against measured {found.output}",
@@ -151,7 +153,6 @@ def payload_of_comparison(found: Comparison) -> dict[str, Any]:
         ],
         "shown": 0,
         "opens_on": OPENS_ON,
-        "preparation": None,
         "note": None if np.isfinite(found.noise_ceiling) else note,
         "state": state,
     }

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from ...effects import Effects, titles_of
+from ...effects import titles_of
 from ...pipelines import prediction_from
-from .models import Models
+from .models import OUT, TRAIN, Models, Position, make_key, name_structure
 
 MOST = 24  # people: of more panels nobody compares all
 SHOWN = 10.0  # s of a run: in a small panel a longer one is a black band
@@ -25,7 +25,7 @@ class PeopleFits:
     """
 
     models: Models
-    effects: Effects
+    position: Position
     rows: list[dict[str, Any]] = field(default_factory=list)
     stopped: bool = False
 
@@ -35,30 +35,33 @@ class PeopleFits:
             for name, numbers in self.models.runs.people()[:MOST]:
                 if self.stopped:
                     return
-                self.rows.append(fit_person(self.models, self.effects, name, tuple(numbers)))
+                self.rows.append(fit_person(self.models, self.position, name, tuple(numbers)))
                 yield
         finally:
             self.stopped = True
 
-    def told(self, here: Effects) -> dict[str, Any]:
-        """How far it is, and whether the model has other effects now."""
-        names = self.effects.names
+    def told(self, here: Position) -> dict[str, Any]:
+        """How far it is, and whether the model is another now."""
+        now = replace(here, uses=self.position.uses)
+        names = self.position.effects.names
+        of = name_structure(self.models.estimator_of(self.position))
         return {
-            "title": titles_of(names) if names else "baseline",
+            "title": f"{of}, {titles_of(names) if names else 'baseline'}",
             "done": len(self.rows),
             "running": not self.stopped,
-            "changed": repr(self.effects.get_params()) != repr(here.get_params()),
+            "changed": make_key(now) != make_key(self.position),
         }
 
 
 def fit_person(
-    models: Models, effects: Effects, name: str, numbers: tuple[int, ...]
+    models: Models, position: Position, name: str, numbers: tuple[int, ...]
 ) -> dict[str, Any]:
     """A model of one person's runs: its VAF, parameters, and some seconds of the first run."""
     runs = models.runs
     person: dict[str, Any] = {"name": name, "run": numbers[0], "failure": ""}
     try:
-        model = models.fitted(effects, numbers)
+        uses = tuple(TRAIN if run in numbers else OUT for run in range(runs.n))
+        model = models.fitted(replace(position, uses=uses))
     except ValueError as error:
         return {**person, "failure": str(error)}
     simulated = np.full(runs.layout.n_rows, np.nan)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -32,7 +32,7 @@ from ...search import (
     with_effects,
 )
 from ...text import as_sentence
-from .models import Models, Position, Runs, pack_effects, unpack_effects
+from .models import Models, Position, Runs, make_key, pack_effects, unpack_effects
 
 SPAN = 3.0  # times a value, and
 SPAN_SD = 10.0  # standard errors of it, that a slider reaches on either side
@@ -182,8 +182,9 @@ class SearchStep:
 class Found:
     """What a search found, as cards and sentences; nothing before any.
 
-    ``runs`` are those that it was fitted to, ``before`` the effects that it began with, ``effects``
-    those of its best model, ``controller`` the form of the controller that it found to answer.
+    ``runs`` are those that it was fitted to, ``structure`` is that of its models, ``before`` the
+    effects that it began with, ``effects`` those of its best model, ``controller`` the form of the
+    controller that it found to answer.
     """
 
     result: SearchResult | None = None
@@ -191,14 +192,15 @@ class Found:
     before: Effects = field(default_factory=lambda: Effects([]))
     effects: Effects = field(default_factory=lambda: Effects([]))
     controller: str | None = None
+    structure: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, search: EffectSearchCV, runs: Sequence[int]) -> Found:
-        """What a fitted search says."""
+    def of(cls, search: EffectSearchCV, position: Position) -> Found:
+        """What a search says that was fitted to the runs of a position."""
         models = search.baseline_, search.best_estimator_
         before, best = (Effects.of(model.effects) for model in models)
         form = getattr(search.baseline_, "controller_", None)
-        return cls(search.result_, tuple(runs), before, best, form)
+        return cls(search.result_, position.train, before, best, form, position.structure)
 
     def as_dict(self) -> dict[str, Any]:
         """The same for JSON."""
@@ -208,6 +210,7 @@ class Found:
             "before": pack_effects(self.before),
             "effects": pack_effects(self.effects),
             "controller": self.controller,
+            "structure": dict(self.structure),
         }
 
     @classmethod
@@ -219,6 +222,7 @@ class Found:
             unpack_effects(given["before"]),
             unpack_effects(given["effects"]),
             given["controller"],
+            given["structure"],
         )
 
     @cached_property
@@ -278,9 +282,15 @@ class Found:
                 return template.with_choices(**known.get_params())
         return own[kind].with_choices() if kind in own else effect_of(kind)
 
-    def is_of(self, runs: Sequence[int]) -> bool:
-        """Whether the search was made on these runs; true before any."""
-        return self.result is None or self.runs == tuple(runs)
+    def is_of(self, here: Position) -> bool:
+        """Whether the search was of this structure and on these runs; true before any."""
+        return self.result is None or (self.runs == here.train and self.structure == here.structure)
+
+    def other(self, here: Position) -> str:
+        """What the search was of, where it was not of this position."""
+        if self.structure != here.structure:
+            return "another structure than is fitted now"
+        return "other runs than are fitted now"
 
     def cards(
         self, here: Position, catalogue: Sequence[Effect], domain: str | None
@@ -296,14 +306,15 @@ class Found:
             if noise := [e.name for e in catalogue if e.noise]:
                 words += f"; {titles_of(noise)} is looked for in what is left"
             return cards, f"{words}."
-        own = self.is_of(here.train)
-        cards = [card if own else _elsewhere(card) for card in step.cards if card["id"] not in ids]
+        own, other = self.is_of(here), self.other(here)
+        cards = [card for card in step.cards if card["id"] not in ids]
+        cards = cards if own else [_elsewhere(card, other) for card in cards]
         cards.sort(key=lambda card: ORDER.index(card["status"]))  # else as the search ranks them
         exact = Counter(step.parent) == ids
         to = f"the model {with_effects(step.parent)}" if step.parent else "the baseline"
         words = f"Ranked by evidence. Gains are on held-out rows, of each added to {to}"
         if not own:
-            words += ", of other runs than are fitted now"
+            words += f", of {other}"
         again = "" if exact and own else ". Search again for the present model and runs"
         return cards, f"{words}{again}."
 
@@ -313,11 +324,11 @@ class Found:
         return max(begun, key=lambda step: len(step.parent), default=None)
 
 
-def _elsewhere(card: dict[str, Any]) -> dict[str, Any]:
-    """A card of a search on other runs, which names nothing here."""
+def _elsewhere(card: dict[str, Any], other: str) -> dict[str, Any]:
+    """A card of a search of something else, which names nothing here."""
     if card["status"] != FOUND:
         return card
-    return {**card, "status": HELPS, "reason": "Named for other runs than are fitted now."}
+    return {**card, "status": HELPS, "reason": f"Named for {other}."}
 
 
 def _card(row: Any, result: SearchResult, limits: Mapping[str, str]) -> dict[str, Any]:
@@ -381,9 +392,11 @@ class Figures:
     def prediction(self, here: Position, n: int | None = None) -> np.ndarray:
         """Free run on all runs with the first n effects, or all."""
         if n is None or n == len(here.effects):
-            return self.models.prediction(here.effects, here.train, here.moved)
+            return self.models.prediction(here)
         # Numbers were moved in the last model: those on the way to it stay as fitted.
-        return self.models.prediction(Effects(here.effects.steps[:n]), here.train, {})
+        return self.models.prediction(
+            replace(here, effects=Effects(here.effects.steps[:n]), moved={})
+        )
 
     def vaf(self, prediction: np.ndarray, here: Position) -> dict[str, float | None]:
         """VAF of the runs that are fitted, and of those held out."""
@@ -418,7 +431,7 @@ class Figures:
         if judged_key(here) in self._judged:
             return False
         settling = float(getattr(self.models.estimator, "settling", 0.0)) or None
-        model = self.models.moved(here.effects, here.train, here.moved)
+        model = self.models.moved(here)
         judged: dict[str, Any] = {"ceiling": None, "note": "", "findings": [], "vaf": LEAST}
         judged["by_frequency"] = None
         try:
@@ -437,7 +450,7 @@ class Figures:
     def findings(self, here: Position, found: Found) -> list[dict[str, str]]:
         """What the comparison of a position says, if it was made, and the notes of its search."""
         judged = self._judged.get(judged_key(here))
-        notes = found.notes if found.is_of(here.train) else []
+        notes = found.notes if found.is_of(here) else []
         said = [{"what": as_sentence(note), "why": "A note of the search."} for note in notes]
         return said + ([] if judged is None else judged["findings"])
 
@@ -468,4 +481,4 @@ class Figures:
 
 def judged_key(here: Position) -> tuple[Any, ...]:
     """By which what was found of a position is known again."""
-    return here.uses, repr(here.effects.get_params()), tuple(here.moved.items())
+    return here.uses, *make_key(here), tuple(here.moved.items())

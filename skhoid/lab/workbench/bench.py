@@ -15,6 +15,7 @@ from ... import report
 from ...exceptions import IrregularSamplingError, ShortRunError
 from ...io import shown
 from ..explore import Exploration
+from ..explore.models import Position
 from ..explore.view import Found
 from ..guessing import UnclearColumnsError
 from ..opening import make_estimator
@@ -33,7 +34,9 @@ from .jobs import SearchJob
 from .preparation import Prepared, prepare, tell_steps
 from .session import SEARCH, NotSaved, SessionFolder, make_digest
 
-HISTORY = frozenset(("add", "remove", "release", "refit", "free", "undo", "redo", "use", "recall"))
+HISTORY = frozenset(
+    ("add", "remove", "release", "refit", "free", "undo", "redo", "use", "recall", "structure")
+)
 MODELS = frozenset(("keep", "drop"))
 READING = frozenset(("trace", "preview", "drag", "state", "script", "model", "linear", "people"))
 UNFINISHED = (
@@ -438,7 +441,7 @@ class Workbench:
                 title=", ".join(self.files[name]["name"] for name in self.chosen),
                 source=prepared.source,
                 memory=memory,
-                preparation=tell_steps(prepared, self.choices, model),
+                preparation=prepared.words,
                 shift=prepared.shift,
             )
             exploration.state()
@@ -540,11 +543,11 @@ class Workbench:
             if self._job is None:
                 search, X, y = exploration.search_for()
                 search.set_params(n_jobs=1)
-                train = exploration.here.train
+                began = exploration.here
                 self.notes = [note for note in self.notes if note != UNFINISHED]
 
                 def ended(job: SearchJob, found: Any, why: str) -> None:
-                    self._search_ended(job, found, train, why)
+                    self._search_ended(job, found, began, why)
 
                 exploration.searching({"share": 0.0, "words": "The search starts."})
                 self._job = SearchJob(search, X, y, self._progress, ended)
@@ -559,7 +562,7 @@ class Workbench:
             exploration.searching(told)
             self.news.tell(search=told)
 
-    def _search_ended(self, job: SearchJob, found: Any, train: tuple[int, ...], why: str) -> None:
+    def _search_ended(self, job: SearchJob, found: Any, began: Position, why: str) -> None:
         with self._lock:
             if job is not self._job:
                 return
@@ -568,7 +571,7 @@ class Workbench:
                 return
             exploration.searching(None)
             if found is not None:
-                exploration.take_search(found, train)
+                exploration.take_search(found, began)
         if why:
             self.note(why)
         self.save()
@@ -619,7 +622,7 @@ class Workbench:
             source=", ".join(self.files[name]["name"] for name in self.chosen),
             made_with={
                 "Session": f"skhoid workbench --session {self.folder.path}",
-                "Fitted": str(exploration.preparation),
+                "Fitted": str(exploration.preparation_of(exploration.here)),
             },
         )
         try:

@@ -139,17 +139,15 @@ def tell_what_is_lost(X: Any, y: Any, choices: Choices, dt: float) -> str:
     )
 
 
-def tell_model(choices: Choices, fitted: Any = None) -> str:
-    """The model in words; what it has found is known once it is ``fitted``."""
+def tell_model(choices: Choices) -> str:
+    """The model in words, before what it finds is known."""
     if choices.core == "operator":
         return "operator" if choices.delay is None else f"operator, delay {choices.delay:g} s"
     na, nb = choices.na or 2, choices.nb or 2
-    if fitted is not None:
-        return f"ARX {fitted.na}, {fitted.nb}, {fitted.nk}"
     known = choices.nk if choices.nk is not None else 0 if choices.shift else None
     return f"ARX {na}, {nb}, {'nk is found' if known is None else known}"
 
 
-def tell_steps(prepared: Prepared, choices: Choices, fitted: Any = None) -> str:
+def tell_steps(prepared: Prepared, choices: Choices) -> str:
     """The whole pipeline in one line."""
-    return " → ".join([*prepared.words, tell_model(choices, fitted)])
+    return " → ".join([*prepared.words, tell_model(choices)])

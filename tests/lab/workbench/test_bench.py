@@ -11,6 +11,14 @@ import pandas as pd
 import pytest
 from support.workbench import same, until
 
+from skhoid import (
+    ARXRegressor,
+    DelaySearchCV,
+    OperatorRegressor,
+    SimulatedARX,
+    VAFScorer,
+    select_runs,
+)
 from skhoid.lab.workbench.columns import Choices
 
 
@@ -286,3 +294,71 @@ def test_each_person_in_each_condition_is_fitted_alone(begun, people_file):
     assert rows[0]["vaf"] == vaf  # the page shows this person now
     page.call("add", effect="bias")
     assert page.call("state")["state"]["people"]["changed"]
+
+
+ORDERS = {"core": "arx", "na": 4, "nb": 4, "nk": 9}
+
+
+def test_structures_are_steps_of_one_session(fitted, begun, capsys):
+    X, y = fitted.bench.prepared.X, fitted.bench.prepared.y
+    about = {"settling": 3.0, "effects": "bias"}  # all are scored on the same rows
+    scorer = VAFScorer(run_in=3.0)
+    of_operator, of_arx = (
+        scorer(model.fit(X, y), X, y)
+        for model in (OperatorRegressor(**about), SimulatedARX(4, 4, 9, **about))
+    )
+    fitted.call("add", effect="bias")
+    before = fitted.call("keep")["state"]["vaf"]["train"]
+    assert before == pytest.approx(of_operator, abs=1e-9)
+    state = fitted.call("structure", **ORDERS)["state"]
+    assert state["vaf"]["train"] == pytest.approx(of_arx, abs=1e-9)
+    assert state["preparation"] == "ARX 4, 4, 9"
+    told = [(model["title"], model["vaf"]["train"]) for model in state["models"]]
+    assert told == [
+        ("ARX 4, 4, 9, bias", state["vaf"]["train"]),
+        ("operator, bias", before),
+    ]
+    exec(compile(fitted.bench.script(), "script", "exec"), {})
+    printed = re.search(r"VAF, runs fitted: (\S+)", capsys.readouterr().out)[1]
+    assert float(printed) == state["vaf"]["train"]
+    reply = fitted.post("structure", run=0, **ORDERS)
+    assert "The model is this already: ARX 4, 4, 9" in reply.text
+    shown, trace = fitted.state(), fitted.call("trace", run=1)
+    page = reopened(fitted, begun)
+    page.wait("bench")
+    assert same(page.state(), shown)
+    assert same(page.call("trace", run=1), trace)
+    assert page.call("undo")["state"]["vaf"]["train"] == before
+    assert page.state()["undo"] == "Add bias"
+
+
+def test_a_search_is_of_one_structure(fitted):
+    fitted.call("search")
+    state = until(lambda: (found := fitted.state())["verdict"] and found)
+    assert state["verdict"].startswith("Missing: ")
+    state = fitted.call("structure", **ORDERS)["state"]
+    assert state["verdict"].startswith("The search was of the operator. There: Missing: ")
+    assert state["to_add"] == []
+    assert "another structure than is fitted now" in state["cards_of"]
+    assert {card["status"] for card in state["cards"]} & {"found"} == set()
+
+
+def test_the_delay_of_a_structure_is_found_and_not_given_twice(begun, runs_file):
+    page = begun(runs_file)
+    page.wait("columns")
+    page.post("fit", core="arx", shift="0.1")
+    page.wait("bench")
+    reply = page.post("structure", run=0, core="operator")
+    assert "The input is shifted by 0.1 s already" in reply.text
+    assert page.call("structure", core="arx", na=3)["state"]["preparation"].endswith("ARX 3, 2, 0")
+    assert page.call("structure", core="arx")["state"]["preparation"].endswith("ARX 2, 2, 0")
+    assert page.bench.exploration.here.structure == {}  # the first one again
+
+
+def test_an_unsaid_nk_is_found_on_the_fitted_runs(fitted):
+    X, y = fitted.bench.prepared.X, fitted.bench.prepared.y
+    fitted.call("use", runs=[0], use="hold")
+    model = ARXRegressor(na=3)
+    found = DelaySearchCV(model).fit(*select_runs(X, y, runs=[1, 2])).best_nk_
+    told = fitted.call("structure", core="arx", na=3)["state"]["structure"]
+    assert told["name"] == f"ARX 3, 2, {found}"

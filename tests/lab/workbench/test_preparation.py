@@ -119,18 +119,18 @@ def test_the_steps_are_said(columns):
     assert columns.opening()["steps"] == "operator"  # nothing was taken yet
     fit(columns, core="arx", na="3", run_in="2")
     found = columns.bench.exploration.estimator.nk
-    assert columns.call("view")["view"]["preparation"] == f"run-in 2 s → ARX 3, 2, {found}"
+    assert columns.call("state")["state"]["preparation"] == f"run-in 2 s → ARX 3, 2, {found}"
     assert found > 0
 
 
 def test_a_session_comes_back_prepared(columns, begun):
     before = fit(columns, **THIN, **ARX)
-    view = columns.call("view")["view"]["preparation"]
+    view = columns.call("state")["state"]["preparation"]
     columns.bench.folder.give_back()
     page = begun(choices=Choices())
     page.wait("bench")
     assert same(page.state(), before)
-    assert page.call("view")["view"]["preparation"] == view
+    assert page.call("state")["state"]["preparation"] == view
     page.post("back")
     model = page.opening()["model"]
     assert [model[name] for name in ("run_in", "decimate", "padding", "shift")] == [

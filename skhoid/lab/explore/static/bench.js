@@ -101,8 +101,9 @@ function partsOf(bench) {
   const inner = [effects, candidatesPart(bench)];
   const side = { node: el("div", { class: "sk-side sk-part" }, ...inner.map((part) => part.node)) };
   const models = modelsPart(bench);
+  const structure = structurePart(bench);
   const people = peoplePart(bench);
-  const columns = [runs, models, model];
+  const columns = [runs, structure, models, model];
   const folded = columns.map((part) => part.node);
   const data = { node: el("div", { class: "sk-data sk-part" }, ...folded) };
   const all = [top, people, ...columns, plots, stair, ...inner];

@@ -90,7 +90,7 @@ function peoplePart(bench) {
 }
 
 function peopleInWords({ title, done, running, changed }, of) {
-  const now = changed ? " The present model has other effects: fit each person again." : "";
+  const now = changed ? " The present model is another: fit each person again." : "";
   return `${done} of ${of} fitted with: ${title}.${running || done === of ? "" : " It was stopped."}${now}`;
 }
 

@@ -37,14 +37,13 @@ function plotsPart(bench) {
     ],
     [el("h4", {}, channel.node), ...over.nodes],
   );
+  const preparation = el("p", { class: "sk-soft sk-preparation" });
   const linear = bench.view.can.linear ? linearParts(bench) : null;
   const tabs = linear ? [{ title: "Spectrum and residual", nodes: [pair] }, ...linear.tabs] : [];
   const node = el(
     "div",
     { class: "sk-plots sk-part", role: "group", "aria-labelledby": `${bench.id}-run` },
-    bench.view.preparation
-      ? el("p", { class: "sk-soft sk-preparation" }, bench.view.preparation)
-      : null,
+    preparation,
     head.node,
     texts.away,
     el(
@@ -93,6 +92,8 @@ function plotsPart(bench) {
     linear: { update: () => linear?.update() },
     update: () => {
       head.update();
+      setText(preparation, bench.state.preparation ?? "");
+      preparation.hidden = !preparation.textContent;
       linear?.update();
     },
     resize: () => {

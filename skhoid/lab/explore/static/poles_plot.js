@@ -32,11 +32,12 @@ function polesPlot(bench, state, help) {
   });
   const readOut = readable(bench, made, {
     plane: true,
-    points: () => (state.reply?.poles ?? []).map(({ real, imag }) => [real, imag]),
-    words: (i) => poleInWords(state.reply.poles[i], state.reply.plane),
+    points: () => inPlane(state.reply).map(({ real, imag }) => [real, imag]),
+    words: (i) => poleInWords(inPlane(state.reply)[i]),
   });
   const draw = () => {
-    const { poles, plane } = state.reply;
+    const { plane } = state.reply;
+    const poles = inPlane(state.reply);
     labelKept(bench, made.plot);
     const of = (id) => {
       const own = poles.filter((pole) => pole.id === id);
@@ -53,7 +54,7 @@ function polesPlot(bench, state, help) {
       ]),
     );
     const own = poles.filter(({ id, imag }) => id === 0 && imag >= 0);
-    const told = own.map((pole) => poleInWords(pole, plane)).join(" ");
+    const told = own.map((pole) => poleInWords(pole)).join(" ");
     made.describe(`Poles in the plane of ${plane}. ${told}`);
   };
   return { ...readOut, draw };
@@ -67,9 +68,14 @@ function edgeOf(plane, reply) {
   return [{ x, y }, { x, y: y.map((v) => -v) }];
 }
 
+// Those of an operator are in s and those of ARX in z: the table has both, the picture its own.
+function inPlane(reply) {
+  return (reply?.poles ?? []).filter(({ plane }) => plane === reply.plane);
+}
+
 function realsOf(reply) {
   if (!reply?.poles?.length || reply.plane === "z") return [-1.1, 1.1];
-  const reals = reply.poles.map(({ real }) => real);
+  const reals = inPlane(reply).map(({ real }) => real);
   const [low, high] = [Math.min(...reals, 0), Math.max(...reals, 0)];
   const room = 0.15 * (high - low) || 1;
   return [low - room, high + room];
@@ -77,7 +83,7 @@ function realsOf(reply) {
 
 function imaginariesOf(reply) {
   if (!reply?.poles?.length || reply.plane === "z") return [-1.1, 1.1];
-  const reach = 1.2 * Math.max(...reply.poles.map(({ imag }) => Math.abs(imag))) || 1;
+  const reach = 1.2 * Math.max(...inPlane(reply).map(({ imag }) => Math.abs(imag))) || 1;
   return [-reach, reach];
 }
 
@@ -85,11 +91,11 @@ function withError(value, sd) {
   return `${figure(value, 3)}${Number.isFinite(sd) ? ` ± ${figure(sd, 2)}` : ""}`;
 }
 
-function poleInWords(pole, plane) {
+function poleInWords(pole) {
   const sign = pole.imag < 0 ? "−" : "+";
   const at = `${figure(pole.real, 3)}${pole.imag ? ` ${sign} ${figure(Math.abs(pole.imag), 3)}j` : ""}`;
   return (
-    `${plane} = ${at}: ${withError(pole.frequency, pole.sd_frequency)} rad/s, ` +
+    `${pole.plane} = ${at}: ${withError(pole.frequency, pole.sd_frequency)} rad/s, ` +
     `damping ${withError(pole.damping, pole.sd_damping)}.`
   );
 }
@@ -130,6 +136,7 @@ function polesTable(state) {
 
 function polesColumns(bench, { poles }) {
   const names = {
+    plane: "plane",
     "real part": "real",
     "imaginary part": "imag",
     "frequency, rad/s": "frequency",
