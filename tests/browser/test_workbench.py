@@ -534,7 +534,7 @@ def test_people_stand_side_by_side(serve, people_recorded, tmp_path):
     served.wait(lambda: "P3" in served.one(".sk-run-title").text)
     assert served.browser.violations() == []
     served.one('[aria-label="Remove dead zone"]').click()
-    served.wait(lambda: "has other effects: fit each person again" in served.text())
+    served.wait(lambda: "The present model is another: fit each person again" in served.text())
     assert served.browser.console() == []
 
 

@@ -44,9 +44,11 @@ class PeopleFits:
         """How far it is, and whether the model is another now."""
         now = replace(here, uses=self.position.uses)
         names = self.position.effects.names
-        of = name_structure(self.models.estimator_of(self.position))
+        title = titles_of(names) if names else "baseline"
+        if self.position.structure:
+            title = f"{name_structure(self.models.estimator_of(self.position))}, {title}"
         return {
-            "title": f"{of}, {titles_of(names) if names else 'baseline'}",
+            "title": title,
             "done": len(self.rows),
             "running": not self.stopped,
             "changed": make_key(now) != make_key(self.position),
