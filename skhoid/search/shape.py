@@ -236,9 +236,7 @@ class Shape(Told):
         """The model to which it was added, in words."""
         named = [name for name in self.beside if name != CLAIM]
         words = [titles_of(named)] if named else []
-        if (
-            CLAIM in self.beside
-        ):  # estimated beside the shape: whether the given one is wrong is open
+        if CLAIM in self.beside:  # estimated beside it: whether the given one is wrong is open
             words.append("a free delay")
         return f"the model with {' and '.join(words)}" if words else "the baseline"
 

@@ -125,23 +125,22 @@ def test_with_known_parameters_it_is_the_exact_filter_and_smoother(method, m):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("m", [2])
-def test_a_filter_goes_on_bit_for_bit_and_beside_others(method, m):
+def test_a_filter_goes_on_bit_for_bit_and_beside_others(method):
     e, y = (np.stack(both) for both in zip(*(signals(300, seed) for seed in range(3)), strict=True))
     y[1, 100:140], e[2, 160] = np.nan, np.nan
-    rows = np.stack([twin.settings(m, gate=3.0, scale_gain=0.001)] * 3)
-    states = np.stack([twin.state(m, PARAMETERS * f) for f in (1.0, 0.9, 1.1)])
+    rows = np.stack([twin.settings(2, gate=3.0, scale_gain=0.001)] * 3)
+    states = np.stack([twin.state(2, PARAMETERS * f) for f in (1.0, 0.9, 1.1)])
     alone, pieces = states.copy(), states.copy()
-    whole = twin.advance(m, METHODS[method], states, rows, e, y)
+    whole = twin.advance(2, METHODS[method], states, rows, e, y)
     assert np.isfinite(whole["path"]).all()
     for lane in range(3):
         own = slice(lane, lane + 1)
-        found = twin.advance(m, METHODS[method], alone[own], rows[own], e[own], y[own])
+        found = twin.advance(2, METHODS[method], alone[own], rows[own], e[own], y[own])
         np.testing.assert_array_equal(found["path"][0], whole["path"][lane])
     fresh = whole["fresh"]
     for begin, end in ((0, 1), (1, 31), (31, 150), (150, 300)):
         cut = (np.ascontiguousarray(values[:, begin:end]) for values in (e, y, fresh))
-        twin.advance(m, METHODS[method], pieces, rows, *cut)
+        twin.advance(2, METHODS[method], pieces, rows, *cut)
     np.testing.assert_array_equal(pieces, states)
 
 

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
+from support.chromium import first_written
 
 from skhoid import EffectSearchCV, OperatorRegressor, compare, make_tracking_runs, vaf_score
 from skhoid.effects import Bias, DeadZone
@@ -286,8 +287,7 @@ def saved(hand, tmp_path):
 
     def save(label, name):
         hand.labelled(label).click()
-        path = hand.wait(lambda: next(folder.glob(name), None) if folder.exists() else None)
-        return path.read_bytes()
+        return hand.wait(lambda: first_written(folder, name)).read_bytes()
 
     return save
 

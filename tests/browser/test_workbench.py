@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from sklearn.pipeline import make_pipeline
+from support.chromium import first_written
 
 from skhoid import (
     Decimator,
@@ -256,7 +257,7 @@ def test_the_linear_part_follows_the_model(serve, recorded, tmp_path):
             old.unlink()
         served.one(f'[aria-label="Save {name}"]').click()
         served.one(f'[aria-label="Save {name} as CSV"]').click()
-        return pd.read_csv(served.wait(lambda: next(tmp_path.glob("*.csv"), None)))
+        return pd.read_csv(served.wait(lambda: first_written(tmp_path, "*.csv")))
 
     served.one('[data-sk-key="tab Frequency response"]').click()
     served.wait(lambda: "The points are measured" in served.text())

@@ -28,9 +28,8 @@ def compared(effects, condition="C1", **options):
     return compare(LinearTruth(truth.linear_response), X, y)
 
 
-@pytest.mark.parametrize("condition", ["C2"])
-def test_nothing_is_found_where_nothing_is_missing(condition):
-    X, y, truth = runs(5, condition, seed=3)
+def test_nothing_is_found_where_nothing_is_missing():
+    X, y, truth = runs(5, "C2", seed=3)
     comparison = compare(Oracle(truth.u_without_remnant), X, y)
     assert names(comparison) == ["none", "one target"]
 
@@ -57,24 +56,22 @@ def test_asymmetry_is_found():
     assert "to negative" in found.title
 
 
-@pytest.mark.parametrize("factor", [0.7])
-def test_gain_step_is_found_and_placed(factor):
-    comparison = compared(Effects(gain_step=(41.0, factor)))
+def test_gain_step_is_found_and_placed():
+    comparison = compared(Effects(gain_step=(41.0, 0.7)))
     found = first_three(comparison)["gain change"]
     test = comparison.tests.set_index("test").loc["gain change"]
     assert abs(test["where"] - 41.0) < 2.0
-    assert abs(test["size"] - (factor - 1)) < 0.12
-    assert ("grows" if factor > 1 else "falls") in found.title
+    assert abs(test["size"] + 0.3) < 0.12
+    assert "falls" in found.title
 
 
-@pytest.mark.parametrize(("nk", "missing"), [(6, 0.08)])
-def test_wrong_delay_is_found_with_its_size(simulated, nk, missing):
+def test_wrong_delay_is_found_with_its_size(simulated):
     X, y, _ = simulated
     X_fit, y_fit, _ = runs(3, seed=100, first_run=11)
-    comparison = compare(ARXRegressor(nk=nk).fit(X_fit, y_fit), X, y)
+    comparison = compare(ARXRegressor(nk=6).fit(X_fit, y_fit), X, y)
     assert "longer" in first_three(comparison)["delay"].title
     test = comparison.tests.set_index("test").loc["delay"]
-    assert abs(test["size"] - missing) < 0.02
+    assert abs(test["size"] - 0.08) < 0.02
 
 
 def test_outlying_run_is_found():
@@ -96,9 +93,8 @@ def test_lost_control_is_found(simulated):
     assert abs(where - 38.08) < 4.0
 
 
-@pytest.mark.parametrize("seed", [21])
-def test_what_answers_the_target_alone_cannot_rebuild_the_output(seed):
-    X, y, _ = pursued("1/(s(s+1))", seed, remnant=0.1, n_runs=4)
+def test_what_answers_the_target_alone_cannot_rebuild_the_output():
+    X, y, _ = pursued("1/(s(s+1))", 21, remnant=0.1, n_runs=4)
     model = ARXRegressor(na=2, nb=3, nk=0, inputs=["f_t"]).fit(X, y)
     comparison = compare(model, X, y)
     assert comparison.leak is None

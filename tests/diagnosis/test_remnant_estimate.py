@@ -60,11 +60,9 @@ def estimates(condition, order, intensity, n_sets, n_runs=N_RUNS, seed=0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 3])
-@pytest.mark.parametrize("intensity", [0.30])
-@pytest.mark.parametrize("condition", ["C2"])
-def test_recovers_the_remnant(condition, intensity, order):
+def test_recovers_the_remnant(order):
     """P_n, m and T_n; 3.5 sigma, of the interval stated."""
-    found, truth = estimates(condition, order, intensity, n_sets=2)
+    found, truth = estimates("C2", order, 0.3, n_sets=2)
     for remnant in found:
         assert remnant.route == "repeats"
         assert remnant.n_runs == N_RUNS

@@ -371,11 +371,10 @@ def test_a_response_to_a_channel_is_found_with_its_lag_and_its_channel():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("at", ["output"])
-def test_play_is_found_as_a_shape(at):
+def test_play_is_found_as_a_shape():
     """A curve that rises to the gap and stays there, within 30 % of the gap."""
     X, y = runs(0, n_runs=3, effects=Backlash(gap=0.05))
-    model = OperatorRegressor(inputs=["e"], effects=FreeHysteresis(at=at)).fit(X, y)
+    model = OperatorRegressor(inputs=["e"], effects=FreeHysteresis(at="output")).fit(X, y)
     effect = dict(model.effects_.steps)["free_hysteresis"]
     size = np.linspace(0.0, 0.12, 25)
     curve = effect.curve(np.asarray(effect.values), size)

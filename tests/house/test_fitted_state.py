@@ -199,17 +199,8 @@ def test_nothing_is_read_from_parameters_after_the_fit(case, form):
     again = pickle.loads(pickle.dumps(model))
     set_nonsense(again)
     assert_same(answers(again, X, y), expected, case)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", CASES)
-def test_comparisons_do_not_change_either(case):
-    X, y = runs()
-    model = clone(CASES[case]).fit(X, y)
-    if hasattr(model, "predict"):
-        expected = compare(model, X, y).summary()
-        set_nonsense(model)
-        assert compare(model, X, y).summary() == expected
+    if form == "frame" and hasattr(model, "predict"):
+        assert compare(again, X, y).summary() == compare(model, X, y).summary()
 
 
 @pytest.mark.parametrize("case", ["effects", "operator"])

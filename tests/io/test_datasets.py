@@ -69,11 +69,10 @@ class TestHumanTracking:
             assert np.median(step) == pytest.approx(1 / 60, rel=1e-3)
             assert 1 / 60 - 1e-6 < step.min() <= step.max() < 0.0192
 
-    @pytest.mark.parametrize("axis", ["y"])
-    def test_resampled(self, axis):
-        X, y = load_human_tracking([0, "phase-size 1"], axis=axis)
+    def test_resampled(self):
+        X, y = load_human_tracking([0, "phase-size 1"], axis="y")
         assert list(run_lengths(X).index) == ["difficulty 50", "phase-size 1"]
-        raw_X, raw_y = load_human_tracking([0, "phase-size 1"], axis=axis, resample=False)
+        raw_X, raw_y = load_human_tracking([0, "phase-size 1"], axis="y", resample=False)
         for label, run in X.groupby(level="run"):
             time = run.index.get_level_values("time").to_numpy()
             np.testing.assert_allclose(time, np.arange(time.size) / 60, rtol=0, atol=1e-9)

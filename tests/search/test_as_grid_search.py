@@ -103,12 +103,6 @@ def test_groups_are_kept_together():
     assert search.fit(X, Y, groups=np.where(G == 0, "a", "b")).n_splits_ == 2
 
 
-@pytest.mark.slow
-def test_processes_do_not_matter(fitted):
-    other = clone(SEARCH).set_params(n_jobs=2).fit(X, Y)
-    assert other.best_score_ == fitted.best_score_
-
-
 def test_it_is_a_step_of_pipelines(fitted):
     pipe = make_pipeline(DelayShift(0.0), clone(SEARCH)).fit(X, Y)
     assert pipe.score(X, Y) == fitted.score(X, Y)

@@ -39,10 +39,9 @@ def test_wrong_delay_is_named_and_hides_nothing(dead, samples):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("samples", [-5])
-def test_wrong_delay_that_costs_little_is_not_named(samples):
+def test_wrong_delay_that_costs_little_is_not_named():
     """Without a dead zone the other parameters make up for most of it."""
-    found = searched(*answered(dead=0.0), 0.2 + samples / 50, OPEN)
+    found = searched(*answered(dead=0.0), 0.1, OPEN)
     claim = first_claim(found)
     assert found.best_effects_ == []
     assert claim["status"] == "not better"
@@ -50,12 +49,10 @@ def test_wrong_delay_that_costs_little_is_not_named(samples):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("dead", [0.5])
-def test_right_delay_adds_nothing(dead):
-    X, y = answered(dead=dead)
+def test_right_delay_adds_nothing():
+    X, y = answered(dead=0.5)
     found = searched(X, y, 0.2, OPEN)
-    names = ["dead_zone"] if dead else []
-    assert found.best_effects_ == names
+    assert found.best_effects_ == ["dead_zone"]
     assert first_claim(found)["status"] == "not better"
     added = found.ranking_.query("status == 'added'")
-    assert added["effect"].tolist() == names  # once, where it was
+    assert added["effect"].tolist() == ["dead_zone"]  # once, where it was

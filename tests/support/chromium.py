@@ -25,6 +25,11 @@ def missing(what):
     pytest.skip(f"missing: {what}")
 
 
+def first_written(folder, pattern):
+    """The first file that the browser has saved there; it begins with an empty one."""
+    return next((path for path in folder.glob(pattern) if path.stat().st_size), None)
+
+
 class Browser:
     """One page at a time: what it logs, what it asks the network for, how it looks."""
 

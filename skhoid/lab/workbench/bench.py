@@ -621,7 +621,7 @@ class Workbench:
             exploration,
             source=", ".join(self.files[name]["name"] for name in self.chosen),
             made_with={
-                "Session": f"skhoid workbench --session {self.folder.path}",
+                "command": f"skhoid workbench --session {self.folder.path}",
                 "Fitted": str(exploration.preparation_of(exploration.here)),
             },
         )
