@@ -107,7 +107,7 @@ def test_a_comparison_and_a_search_in_other_units():
         ]
 
     expected, verdicts = figures(1.0, 1.0)
-    for i, j in ((-100, 0), (0, 100), (100, -100)):
+    for i, j in ((-100, 0), (100, -100)):
         found, same = figures(2.0**i, 2.0**j)
         np.testing.assert_allclose(found, expected, rtol=1e-9)
         assert same == verdicts

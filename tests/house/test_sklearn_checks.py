@@ -25,12 +25,11 @@ WAIVED = {
     "check_sample_weight_equivalence_on_dense_data": ROW_ORDER + "; twin: weights of whole runs",
 }
 SMALL = ARXRegressor(na=1, nb=1)
-RECURSIONS = [{"memory_horizon": 50, "init_window": 1000}, {"init": "zeros", "p0": 100}]
 # Not RecursiveARXCV: the checks have one run, and it validates on others.
 ESTIMATORS = [
     SMALL,
     # Of four parameters, as elsewhere: a recursion is compiled for each number of them.
-    RecursiveARX(inputs=[0], **RECURSIONS[0]),
+    RecursiveARX(inputs=[0], memory_horizon=50, init_window=1000),
     OperatorRegressor(dt=1.0),
     Decimator(),
     DelayShift(),
@@ -41,7 +40,6 @@ COSTLY = [
     OrderSearchCV(ARXRegressor(inputs=[0]), na=[1], nb=[1]),
     EffectSearchCV(OperatorRegressor(delay=1.0, dt=1.0), effects=["bias"], max_effects=0),
     RecursiveBoxJenkins(na=1, nb=1, inputs=[0], noise_order=0, init_window=1000),
-    RecursiveARX(inputs=[0], **RECURSIONS[1]),
 ]
 # Searches of three seconds each, in which scikit-learn looks at the model's numbers
 OF_ITS_MODEL = {

@@ -8,9 +8,8 @@ import pytest
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import GridSearchCV, KFold, LeaveOneGroupOut
 from sklearn.pipeline import make_pipeline
-from support import closed_loop as cl
 from support import naive
-from support.synthetic import DT, arx_runs, as_table, loop_runs, stretches_of
+from support.synthetic import DT, arx_runs, loop_runs, stretches_of
 
 from skhoid import (
     ARXRegressor,
@@ -109,16 +108,6 @@ def test_fast_path_equals_generic_path(data, criterion, wrap, request):
     )
     np.testing.assert_allclose(fast.loss_, slow.loss_, rtol=1e-9)
     assert fast.best_nk_ == slow.best_nk_
-
-
-@pytest.mark.parametrize("state", ["C1", "C2"])
-def test_delay_without_remnant_is_29_samples(state):
-    """tau_e f_s and the ZOH sample: nk_star.remnant_free.<state>.100Hz."""
-    X, y = as_table(cl.simulate(state).last())
-    search = DelaySearchCV(ARXRegressor()).fit(X, y)
-    assert search.best_nk_ == 29
-    assert search.best_delay_ == pytest.approx(0.29)
-    assert (search.best_nk_ - 1) * search.dt_ == pytest.approx(cl.TAU_E)
 
 
 def test_window_follows_a_delay_that_jumps():
