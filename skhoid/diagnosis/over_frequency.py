@@ -55,7 +55,7 @@ def by_frequency(signals: Signals, ceiling: Ceiling) -> pd.DataFrame:
             **dict.fromkeys(COLUMNS[7:14], np.nan),
         }
         if kind in ("excited", "band") and parts[0].F is not None:
-            row |= _response(bins, parts, S[bins], bool(known[bins].all()), noise.free)
+            row |= _response(omega[bins], bins, parts, S[bins], bool(known[bins].all()), noise.free)
         elif ceiling.route is Route.REPEATS and known[bins].all():
             row["p"] = _repeatable(bins, parts, S[bins], noise.free)
         rows.append(row)
@@ -242,14 +242,25 @@ def _bands(bins: np.ndarray, member: np.ndarray) -> list[np.ndarray]:
 
 
 def _response(
-    bins: np.ndarray, parts: list[_GroupSpectra], S: np.ndarray, known: bool, free: float
+    omega: np.ndarray,
+    bins: np.ndarray,
+    parts: list[_GroupSpectra],
+    S: np.ndarray,
+    known: bool,
+    free: float,
 ) -> dict[str, float]:
-    """Response in a band by way of the target, and a test of the residual's."""
+    """Response in a band by way of the target, and a test of the residual's.
+
+    It is that at the frequencies where the target has power, and ``omega`` is their mean: the
+    middle of a band may lie between two lines.
+    """
+    weight = np.zeros(bins.size)
     FF = FE = FU = FM = FR = U2 = spread = 0.0 + 0.0j
     for part in parts:
         F = part.F[:, bins]  # type: ignore[index]
         FF += np.sum(np.abs(F) ** 2)
         spread += part.correlated * np.sum(np.abs(F) ** 2 * S)
+        weight += np.sum(np.abs(F * part.E[:, bins]), axis=0)  # type: ignore[index]
         FE += np.sum(F.conj() * part.E[:, bins])  # type: ignore[index]
         FU += np.sum(F.conj() * part.U[:, bins])
         FM += np.sum(F.conj() * part.M[:, bins])
@@ -262,6 +273,7 @@ def _response(
         measured, model = FU / FE, FM / FE
         sd = float(np.sqrt(spread.real / 2) / abs(FE))
         row |= {
+            "omega": float(np.exp(np.average(np.log(omega), weights=weight))),
             "coherence": float(abs(FU) ** 2 / (FF.real * U2.real)) if U2.real else np.nan,
             "measured_gain": float(abs(measured)),
             "measured_phase": float(np.rad2deg(np.angle(measured))),

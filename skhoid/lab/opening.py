@@ -6,6 +6,8 @@ their names as attributes.
 
 from __future__ import annotations
 
+import warnings
+from pathlib import Path
 from typing import Any
 
 from .. import (
@@ -14,12 +16,15 @@ from .. import (
     DelaySearchCV,
     LinearElement,
     OperatorRegressor,
+    PooledRunsWarning,
     RunInTrimmer,
     resample_runs,
 )
 from .guessing import ColumnGuess, read_guessed
+from .guessing.names import UnclearNamesError, names_guess
 
 LEVELS = ("subject", "condition")
+MOST_NAMED = 3  # people in a sentence
 
 
 def read_chosen(guess: ColumnGuess, said: Any) -> tuple[Any, Any]:
@@ -29,7 +34,32 @@ def read_chosen(guess: ColumnGuess, said: Any) -> tuple[Any, Any]:
         label = getattr(said, level)
         if label is not None:
             X, y = _of_label(X, y, level, label)
+    warn_of_people_in_names(X)
     return resample_runs(X, y, dt=said.dt) if said.resample else (X, y)
+
+
+def warn_of_people_in_names(X: Any) -> None:
+    """Warn where the names of runs, which are those of files, tell people or conditions apart."""
+    labels = X.index.unique("run")
+    if "subject" in X.index.names or labels.dtype.kind in "iuf":
+        return
+    names = [Path(str(label)) for label in labels]
+    try:
+        found, _ = names_guess(names, Path(), ("subject", "condition", "run"))
+    except UnclearNamesError:
+        return
+    people = list(dict.fromkeys(filter(None, (one.get("subject") for one in found))))
+    several_runs = len({one.get("run") for one in found}) > 1
+    if len(people) > 1 and several_runs:
+        listed = ", ".join(people[:MOST_NAMED]) + (", ..." if len(people) > MOST_NAMED else "")
+        warnings.warn(
+            PooledRunsWarning(
+                f"The names of the files tell {len(people)} people or conditions apart ({listed}), "
+                "and their runs are taken for those of one person in one condition. Give the "
+                "files of one, or a column that says whose they are, or use skhoid experiment."
+            ),
+            stacklevel=2,
+        )
 
 
 def _of_label(X: Any, y: Any, level: str, label: str) -> tuple[Any, Any]:

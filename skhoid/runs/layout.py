@@ -617,8 +617,7 @@ def check_alignment(X: Any, y: Any, names: tuple[str, str] = ("X", "y")) -> None
         return  # row numbers, as slices of a plain Series keep them
     if x_index is y_index:
         return
-    marks = [name for name in x_index.names if is_mark(str(name))]
-    plain = x_index.droplevel(marks) if marks else x_index
+    plain, y_index = _without_marks(x_index), _without_marks(y_index)
     if len(plain) != len(y_index) or plain.equals(y_index):
         return  # unequal lengths are reported by scikit-learn
     if plain.nlevels != y_index.nlevels:
@@ -637,6 +636,11 @@ def check_alignment(X: Any, y: Any, names: tuple[str, str] = ("X", "y")) -> None
         f"the same order ({y_name} = {y_name}.loc[{x_name}.index]), or pass {y_name} as an array "
         "if its index means nothing."
     )
+
+
+def _without_marks(index: pd.Index) -> pd.Index:
+    marks = [name for name in index.names if is_mark(str(name))]
+    return index.droplevel(marks) if marks else index
 
 
 def _plain_label(label: Any) -> Any:

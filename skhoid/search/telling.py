@@ -241,7 +241,10 @@ def tell_end(found: SearchResult) -> list[Block]:
         texts.append(f"{tell_closed(found)}.")
     last = found.error_path.iloc[-1]
     if np.isfinite(last["explainable_gap"]) and np.isfinite(last["ceiling"]):
-        texts.append(f"Left to explain: {gap_text(last['explainable_gap'])}; the rest is remnant.")
+        gap = gap_text(last["explainable_gap"])
+        texts.append(
+            f"Left to explain: {gap}, as far as these runs show; the rest looks like remnant."
+        )
     return [*blocks, *map(Paragraph, texts)]
 
 

@@ -9,7 +9,10 @@ from support.comparison import DT, Gives, names, runs, vaf
 from support.hidden_effects import Effects, LinearTruth, Oracle
 
 from skhoid import (
+    OperatorRegressor,
+    RunInTrimmer,
     compare,
+    make_tracking_runs,
     vaf_score,
 )
 from skhoid.diagnosis.ceiling import noise_density
@@ -219,3 +222,14 @@ def test_whitened_noise_is_white():
     power = np.mean(np.abs(np.fft.rfft(white, axis=0, norm="ortho")) ** 2, axis=1)[1:-1]
     bands = [band.mean() for band in np.array_split(power, 16)]
     assert_allclose(bands, 1.0, atol=0.15)
+
+
+def test_the_measured_response_stands_where_the_target_has_power():
+    """Between two lines of a target there is nothing to measure, though a band may be there."""
+    task = {"channels": ["e", "x", "f_t"], "sampling_rate": 50, "random_state": 72}
+    X, y, truth = make_tracking_runs("C1", 3, remnant_intensity=0.02, return_truth=True, **task)
+    X = RunInTrimmer(run_in=6.0).fit_transform(X)
+    table = compare(OperatorRegressor().fit(X, y), X, y).by_frequency
+    table = table[table["omega"].between(0.5, 12) & table["measured_gain"].notna()]
+    true = np.abs(truth.task.operator.frequency_response(table["omega"].to_numpy()))
+    np.testing.assert_allclose(table["measured_gain"], true, rtol=0.08)

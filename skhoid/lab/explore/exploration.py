@@ -624,7 +624,7 @@ def check_possible(of: Exploration, name: str, value: float) -> None:
     unit = one.unit.replace("-", "").strip()
     raise ValueError(
         f"{_words(name)} = {value:.6g} {unit}".rstrip()
-        + " is beyond what is physically possible, "
+        + " is beyond what is possible, "
         f"or too small to matter: it may be {one.min:.4g} to {one.max:.4g} {unit}".rstrip()
         + "."
     )

@@ -340,7 +340,13 @@ def _card(row: Any, result: SearchResult, limits: Mapping[str, str]) -> dict[str
         status = HELPS
     else:
         status = NO
-    reason = "" if status == FOUND else as_sentence(row["reason"])
+    reason, probability = as_sentence(row["reason"]), row["probability"]
+    if status == FOUND:
+        ranked = result.ranking
+        named = ranked[(ranked["effect"] == row["effect"]) & (ranked["status"] == Status.ADDED)]
+        later = row["status"] != Status.ADDED and len(named) > 0
+        reason = f"Named in step {named['step'].iloc[0]}, beside what was added." if later else ""
+        probability = named["probability"].iloc[0] if later else probability
     if row["effect"] in result.stand_ins:
         status = HELPS
         reason = "It explains part of what is missing, too little to be named."
@@ -351,7 +357,7 @@ def _card(row: Any, result: SearchResult, limits: Mapping[str, str]) -> dict[str
         "words": as_sentence(row["words"]),
         "gain": _number(row["vaf_gain"]),
         "evidence": _number(row["evidence"]),
-        "probability": _number(row["probability"]),
+        "probability": _number(probability),
         "status": status,
         "reason": reason,
         "limit": "" if status == FOUND else limits.get(row["effect"], ""),

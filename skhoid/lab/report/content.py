@@ -285,7 +285,7 @@ def _facts(
             top = "what a model could reach on held-out rows, judged after the last step"
             yield ceiling_text(float(last["ceiling"])), "noise ceiling", top
             left = gap_text(float(last["explainable_gap"])).replace(" VAF", "")
-            yield left, "left to explain", "the rest is remnant"
+            yield left, "left to explain", "as far as these runs show"
         else:
             yield "not known", "noise ceiling", search.ceiling_note_ or "of held-out rows"
     elif comparison is not None:

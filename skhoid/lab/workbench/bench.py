@@ -340,6 +340,7 @@ class Workbench:
         self.prepared = None
         self._round += 1
         if read_again:
+            self._forget_notes()
             self.recorded, self.problems = None, []
 
     def _open(
@@ -501,6 +502,8 @@ class Workbench:
         exploration = self._open_exploration()
         if name not in HISTORY | MODELS | READING:
             raise ValueError(f"There is no action {name!r:.80}.")
+        if name in HISTORY:
+            self._forget_notes()
         reply = exploration.act(name, args)
         if name in HISTORY | MODELS:
             self.save()
@@ -529,6 +532,12 @@ class Workbench:
             self.note(f"The noise ceiling could not be found: {put_in_words(error)}")
         if exploration is self.exploration:
             self.news.tell("state", revision=exploration.revision)
+
+    def _forget_notes(self) -> None:
+        """Take away what was said of an earlier model."""
+        with self._lock:
+            self.notes = [note for note in self.notes if note == UNFINISHED]
+        self.news.tell("opening")
 
     def note(self, text: str) -> None:
         """Say something beside what was asked for."""

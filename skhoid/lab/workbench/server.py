@@ -414,7 +414,7 @@ def _warnings_on(bench: Workbench) -> Iterator[None]:
 
         def show(message: Any, category: type[Warning], *where: Any, **more: Any) -> None:
             if issubclass(category, UserWarning):
-                bench.note(str(message))
+                bench.note(getattr(message, "message", None) or str(message))
             before(message, category, *where, **more)
 
         warnings.showwarning = show

@@ -136,3 +136,26 @@ def test_help_begins_with_what_people_use(capsys, command):
         assert option in head
     assert head.count("\n  --") <= 10
     assert "--unit" in rest
+
+
+@pytest.mark.filterwarnings("default::skhoid.exceptions.PooledRunsWarning")
+@pytest.mark.parametrize(
+    ("names", "people"),
+    [
+        (("anna_run1", "anna_run2", "ben_run1"), "anna, ben"),
+        (("run1", "run2", "run3"), ""),
+        (("monday", "tuesday", "friday"), ""),
+    ],
+)
+def test_files_of_several_people_are_not_taken_for_one_without_a_word(
+    tmp_path, capsys, names, people
+):
+    X, y = RUNS
+    for number, name in enumerate(names):
+        table = X.loc[number].assign(u=y.loc[number]).reset_index()
+        table.to_csv(tmp_path / f"{name}.csv", index=False)
+    code, said = dry(capsys, f"{tmp_path}/*.csv", "--no-pictures")
+    assert code == 0
+    text = " ".join(said.err.split())
+    assert ("tell 2 people or conditions apart" in text) == bool(people)
+    assert people in text

@@ -18,6 +18,7 @@ from skhoid import (
     EffectSearchCV,
     OperatorRegressor,
     RecursiveARX,
+    RunInTrimmer,
     VAFScorer,
     compare,
     make_tracking_runs,
@@ -223,3 +224,11 @@ def test_a_search_for_effects_tells_what_each_person_has():
     assert found.loc["P2", "estimate"] == told["value"]
     assert values(result.table, subject="P2").loc["bias__level", "se"] == told["sd"]
     assert "bias: 1 of 2" in result.summary()
+
+
+def test_a_run_in_is_left_out_of_each_run_too():
+    X, y = made()
+    trimmed = RunInTrimmer(run_in=2.0).fit_transform(X)
+    table = identify_people(ARX, trimmed, y).table
+    assert (table["failure"] == "").all()
+    assert not np.allclose(table["estimate"], identify_people(ARX, X, y).table["estimate"])

@@ -284,7 +284,7 @@ def test_what_cannot_be_done_is_said_and_changes_nothing(exploration):
         ("remove", {"effect": "dead_zone"}, "has no effect 'dead_zone'"),
         ("drag", {"name": "K_x", "value": 1.0}, "'K_x' is no parameter of this model"),
         ("drag", {"name": "bias__level", "value": "x"}, "bias__level must be a number; got 'x'"),
-        ("drag", {"name": "bias__level", "value": 1e9}, "is beyond what is physically possible"),
+        ("drag", {"name": "bias__level", "value": 1e9}, "is beyond what is possible"),
         ("refit", {}, "Nothing was moved"),
         ("free", {"name": "bias__level"}, "is not kept at a number"),
         ("redo", {}, "nothing to redo"),

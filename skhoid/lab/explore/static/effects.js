@@ -263,7 +263,7 @@ function parameterInWords(p) {
   const parts = [
     p.meaning,
     p.sd === null ? "" : `± ${withUnit(figure(p.sd, 2), p.unit)}`,
-    bounds && `physically ${bounds}`,
+    bounds && `possible: ${bounds}`,
     p.fixed ? "kept at this number" : p.moved ? "moved by hand" : "",
   ];
   return parts.filter(Boolean).join("; ");
@@ -271,5 +271,5 @@ function parameterInWords(p) {
 
 function beyondInWords(p, value) {
   const outside = (p.low !== null && value < p.low) || (p.high !== null && value > p.high);
-  return outside ? `Beyond the physically possible, ${boundsInWords(p)}.` : "";
+  return outside ? `Beyond the possible, ${boundsInWords(p)}.` : "";
 }
