@@ -344,7 +344,7 @@ def try_effects(hand: Hand) -> None:
     """Rest on a card, and add both that were named."""
     hand.scroll(hand.top())
     hand.go(hand.middle(NAMED.format("bias"), 0.4, 0.85))
-    hand.wait("document.querySelector('.sk-plots').textContent.includes('on the runs fitted')")
+    hand.wait("/with .?bias/.test(document.querySelector('.sk-plots').textContent)")
     hand.settle()
     hand.show(LOOK)
     for name, ms in {"bias": LOOK, "dead zone": READ}.items():
