@@ -536,8 +536,9 @@ class Workbench:
     def _forget_notes(self) -> None:
         """Take away what was said of an earlier model."""
         with self._lock:
-            self.notes = [note for note in self.notes if note == UNFINISHED]
-        self.news.tell("opening")
+            before, self.notes = self.notes, [note for note in self.notes if note == UNFINISHED]
+        if before != self.notes:
+            self.news.tell("opening")
 
     def note(self, text: str) -> None:
         """Say something beside what was asked for."""
